@@ -1,0 +1,1 @@
+"""What a robot does with what it senses and hears."""

@@ -1,0 +1,96 @@
+"""Differential-drive discs under pymunk: the only bridge between arrays and rigid bodies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pymunk
+from numpy.typing import NDArray
+from pymunk import batch
+
+from swarmsim.core.parts import Motion, Walls
+from swarmsim.core.scenario import Physics, Robots
+from swarmsim.core.state import State
+from swarmsim.kernels import drive
+
+GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
+READ = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
+WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
+
+
+class DifferentialDrive:
+    """A swarm of discs on two wheels each, among static walls.
+
+    Sub-steps are at most `physics.substep` long. Contacts are found after the overlap, which therefore
+    reaches about speed times sub-step between a robot and a wall and twice that between two robots.
+    """
+
+    def __init__(self, robots: Robots, physics: Physics, walls: Walls, pose: NDArray[np.float64]) -> None:
+        self._robots = robots
+        self._substep = physics.substep
+        self._moment = pymunk.moment_for_circle(robots.mass, 0.0, robots.radius)
+        self._grip = 0.5 * robots.traction * robots.mass * GRAVITY  # N, one wheel
+        self.space = pymunk.Space()
+        self.space.iterations = 10
+        self.space.collision_slop = 0.005 * robots.radius  # Chipmunk's default is made for pixels
+        self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
+        for x1, y1, x2, y2 in walls:
+            wall = pymunk.Segment(self.space.static_body, (x1, y1), (x2, y2), 0.0)
+            wall.friction = physics.friction
+            self.space.add(wall)
+        for x, y, yaw in pose:
+            body = pymunk.Body(robots.mass, self._moment)
+            body.position, body.angle = (x, y), yaw
+            disc = pymunk.Circle(body, robots.radius)
+            disc.friction = physics.friction
+            self.space.add(body, disc)
+        self._wheels = np.zeros((len(pose), 2))
+        self._alive = np.ones(len(pose), np.bool_)
+        self._iteration = 0
+        self._open_buffers()
+
+    def _open_buffers(self) -> None:
+        """Map the arrays that pymunk's batch calls read and write.
+
+        Bodies are never removed from the space, so robot i keeps row i; the static body has a row after
+        them. The array that is read into belongs to pymunk, which would reallocate one of ours.
+        """
+        identities = batch.Buffer()
+        batch.get_space_bodies(self.space, batch.BodyFields.BODY_ID, identities)
+        rows = np.frombuffer(identities.int_buf(), np.uintp)
+        robots = [body.id for body in self.space.bodies]
+        if list(rows[: len(robots)]) != robots:
+            raise RuntimeError("pymunk's batch rows are not in the order in which the bodies were added")
+        self._reading, self._writing = batch.Buffer(), batch.Buffer()
+        batch.get_space_bodies(self.space, READ, self._reading)
+        self._moving = np.frombuffer(self._reading.float_buf()).reshape(-1, 6)[: len(robots)]
+        self._push = np.zeros((len(rows), 3))
+        self._writing.set_float_buf(self._push)
+
+    def state(self) -> State:
+        """Where everybody is now; the arrays are copies."""
+        return State(
+            self._iteration,
+            self._moving[:, :3].copy(),
+            self._moving[:, 3:].copy(),
+            self._wheels.copy(),
+            self._alive.copy(),
+        )
+
+    def drive(self, motion: Motion, period: float) -> State:
+        """The state one period (s) later, with `motion` asked for wheel speeds at every sub-step."""
+        substeps = math.ceil(period / self._substep - 1e-9)
+        dt = period / substeps
+        robots, space, clear = self._robots, self.space, self._reading.clear
+        limits = (dt, robots.wheel_base, robots.mass, self._moment, robots.acceleration, self._grip)
+        moving, wheels, push = self._moving, self._wheels, self._push
+        pose = moving[:, :3]
+        for _ in range(substeps):
+            drive.forces(moving, wheels, motion.command(pose), push, *limits)
+            batch.set_space_bodies(space, WRITE, self._writing)
+            space.step(dt)
+            clear()
+            batch.get_space_bodies(space, READ, self._reading)
+        self._iteration += 1
+        return self.state()

@@ -1,0 +1,189 @@
+"""The scenario file: everything a run depends on, typed, checked and complete."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+
+Positive = Annotated[float, Meta(gt=0.0)]
+Count = Annotated[int, Meta(ge=1, le=100_000)]
+Table = dict[str, Any]  # `use` and the keys of the part it names
+
+
+class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The building: an SVG floor plan and the factor that its metres are multiplied by."""
+
+    file: str
+    scale: Positive = 1.0
+
+
+class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The cells of truth, tiles and maps."""
+
+    cell: Positive = 0.15  # m
+
+
+class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How many robots there are, where they start and what they are made of."""
+
+    count: Count
+    spawn: str  # id of an element in the floor plan's `spawn` layer
+    radius: Positive = 0.055  # m
+    wheel_base: Positive = 0.10  # m
+    speed: Positive = 0.15  # m/s, at a wheel's rim
+    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
+    mass: Positive = 0.25  # kg
+    traction: Positive = 0.6  # friction coefficient of wheel on floor
+
+
+class Physics(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How the rigid bodies are integrated."""
+
+    substep: Positive = 1.0 / 60.0  # s, at most; rounded down to a whole fraction of the period
+    friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
+
+
+class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Who hears whom, and what arrives."""
+
+    topology: Table
+    channel: Table = field(default_factory=dict)
+
+
+class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """When a run ends: at this share of the coverage domain, or unfinished after so many iterations."""
+
+    coverage: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0
+    iterations: Count = 5000
+
+
+class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One run. The tables of parts (`sensor`, `network.topology`, ...) are complete once read."""
+
+    title: str
+    world: World
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    period: Positive = 1.0  # s, one iteration
+    grid: Grid = Grid()
+    robots: Robots
+    physics: Physics = Physics()
+    sensor: Table = field(default_factory=dict)
+    network: Network
+    behaviour: Table = field(default_factory=dict)
+    motion: Table = field(default_factory=dict)
+    stop: Stop = Stop()
+
+    def table(self, seam: str) -> Table:
+        """The table that chooses the part for a seam."""
+        table: Table = getattr(self.network if seam in _NETWORKED else self, seam)
+        return table
+
+    def part(self, seam: str) -> Any:
+        """The parameter struct of the part chosen for a seam."""
+        return registry.part(seam, self.table(seam))
+
+
+_NETWORKED = ("topology", "channel")
+
+
+def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
+    """Read a scenario file, with `key.path=value` overrides whose values are TOML.
+
+    Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a scenario file") from problem
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a TOML scenario") from problem
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(f"{path}: not valid TOML: {problem}") from problem
+    for override in overrides:
+        set_key(table, override)
+    return decode(table, str(path), path.parent)
+
+
+def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
+    """The scenario that a table describes; `name` is the file named in messages.
+
+    The world's path is resolved from `folder` if that is given.
+    """
+    table = dict(table)
+    if isinstance(table.get("world"), str):
+        table["world"] = {"file": table["world"]}
+    try:
+        scenario = registry.convert(table, Scenario)
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from problem
+
+    def complete(seam: str) -> Table:
+        place = f"network.{seam}" if seam in _NETWORKED else seam
+        try:
+            return registry.complete(seam, scenario.table(seam))
+        except InputError as problem:
+            raise InputError(f"{name}: {place}.{problem}") from problem
+
+    world = scenario.world
+    if folder is not None:
+        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
+    return msgspec.structs.replace(
+        scenario,
+        world=world,
+        sensor=complete("sensor"),
+        network=Network(topology=complete("topology"), channel=complete("channel")),
+        behaviour=complete("behaviour"),
+        motion=complete("motion"),
+    )
+
+
+def set_key(table: Table, override: str) -> None:
+    """Set one dotted key of a scenario table, as in `robots.count=20`. Raises InputError."""
+    path, equals, text = override.partition("=")
+    keys = [key.strip() for key in path.split(".")]
+    if not equals or not all(keys):
+        raise InputError(f"--set {override}: expected key=value, as in robots.count=20")
+    try:
+        value = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError as problem:
+        hint = f"""; a string needs quotes: --set '{path}="{text}"'""" if text.strip().isidentifier() else ""
+        raise InputError(f"--set {override}: {text!r} is not a TOML value{hint}") from problem
+    if list(value) != ["value"]:
+        raise InputError(f"--set {override}: one value at a time")
+    for depth, key in enumerate(keys[:-1]):
+        inner = table.setdefault(key, {})
+        if not isinstance(inner, dict):
+            raise InputError(f"--set {override}: {'.'.join(keys[: depth + 1])} is {inner!r}, not a table")
+        table = inner
+    table[keys[-1]] = value["value"]
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of scenario files, with every installed part, for editors."""
+    _, parts = msgspec.json.schema_components([Scenario], ref_template="#/$defs/{name}")
+    root: dict[str, Any] = parts.pop("Scenario")
+    defs: dict[str, Any] = dict(parts)
+    root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
+    for seam in registry.SEAMS:
+        choices: list[dict[str, Any]] = []
+        for name, kind in registry.known(seam).items():
+            (described,), inner = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
+            part = inner.pop(described["$ref"].rpartition("/")[2])
+            defs.update(inner)
+            part["properties"] = {"use": {"const": name}, **part["properties"]}
+            required = [] if name == registry.SEAMS[seam] else ["use"]
+            part["required"] = required + part.get("required", [])
+            choices.append(part)
+        choices.append({"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]})
+        place = defs["Network"] if seam in _NETWORKED else root
+        place["properties"][seam] = {"anyOf": choices}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "swarmsim scenario", **root, "$defs": defs}

@@ -1,0 +1,82 @@
+"""Wheels and waypoints: what moves each robot within one physics sub-step."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+ARRIVED = 0.1  # of the look-ahead distance: nearer than this to its last waypoint, a robot stands
+
+
+@njit(cache=True, error_model="numpy")
+def forces(moving, wheels, wanted, push, dt, base, mass, moment, acceleration, grip):
+    """Traction of the wheels of every robot for one sub-step.
+
+    Each wheel's rim speed in `wheels` (n, 2) first moves towards `wanted` (n, 2) by at most
+    `acceleration` * `dt`. The forces that would make the body roll without slipping are then shared
+    between the two contact points, and each is cut to the friction circle of radius `grip` (N), Coulomb's
+    limit for half the weight. `moving` (n, 6) is x, y, yaw and their rates in the world frame, and so are the
+    force (N) and the torque (N m) written to `push` (n or more, 3). Semi-implicit Euler applies a force to the
+    motion of the next sub-step, so it is aimed along the heading that the body will have in the middle of that
+    one.
+    """
+    for i in range(len(wheels)):
+        for w in range(2):
+            change = wanted[i, w] - wheels[i, w]
+            limit = acceleration * dt
+            wheels[i, w] += min(max(change, -limit), limit)
+        heading = moving[i, 2] + 1.5 * dt * moving[i, 5]
+        cos = math.cos(heading)
+        sin = math.sin(heading)
+        ahead = moving[i, 3] * cos + moving[i, 4] * sin
+        aside = moving[i, 4] * cos - moving[i, 3] * sin
+        thrust = mass * (0.5 * (wheels[i, 0] + wheels[i, 1]) - ahead) / dt
+        spin = moment * ((wheels[i, 1] - wheels[i, 0]) / base - moving[i, 5]) / dt
+        across = -0.5 * mass * aside / dt
+        left = 0.5 * thrust - spin / base
+        right = 0.5 * thrust + spin / base
+        left_share = min(1.0, grip / max(math.hypot(left, across), 1e-12))
+        right_share = min(1.0, grip / max(math.hypot(right, across), 1e-12))
+        along = left * left_share + right * right_share
+        across *= left_share + right_share
+        push[i, 0] = along * cos - across * sin
+        push[i, 1] = along * sin + across * cos
+        push[i, 2] = 0.5 * base * (right * right_share - left * left_share)
+
+
+@njit(cache=True, error_model="numpy")
+def pursue(pose, waypoints, counts, cursor, ahead, speed, base, braking, wanted):
+    """Wheel speeds that follow waypoints by pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
+
+    Each robot steers along the arc through its first waypoint at least `ahead` (m) away, remembered in
+    `cursor` (n,); it stops at the last one only. An arc too tight for `speed` (m/s at either wheel rim) is
+    driven slower, a target behind the robot is turned to on the spot. Writes `wanted` (n, 2).
+    """
+    for i in range(len(counts)):
+        wanted[i, 0] = 0.0
+        wanted[i, 1] = 0.0
+        if counts[i] == 0:
+            continue
+        while True:
+            dx = waypoints[i, cursor[i], 0] - pose[i, 0]
+            dy = waypoints[i, cursor[i], 1] - pose[i, 1]
+            distance = math.hypot(dx, dy)
+            last = cursor[i] >= counts[i] - 1
+            if distance >= ahead or last:
+                break
+            cursor[i] += 1
+        if last and distance < ARRIVED * ahead:
+            continue
+        cos = math.cos(pose[i, 2])
+        sin = math.sin(pose[i, 2])
+        forward = dx * cos + dy * sin
+        left = dy * cos - dx * sin
+        limit = min(speed, math.sqrt(2.0 * braking * distance)) if last else speed
+        if forward > 0.0:
+            bend = base * left / (distance * distance)  # half the wheel base times the curvature 2 left / d^2
+            wanted[i, 0] = limit * (1.0 - bend) / (1.0 + abs(bend))
+            wanted[i, 1] = limit * (1.0 + bend) / (1.0 + abs(bend))
+        else:
+            wanted[i, 0] = -limit if left >= 0.0 else limit
+            wanted[i, 1] = -wanted[i, 0]

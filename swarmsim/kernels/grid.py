@@ -1,0 +1,483 @@
+"""Occupancy grids, frontiers and shortest paths for the whole swarm.
+
+Grids are indexed (row, column); inside the searches a cell is its row-major index. All functions that
+call each other live in this file: numba's cache does not notice edits elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+SQRT2 = math.sqrt(2.0)
+DROWS = np.array([0, -1, 1, 0, -1, -1, 1, 1])  # west, south, north, east, then the diagonal neighbours ...
+DCOLUMNS = np.array([-1, 0, 0, 1, -1, 1, -1, 1])
+BESIDE = np.array([[0, 1], [1, 3], [0, 2], [2, 3]])  # ... and between which two of the first four each lies
+
+
+class Maps(NamedTuple):
+    """What the robots know and remember of each cell; every array is (n, rows, columns)."""
+
+    log_odds: NDArray[np.float32]  # of being occupied
+    observed: NDArray[np.bool_]
+    barred: NDArray[np.int32]  # the iteration until which a cell is not entered
+    shunned: NDArray[np.int32]  # the iteration until which a cell is not chosen as goal
+
+
+class Plans(NamedTuple):
+    """What the robots are about to do; row i is robot i. Cells are row-major indices, -1 for none."""
+
+    goal: NDArray[np.int32]  # (n,): the frontier cell to explore
+    path: NDArray[np.int32]  # (n, cells): the way there, first cell first
+    steps: NDArray[np.int32]  # (n,): cells of the path, 0 for none
+    cursor: NDArray[np.int32]  # (n,): the step of the path that the robot has reached
+    anchor: NDArray[np.float64]  # (n, 2): where it last made progress, x and y in m
+    waited: NDArray[np.int32]  # (n,): iterations since then
+    idle: NDArray[np.int32]  # (n,): until when a robot that found nothing to do waits for news
+    planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
+
+
+class Rules(NamedTuple):
+    """The switches of frontier exploration."""
+
+    x0: float  # m, the lattice's left edge
+    y0: float  # m, its lower edge
+    cell: float  # m
+    footprint: NDArray[np.int32]  # (f, 2): offsets of the cells under a robot centred in its cell, its own first
+    span: int  # cells: from how far off a frontier is explored in which the robot does not fit
+    neighbours: int  # 4 or 8
+    keep: bool  # keep a goal while it is a frontier and can be reached
+    patience: int  # iterations without progress that make a robot stuck
+    window: int  # steps of its path that a robot can pass in one iteration
+
+
+class Scratch(NamedTuple):
+    """Working memory of the searches, valid where `mark` belongs to the present one."""
+
+    straight: NDArray[np.int32]  # (cells,): edge steps from the start
+    diagonal: NDArray[np.int32]  # (cells,): diagonal steps from the start
+    parent: NDArray[np.int32]  # (cells,)
+    mark: NDArray[np.int64]  # (cells,): twice the search's number, plus 1 once settled
+    heap: NDArray[np.int32]  # (8 cells,): a binary heap of cells ...
+    keys: NDArray[np.float64]  # (8 cells,): ... ordered by their cost ...
+    ranks: NDArray[np.uint64]  # (8 cells,): ... and, for equal cost, by their rank
+    number: NDArray[np.int64]  # (1,): of the present search
+
+
+def scratch(cells: int) -> Scratch:
+    """Working memory for grids of so many cells."""
+    counts = np.zeros((3, cells), np.int32)
+    return Scratch(
+        counts[0], counts[1], counts[2], np.zeros(cells, np.int64),
+        np.zeros(8 * cells, np.int32), np.zeros(8 * cells), np.zeros(8 * cells, np.uint64), np.ones(1, np.int64),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def _fuse_tile(log_odds, observed, tile, row0, column0, hit, miss, low, high):
+    rows, columns = tile.shape
+    fresh = 0
+    for r in range(max(0, -row0), min(rows, observed.shape[0] - row0)):
+        for c in range(max(0, -column0), min(columns, observed.shape[1] - column0)):
+            seen = tile[r, c]
+            if seen == 0:
+                continue
+            if not observed[row0 + r, column0 + c]:
+                observed[row0 + r, column0 + c] = True
+                fresh += 1
+            changed = log_odds[row0 + r, column0 + c] + (hit if seen == 2 else miss)
+            log_odds[row0 + r, column0 + c] = min(max(changed, low), high)
+    return fresh
+
+
+@njit(cache=True)
+def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_origins, hit, miss, low, high, fresh):
+    """Update every occupancy grid with the robot's own tile, then with each tile it heard, in that order.
+
+    `log_odds` and `observed` (n, rows, columns), `tiles` (n, r, c), `heard` (m, r, c) for `receivers`
+    (m,). A cell seen occupied gains `hit`, one seen free gains `miss` (< 0), clamped to [low, high].
+    Writes to `fresh` (n + m,) how many cells each tile was the first to tell its robot.
+    """
+    robots = len(alive)
+    for i in range(robots):
+        fresh[i] = 0
+        if alive[i]:
+            fresh[i] = _fuse_tile(
+                log_odds[i], observed[i], tiles[i], origins[i, 0], origins[i, 1], hit, miss, low, high
+            )
+    for m in range(len(receivers)):
+        i = receivers[m]
+        fresh[robots + m] = _fuse_tile(
+            log_odds[i], observed[i], heard[m], heard_origins[m, 0], heard_origins[m, 1], hit, miss, low, high
+        )
+
+
+@njit(cache=True)
+def count_observed(observed, domain, counted, union):
+    """How many cells of the domain each robot has observed, and how many any has.
+
+    `observed` (n, words) and `domain` (words,) are boolean grids read as 64-bit words, eight cells each;
+    robots that are not `counted` (n,) stay out of the union. Overwrites `union` (words,). Gives the counts
+    (n,) and the count of the union.
+    """
+    each = np.empty(len(observed), np.int64)
+    union[:] = 0
+    for i in range(len(observed)):
+        each[i] = _count_both(observed[i], domain)
+        if counted[i]:
+            mine = observed[i]
+            for w in range(len(union)):
+                union[w] |= mine[w]
+    return each, _count_both(union, domain)
+
+
+@njit(cache=True)
+def _count_both(a, b):
+    """How many bytes are 1 in both of two rows of words that hold bytes 0 and 1."""
+    total = np.uint64(0)
+    for first in range(0, len(a), 255):  # a byte of `lanes` counts to 255
+        lanes = np.uint64(0)
+        left, right = a[first : first + 255], b[first : first + 255]  # slices, or the loop is not vectorised
+        for w in range(len(left)):
+            lanes += left[w] & right[w]
+        pairs = (lanes & np.uint64(0x00FF00FF00FF00FF)) + ((lanes >> np.uint64(8)) & np.uint64(0x00FF00FF00FF00FF))
+        total += (pairs * np.uint64(0x0001000100010001)) >> np.uint64(48)
+    return np.int64(total)
+
+
+@njit(cache=True)
+def is_frontier(maps, i, r, c):
+    """Whether robot i knows a cell to be free, and one across an edge of it not at all (Yamauchi 1997)."""
+    rows, columns = maps.observed.shape[1:]
+    return (maps.observed[i, r, c] and maps.log_odds[i, r, c] < 0.0) and (
+        (r > 0 and not maps.observed[i, r - 1, c])
+        or (r + 1 < rows and not maps.observed[i, r + 1, c])
+        or (c > 0 and not maps.observed[i, r, c - 1])
+        or (c + 1 < columns and not maps.observed[i, r, c + 1])
+    )
+
+
+@njit(cache=True)
+def fits(maps, i, now, rules, r, c):
+    """Whether robot i may stand in a cell: known free, not barred, and no known wall under its body."""
+    rows, columns = maps.observed.shape[1:]
+    if r < 0 or r >= rows or c < 0 or c >= columns:
+        return False
+    if not maps.observed[i, r, c] or maps.log_odds[i, r, c] >= 0.0 or maps.barred[i, r, c] > now:
+        return False
+    for f in range(1, len(rules.footprint)):
+        rf = r + rules.footprint[f, 0]
+        cf = c + rules.footprint[f, 1]
+        inside = 0 <= rf < rows and 0 <= cf < columns
+        if inside and maps.observed[i, rf, cf] and maps.log_odds[i, rf, cf] >= 0.0:
+            return False
+    return True
+
+
+@njit(cache=True)
+def scramble(value):
+    """A well-mixed 64-bit hash of a number (the finaliser of splitmix64, Steele et al. 2014)."""
+    z = np.uint64(value) + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+@njit(cache=True)
+def _push(work, size, cell, key, rank):
+    i = size
+    while i > 0:
+        up = (i - 1) >> 1
+        if work.keys[up] < key or (work.keys[up] == key and work.ranks[up] <= rank):
+            break
+        work.heap[i] = work.heap[up]
+        work.keys[i] = work.keys[up]
+        work.ranks[i] = work.ranks[up]
+        i = up
+    work.heap[i] = cell
+    work.keys[i] = key
+    work.ranks[i] = rank
+    return size + 1
+
+
+@njit(cache=True)
+def _pop(work, size):
+    size -= 1
+    key = work.keys[size]
+    rank = work.ranks[size]
+    i = 0
+    while True:
+        down = 2 * i + 1
+        if down >= size:
+            break
+        beside = down + 1
+        if beside < size and (
+            work.keys[beside] < work.keys[down]
+            or (work.keys[beside] == work.keys[down] and work.ranks[beside] < work.ranks[down])
+        ):
+            down = beside
+        if key < work.keys[down] or (key == work.keys[down] and rank <= work.ranks[down]):
+            break
+        work.heap[i] = work.heap[down]
+        work.keys[i] = work.keys[down]
+        work.ranks[i] = work.ranks[down]
+        i = down
+    work.heap[i] = work.heap[size]
+    work.keys[i] = key
+    work.ranks[i] = rank
+    return size
+
+
+@njit(cache=True)
+def _to_explore(maps, i, now, rules, r, c):
+    """The frontier cell that robot i would explore from cell (r, c), or -1.
+
+    That is the cell itself or, where the body does not fit into the frontier, one within `rules.span` cells.
+    """
+    rows, columns = maps.observed.shape[1:]
+    for rf in range(max(0, r - rules.span), min(rows, r + rules.span + 1)):
+        for cf in range(max(0, c - rules.span), min(columns, c + rules.span + 1)):
+            if maps.shunned[i, rf, cf] <= now and is_frontier(maps, i, rf, cf):
+                if (rf == r and cf == c) or not fits(maps, i, now, rules, rf, cf):
+                    return rf * columns + cf
+    return -1
+
+
+@njit(cache=True)
+def _remaining(cell, goal, columns, neighbours):
+    """Length of the shortest way between two cells of an empty grid, in cells; 0 without a goal."""
+    if goal < 0:
+        return 0.0
+    rows_apart = abs(cell // columns - goal // columns)
+    columns_apart = abs(cell % columns - goal % columns)
+    if neighbours == 4:
+        return float(rows_apart + columns_apart)
+    return min(rows_apart, columns_apart) * SQRT2 + float(abs(rows_apart - columns_apart))
+
+
+@njit(cache=True)
+def _search(maps, i, now, rules, start, goal, salt, work):
+    """Best-first search over the cells that robot i knows to be free; gives the last cell settled, or -1.
+
+    With a goal this is A* (Hart et al. 1968), without one Dijkstra's order up to the first cell from which
+    a frontier can be explored. A diagonal step costs sqrt(2) and needs both cells beside it; the cell of
+    the start need not fit itself. Costs are kept as two counts, so that equally long ways compare equal.
+    """
+    columns = maps.observed.shape[2]
+    work.number[0] += 1
+    seen = 2 * work.number[0]
+    work.straight[start] = 0
+    work.diagonal[start] = 0
+    work.parent[start] = -1
+    work.mark[start] = seen
+    free = np.zeros(8, np.bool_)
+    size = _push(work, 0, start, _remaining(start, goal, columns, rules.neighbours), np.uint64(0))
+    while size > 0:
+        here = work.heap[0]
+        size = _pop(work, size)
+        if work.mark[here] > seen:
+            continue
+        work.mark[here] = seen + 1
+        r = here // columns
+        c = here % columns
+        if here == goal or (goal < 0 and _to_explore(maps, i, now, rules, r, c) >= 0):
+            return here
+        for d in range(rules.neighbours):
+            if d >= 4 and not (free[BESIDE[d - 4, 0]] and free[BESIDE[d - 4, 1]]):
+                continue
+            free[d] = fits(maps, i, now, rules, r + DROWS[d], c + DCOLUMNS[d])
+            there = here + DROWS[d] * columns + DCOLUMNS[d]
+            if not free[d] or work.mark[there] > seen:
+                continue
+            straight = work.straight[here] + (d < 4)
+            diagonal = work.diagonal[here] + (d >= 4)
+            cost = straight + diagonal * SQRT2
+            if work.mark[there] == seen and cost >= work.straight[there] + work.diagonal[there] * SQRT2:
+                continue
+            work.straight[there] = straight
+            work.diagonal[there] = diagonal
+            work.parent[there] = here
+            work.mark[there] = seen
+            rank = np.uint64(there) if salt == 0 else scramble(np.uint64(there) ^ np.uint64(salt))
+            key = cost + _remaining(there, goal, columns, rules.neighbours)
+            size = _push(work, size, there, key, rank)
+    return -1
+
+
+@njit(cache=True)
+def nearest_frontier(maps, i, now, rules, start, salt, work):
+    """The nearest frontier cell that robot i can reach from the cell `start`, and where to explore it from.
+
+    Distance is the length of the way through cells that the robot knows to be free. Of cells equally near
+    the first in row-major order is taken or, with a `salt` other than 0, the first in an order drawn by
+    it. Gives (-1, -1) if there is none.
+    """
+    columns = maps.observed.shape[2]
+    stand = _search(maps, i, now, rules, start, -1, salt, work)
+    if stand < 0:
+        return -1, -1
+    return _to_explore(maps, i, now, rules, stand // columns, stand % columns), stand
+
+
+@njit(cache=True)
+def a_star(maps, i, now, rules, start, goal, work, path):
+    """Write the shortest way from `start` to `goal` into `path`, both included; gives its cells, 0 for none."""
+    cell = _search(maps, i, now, rules, start, goal, np.uint64(0), work)
+    if cell < 0:
+        return 0
+    count = 0
+    while cell >= 0:
+        count += 1
+        cell = work.parent[cell]
+    cell = goal
+    for step in range(count - 1, -1, -1):
+        path[step] = cell
+        cell = work.parent[cell]
+    return count
+
+
+@njit(cache=True)
+def _give_way(maps, i, now, rules, start, draw, path):
+    """A random walk of at most 8 cells over free neighbours, never straight back; gives its cells."""
+    columns = maps.observed.shape[2]
+    path[0] = start
+    count = 1
+    for _ in range(1 + int(draw % np.uint64(8))):
+        draw = scramble(draw)
+        for turn in range(4):
+            d = (int(draw % np.uint64(4)) + turn) % 4
+            r = path[count - 1] // columns + DROWS[d]
+            c = path[count - 1] % columns + DCOLUMNS[d]
+            there = r * columns + c
+            if fits(maps, i, now, rules, r, c) and not (count > 1 and there == path[count - 2]):
+                path[count] = there
+                count += 1
+                break
+    return count if count > 1 else 0
+
+
+@njit(cache=True)
+def _is_open(maps, i, now, rules, path, first, last):
+    """Whether robot i still fits into every cell of path[first:last]."""
+    columns = maps.observed.shape[2]
+    for step in range(first, last):
+        if not fits(maps, i, now, rules, path[step] // columns, path[step] % columns):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _advance(plans, i, rules, u, v, columns):
+    """Move the cursor to the step of the path, from the present one on, whose centre is nearest to (u, v)."""
+    best = math.inf
+    first = plans.cursor[i]
+    for step in range(first, min(plans.steps[i], first + rules.window)):
+        du = plans.path[i, step] % columns + 0.5 - u
+        dv = plans.path[i, step] // columns + 0.5 - v
+        if du * du + dv * dv < best:
+            best = du * du + dv * dv
+            plans.cursor[i] = step
+
+
+@njit(cache=True)
+def _is_stuck(plans, i, rules, x, y):
+    """Whether robot i, having a path, has not moved by half a cell for `patience` iterations."""
+    moved = math.hypot(x - plans.anchor[i, 0], y - plans.anchor[i, 1])
+    if plans.steps[i] == 0 or moved >= 0.5 * rules.cell:
+        plans.anchor[i, 0] = x
+        plans.anchor[i, 1] = y
+        plans.waited[i] = 0
+        return False
+    plans.waited[i] += 1
+    if plans.waited[i] < rules.patience:
+        return False
+    plans.waited[i] = 0
+    return True
+
+
+@njit(cache=True)
+def _drop(plans, i):
+    plans.goal[i] = -1
+    plans.steps[i] = 0
+    plans.cursor[i] = 0
+
+
+@njit(cache=True)
+def decide(now, pose, alive, news, maps, plans, rules, salts, tie_salts, work):
+    """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
+
+    `pose` (n, 3) in m and rad; `news` (n,) cells new on each robot's map; `salts` and `tie_salts` (n,) are random numbers of the robots' own. The rules:
+
+    1. A goal is kept while it is a frontier and can be reached (`rules.keep`); when the path to it is no
+       longer open, another one is planned.
+    2. A frontier that still is one when its robot has arrived yields nothing: it is shunned for a while.
+    3. A robot without progress for `rules.patience` iterations is stuck: it bars the next cell of its path
+       to itself for a random while and chooses again.
+    4. If that leaves it nothing to choose, it gives way by a short random walk.
+    5. A robot that finds no frontier stands, and looks again when its map grows or its patience ends.
+    """
+    columns = maps.observed.shape[2]
+    for i in range(len(alive)):
+        plans.planned[i] = False
+        if not alive[i]:
+            _drop(plans, i)
+            continue
+        u = (pose[i, 0] - rules.x0) / rules.cell
+        v = (pose[i, 1] - rules.y0) / rules.cell
+        here = int(math.floor(v)) * columns + int(math.floor(u))
+        goal = plans.goal[i]
+        _advance(plans, i, rules, u, v, columns)
+        stuck = _is_stuck(plans, i, rules, pose[i, 0], pose[i, 1])
+        draw = scramble(salts[i] + np.uint64(now))
+        arrived = plans.steps[i] > 0 and here == plans.path[i, plans.steps[i] - 1]
+        if goal >= 0 and not is_frontier(maps, i, goal // columns, goal % columns):
+            _drop(plans, i)
+        elif arrived:
+            if goal >= 0:
+                maps.shunned[i, goal // columns, goal % columns] = now + 10 * rules.patience
+            _drop(plans, i)
+        elif stuck:
+            ahead = plans.path[i, min(plans.cursor[i] + 1, plans.steps[i] - 1)]
+            pause = rules.patience + int(draw % np.uint64(3 * rules.patience))
+            maps.barred[i, ahead // columns, ahead % columns] = now + pause
+            _drop(plans, i)
+
+        goal = plans.goal[i]
+        count = plans.steps[i]
+        is_open = count > 0 and _is_open(maps, i, now, rules, plans.path[i], plans.cursor[i] + 1, count)
+        if is_open and (goal < 0 or rules.keep):
+            continue
+        stand = plans.path[i, count - 1] if goal >= 0 and rules.keep else -1
+        _drop(plans, i)
+        if stand >= 0:
+            plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+        if plans.steps[i] == 0 and (news[i] > 0 or now >= plans.idle[i]):
+            goal, stand = nearest_frontier(maps, i, now, rules, here, tie_salts[i], work)
+            if stand >= 0:
+                plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+            elif stuck:
+                plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
+            else:
+                plans.idle[i] = now + rules.patience
+        plans.goal[i] = goal if plans.steps[i] > 0 else -1
+        plans.planned[i] = plans.steps[i] > 0
+
+
+@njit(cache=True)
+def way_ahead(plans, rules, columns, waypoints):
+    """Write the centres (x, y in m) of the cells still ahead of each robot into `waypoints` (n, longest, 2).
+
+    The step that the robot has reached is left out unless it is the last. Gives the counts (n,).
+    """
+    counts = np.zeros(len(plans.steps), np.int32)
+    for i in range(len(counts)):
+        first = min(plans.cursor[i] + 1, plans.steps[i] - 1)
+        for step in range(max(first, 0), plans.steps[i]):
+            waypoints[i, counts[i], 0] = rules.x0 + (plans.path[i, step] % columns + 0.5) * rules.cell
+            waypoints[i, counts[i], 1] = rules.y0 + (plans.path[i, step] // columns + 0.5) * rules.cell
+            counts[i] += 1
+    return counts

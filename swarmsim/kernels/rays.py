@@ -1,0 +1,245 @@
+"""Beams against exact wall segments, and the cells those beams prove free or occupied.
+
+All functions that call each other live in this file: numba's cache does not notice edits elsewhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+ENDPOINT_SLACK = 1e-12  # of a segment's length: beams at a shared corner must not slip between two walls
+INSIDE = 1e-6  # m: how far behind the surface a hit is looked up, so that it falls into the wall's own cell
+CLIPPED = 0.2  # cells: a beam with a shorter way through a cell says nothing about it
+
+
+@njit(cache=True, error_model="numpy")
+def _cast(x, y, cosines, sines, reach, walls, near, discs, distance, hit):
+    """Distance (m) and index of the first surface along each beam from (x, y), as in `cast`."""
+    beams = len(cosines)
+    for b in range(beams):
+        distance[b] = reach
+        hit[b] = -1
+    for s in near:
+        ax = walls[s, 0] - x
+        ay = walls[s, 1] - y
+        ex = walls[s, 2] - walls[s, 0]
+        ey = walls[s, 3] - walls[s, 1]
+        across = ax * ey - ay * ex
+        for b in range(beams):
+            turn = cosines[b] * ey - sines[b] * ex
+            along = across / turn
+            where = (ax * sines[b] - ay * cosines[b]) / turn
+            inside = (where >= -ENDPOINT_SLACK) & (where <= 1.0 + ENDPOINT_SLACK)
+            if inside & (along >= 0.0) & (along <= distance[b]):
+                distance[b] = along
+                hit[b] = s
+        if across == 0.0:  # the robot stands on the line of this wall: beams along it meet its nearer end
+            for b in range(beams):
+                if cosines[b] * ey - sines[b] * ex == 0.0:
+                    first = ax * cosines[b] + ay * sines[b]
+                    last = first + ex * cosines[b] + ey * sines[b]
+                    along = max(min(first, last), 0.0)
+                    if max(first, last) >= 0.0 and along <= distance[b]:
+                        distance[b] = along
+                        hit[b] = s
+    for d in range(len(discs)):
+        cx = discs[d, 0] - x
+        cy = discs[d, 1] - y
+        r2 = discs[d, 2] * discs[d, 2]
+        apart = cx * cx + cy * cy - r2
+        for b in range(beams):
+            middle = cx * cosines[b] + cy * sines[b]
+            under = middle * middle - apart
+            if middle >= 0.0 and under >= 0.0:
+                along = max(middle - math.sqrt(under), 0.0)
+                if along < distance[b]:
+                    distance[b] = along
+                    hit[b] = len(walls) + d
+
+
+@njit(cache=True, error_model="numpy")
+def cast(origin, angles, reach, walls, discs):
+    """Cast beams from one point.
+
+    `origin` (2,) in m, `angles` (b,) in rad in the world frame, `reach` in m, `walls` (s, 4) as
+    x1, y1, x2, y2 and `discs` (d, 3) as x, y, radius, both in m. Gives the distances (b,), at most
+    `reach`, and the hits (b,): the wall's row, s + the disc's row, or -1 for nothing within reach.
+    Of two walls met at the same distance the later row is named.
+    """
+    distance = np.empty(len(angles))
+    hit = np.empty(len(angles), np.int64)
+    near = np.arange(len(walls))
+    _cast(origin[0], origin[1], np.cos(angles), np.sin(angles), reach, walls, near, discs, distance, hit)
+    return distance, hit
+
+
+@njit(cache=True, error_model="numpy")
+def bins(walls, reach, x0, y0, side, rows, columns):
+    """For each square of a coarse grid, the walls that a robot inside it could meet within `reach`.
+
+    Gives `start` (rows * columns + 1,) and `members`: square i (row-major) holds
+    members[start[i]:start[i + 1]], in rising order.
+    """
+    start = np.zeros(rows * columns + 1, np.int64)
+    members = np.empty(0, np.int64)
+    for fill in range(2):
+        count = 0
+        for r in range(rows):
+            for c in range(columns):
+                left = x0 + c * side - reach
+                low = y0 + r * side - reach
+                right = left + side + 2 * reach
+                high = low + side + 2 * reach
+                for s in range(len(walls)):
+                    if (
+                        max(walls[s, 0], walls[s, 2]) >= left
+                        and min(walls[s, 0], walls[s, 2]) <= right
+                        and max(walls[s, 1], walls[s, 3]) >= low
+                        and min(walls[s, 1], walls[s, 3]) <= high
+                    ):
+                        if fill == 1:
+                            members[count] = s
+                        count += 1
+                start[r * columns + c + 1] = count
+        if fill == 0:
+            members = np.empty(count, np.int64)
+    return start, members
+
+
+@njit(cache=True, error_model="numpy")
+def _mark(tile, row0, column0, u, v, du, dv, length, reached_wall):
+    """Mark as free the cells that a beam crosses whole; u, v and length in cells, v along rows."""
+    rows, columns = tile.shape
+    column = int(math.floor(u))
+    row = int(math.floor(v))
+    step_u = 1 if du > 0.0 else -1
+    step_v = 1 if dv > 0.0 else -1
+    each_u = abs(1.0 / du)
+    each_v = abs(1.0 / dv)
+    next_u = (column + 1 - u) * each_u if du > 0.0 else (u - column) * each_u
+    next_v = (row + 1 - v) * each_v if dv > 0.0 else (v - row) * each_v
+    if du == 0.0:
+        next_u = math.inf
+    if dv == 0.0:
+        next_v = math.inf
+    entered = 0.0
+    while True:
+        r = row - row0
+        c = column - column0
+        if r < 0 or r >= rows or c < 0 or c >= columns:
+            return
+        leaves = min(next_u, next_v)
+        if leaves > length:
+            if reached_wall or length - entered < CLIPPED:
+                return
+            leaves = length
+        if (leaves - entered >= CLIPPED or entered == 0.0) and tile[r, c] == 0:
+            tile[r, c] = 1
+        if leaves >= length:
+            return
+        entered = leaves
+        if next_u <= next_v:
+            column += step_u
+            next_u += each_u
+        else:
+            row += step_v
+            next_v += each_v
+
+
+@njit(cache=True, error_model="numpy")
+def sense(
+    pose, alive, ring, reach, walls, start, members, coarse, lattice, robot_radius, occlude, obstacle, tiles, origins
+):
+    """Fill every robot's tile from its ring of beams.
+
+    `pose` (n, 3), `alive` (n,), `ring` (b, 2) cosine and sine of each beam's angle to the heading, `reach` in m, `walls`
+    (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is `coarse`
+    = (x0, y0, side, rows, columns); `lattice` = (x0, y0, cell). Robots stop beams if `occlude`, and
+    count as occupied cells if `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2).
+
+    A cell is free when some beam crosses at least a fifth of a cell of it (or starts there) on its way,
+    and occupied, which outweighs free, when some beam ends in it.
+    """
+    robots, rows, columns = tiles.shape
+    beams = len(ring)
+    x0, y0, cell = lattice
+    distance = np.empty(beams)
+    hit = np.empty(beams, np.int64)
+    cosines = np.empty(beams)
+    sines = np.empty(beams)
+    near = np.empty(np.diff(start).max(), np.int64)
+    discs = np.empty((robots if occlude else 0, 3))
+    for i in range(robots):
+        x = pose[i, 0]
+        y = pose[i, 1]
+        u = (x - x0) / cell
+        v = (y - y0) / cell
+        origins[i, 0] = _first(v, rows)
+        origins[i, 1] = _first(u, columns)
+        tiles[i] = 0
+        if not alive[i]:
+            continue
+        facing = 0
+        r = int(math.floor((y - coarse[1]) / coarse[2]))
+        c = int(math.floor((x - coarse[0]) / coarse[2]))
+        if 0 <= r < coarse[3] and 0 <= c < coarse[4]:
+            square = r * int(coarse[4]) + c
+            for m in range(start[square], start[square + 1]):
+                s = members[m]
+                ex = walls[s, 2] - walls[s, 0]
+                ey = walls[s, 3] - walls[s, 1]
+                if (walls[s, 0] - x) * ey - (walls[s, 1] - y) * ex <= 0.0:  # backs of walls are hidden by fronts
+                    near[facing] = s
+                    facing += 1
+        others = 0
+        if occlude:
+            for j in range(robots):
+                apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
+                if j != i and alive[j] and apart <= reach + robot_radius:
+                    discs[others, 0] = pose[j, 0]
+                    discs[others, 1] = pose[j, 1]
+                    discs[others, 2] = robot_radius
+                    others += 1
+        cos = math.cos(pose[i, 2])
+        sin = math.sin(pose[i, 2])
+        for b in range(beams):
+            cosines[b] = cos * ring[b, 0] - sin * ring[b, 1]
+            sines[b] = sin * ring[b, 0] + cos * ring[b, 1]
+        _cast(x, y, cosines, sines, reach, walls, near[:facing], discs[:others], distance, hit)
+        for b in range(beams):
+            _mark(tiles[i], origins[i, 0], origins[i, 1], u, v, cosines[b], sines[b], distance[b] / cell, hit[b] >= 0)
+        for b in range(beams):
+            s = hit[b]
+            if s < 0 or (s >= len(walls) and not obstacle):
+                continue
+            px = x + distance[b] * cosines[b]
+            py = y + distance[b] * sines[b]
+            if s < len(walls):
+                # Behind the surface, and off the segment's ends: walls on cell edges keep to their own cells.
+                ex = walls[s, 2] - walls[s, 0]
+                ey = walls[s, 3] - walls[s, 1]
+                size = math.hypot(ex, ey)
+                ex /= size
+                ey /= size
+                middle = (0.5 * (walls[s, 0] + walls[s, 2]) - px) * ex + (0.5 * (walls[s, 1] + walls[s, 3]) - py) * ey
+                slide = INSIDE if middle > 0.0 else -INSIDE
+                px += -ey * INSIDE + ex * slide
+                py += ex * INSIDE + ey * slide
+            else:
+                px += INSIDE * cosines[b]
+                py += INSIDE * sines[b]
+            row = int(math.floor((py - y0) / cell)) - origins[i, 0]
+            column = int(math.floor((px - x0) / cell)) - origins[i, 1]
+            if 0 <= row < rows and 0 <= column < columns:
+                tiles[i, row, column] = 2
+
+
+@njit(cache=True, error_model="numpy")
+def _first(position, size):
+    """First cell of a window of `size` cells: odd centred on the cell, even on the nearest cell edge."""
+    if size % 2 == 1:
+        return int(math.floor(position)) - size // 2
+    return int(math.floor(position + 0.5)) - size // 2

@@ -1,0 +1,332 @@
+"""What is kept of a run: one HDF5 file, appended while the run goes and readable up to its last flush."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import platform
+import tomllib
+from functools import cached_property
+from importlib.metadata import version
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+import h5py
+import msgspec
+import numpy as np
+import tomli_w
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.scenario import Scenario, decode
+from swarmsim.core.state import Event, Moment
+
+FORMAT: Final = 1  # raised whenever an older reader would misread a newer file
+BLOCK: Final = 64  # iterations held back between two flushes, and the length of a chunk
+DIGESTED: Final = (
+    "pose", "velocity", "wheels", "alive", "tiles", "links", "heard", "goals", "waypoints", "coverage",
+)  # fmt: skip
+PER_ITERATION: Final = (
+    "pose", "alive", "tiles", "origins", "goals", "coverage", "covered", "messages", "links_end", "digests",
+)  # fmt: skip
+EVENT: Final = np.dtype([("iteration", "<i4"), ("robot", "<i4"), ("kind", "S32"), ("cause", "S96")])
+
+
+class Digests:
+    """A probe that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
+
+    def __init__(self) -> None:
+        self.rows: list[bytes] = []
+
+    def sample(self, moment: Moment) -> None:
+        """Append one row: the hashes of DIGESTED, in that order."""
+        self.rows.append(b"".join(_hash(*arrays) for arrays in _digested(moment)))
+
+    def total(self) -> str:
+        """The digest of the whole run so far, in hexadecimal."""
+        return hashlib.blake2b(b"".join(self.rows), digest_size=16).hexdigest()
+
+
+def _digested(moment: Moment) -> tuple[tuple[NDArray[Any], ...], ...]:
+    state, tiles, inbox, intents = moment.state, moment.tiles, moment.inbox, moment.intents
+    coverage = moment.coverage
+    return (
+        (state.pose,),
+        (state.velocity,),
+        (state.wheels,),
+        (state.alive,),
+        (tiles.values, tiles.origins),
+        (moment.links,),
+        (inbox.receivers, inbox.senders, inbox.values, inbox.origins),
+        (intents.goals,),
+        (intents.counts, intents.waypoints),
+        (np.array([coverage.union, coverage.domain]), coverage.each),
+    )
+
+
+def _hash(*arrays: NDArray[Any]) -> bytes:
+    hashed = hashlib.blake2b(digest_size=8)
+    for array in arrays:
+        hashed.update(np.ascontiguousarray(array).data)
+    return hashed.digest()
+
+
+def versions() -> dict[str, str]:
+    """What a run's bytes depend on besides its scenario and seed."""
+    packages = {name: version(name) for name in ("numpy", "numba", "pymunk", "shapely", "svgelements")}
+    return {
+        "swarmsim": version("swarmsim-lab"),
+        "python": platform.python_version(),
+        **packages,
+        "platform": f"{platform.system()} {platform.machine()}",
+    }
+
+
+class Recorder:
+    """A probe that writes every iteration to a new file.
+
+    The file is in HDF5's single-writer mode: whatever kills the run, everything up to the last flush, at
+    most BLOCK iterations ago, can still be read.
+    """
+
+    def __init__(
+        self, path: Path, scenario: Scenario, world: str, lattice: Lattice, domain: NDArray[np.bool_], truth: NDArray[np.bool_]
+    ) -> None:
+        """`world` is the floor plan's SVG text; `domain` and `truth` (occupied) are (rows, columns)."""
+        self._digests = Digests()
+        self._held: list[Moment] = []
+        self._totals = {"links": 0, "waypoints": 0}
+        count = scenario.robots.count
+        tile = tuple(scenario.sensor.get("tile", (6, 7)))
+        self._file = h5py.File(path, "x", libver="latest")
+        self._file.attrs.update(
+            {
+                "swarmsim-recording": FORMAT,
+                "scenario": tomli_w.dumps(msgspec.to_builtins(scenario)),
+                "versions": json.dumps(versions()),
+                "lattice": [lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns],
+                "digested": " ".join(DIGESTED),
+            }
+        )
+        self._file["world"] = np.frombuffer(world.encode(), np.uint8)
+        for name, mask in (("domain", domain), ("truth", truth)):
+            self._file.create_dataset(name, data=mask, compression="gzip")
+        self._table("pose", (count, 3), np.float64)
+        self._table("alive", (count,), np.bool_)
+        self._table("tiles", (count, *tile), np.uint8)
+        self._table("origins", (count, 2), np.int32)
+        self._table("goals", (count, 2), np.int32)
+        self._table("coverage", (), np.float64)
+        self._table("covered", (count,), np.int32)
+        self._table("messages", (), np.int32)
+        self._table("links", (2,), np.int32)
+        self._table("links_end", (), np.int64)  # links of iteration t: links[links_end[t - 1]:links_end[t]]
+        self._table("waypoints", (2,), np.float32)
+        self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
+        self._table("events", (), EVENT)
+        self._table("digests", (len(DIGESTED), 8), np.uint8)
+        self._file.swmr_mode = True
+
+    def _table(self, name: str, row: tuple[int, ...], kind: Any) -> None:
+        self._file.create_dataset(
+            name, (0, *row), kind, chunks=(BLOCK, *row), maxshape=(None, *row), compression="gzip", compression_opts=1,
+            shuffle=True,
+        )  # fmt: skip
+
+    def sample(self, moment: Moment) -> None:
+        """Keep one iteration; every BLOCK iterations they are written and flushed."""
+        self._digests.sample(moment)
+        self._held.append(moment)
+        if len(self._held) == BLOCK:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is held back. The digests come last: their length is the number of whole iterations."""
+        held, self._held = self._held, []
+        if not held:
+            return
+        self._append("pose", [moment.state.pose for moment in held])
+        self._append("alive", [moment.state.alive for moment in held])
+        self._append("tiles", [moment.tiles.values for moment in held])
+        self._append("origins", [moment.tiles.origins for moment in held])
+        self._append("goals", [moment.intents.goals for moment in held])
+        self._append("coverage", [moment.coverage.share for moment in held])
+        self._append("covered", [moment.coverage.each for moment in held])
+        self._append("messages", [len(moment.inbox.receivers) for moment in held])
+        self._append("links", np.concatenate([moment.links for moment in held]))
+        ends = self._totals["links"] + np.cumsum([len(moment.links) for moment in held])
+        self._append("links_end", ends)
+        self._totals["links"] = int(ends[-1])
+        planned = [(moment, robot) for moment in held for robot in np.flatnonzero(moment.intents.planned)]
+        ways = [moment.intents.waypoints[robot, : moment.intents.counts[robot]] for moment, robot in planned]
+        ends = self._totals["waypoints"] + np.cumsum([len(way) for way in ways], dtype=np.int64)
+        if ways:
+            self._append("waypoints", np.concatenate(ways))
+            self._append(
+                "paths", [(moment.state.iteration, robot, end) for (moment, robot), end in zip(planned, ends, strict=True)]
+            )
+            self._totals["waypoints"] = int(ends[-1])
+        events = [(e.iteration, e.robot, e.kind.encode(), e.cause.encode()) for moment in held for e in moment.events]
+        self._append("events", np.array(events, EVENT))
+        for name in self._file:
+            if name != "digests":
+                self._file[name].flush()
+        rows = self._digests.rows[-len(held) :]
+        self._append("digests", np.frombuffer(b"".join(rows), np.uint8).reshape(-1, len(DIGESTED), 8))
+        self._file["digests"].flush()
+
+    def _append(self, name: str, rows: Any) -> None:
+        if len(rows):
+            table = self._file[name]
+            table.resize(len(table) + len(rows), axis=0)
+            table[-len(rows) :] = np.asarray(rows, table.dtype)
+
+    def close(self) -> None:
+        """Write the rest and close the file."""
+        if self._file:
+            self.flush()
+            self._file.close()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+class Recording:
+    """A recorded run, read back; row t of every array is iteration t, row i of that robot i."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a recording, or the folder of a run that holds one. Raises InputError."""
+        self.path = path / "recording.h5" if path.is_dir() else path
+        if not self.path.is_file():
+            raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
+        try:
+            with open_for_reading(self.path) as file:
+                found = file.attrs.get("swarmsim-recording")
+                if found != FORMAT:
+                    raise InputError(
+                        f"{self.path}: format {found if found is not None else 'unknown'}, but this swarmsim "
+                        f"{version('swarmsim-lab')} reads format {FORMAT}; run the scenario again, or read it with the "
+                        f"version that wrote it"
+                    )
+                self.versions: dict[str, str] = json.loads(file.attrs["versions"])
+                table = tomllib.loads(file.attrs["scenario"])
+                x0, y0, cell, rows, columns = file.attrs["lattice"]
+                self.digested: list[str] = file.attrs["digested"].split()
+                self._arrays: dict[str, NDArray[Any]] = {name: file[name][()] for name in file}
+        except (OSError, KeyError, ValueError, RuntimeError) as problem:
+            raise InputError(
+                f"{self.path}: not a whole recording ({problem}); expected an HDF5 file written by 'swarmsim run'"
+            ) from problem
+        self.scenario: Scenario = decode(table, str(self.path))
+        self.lattice = Lattice(float(x0), float(y0), float(cell), int(rows), int(columns))
+        self.iterations = len(self._arrays["digests"])
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A table of the file by its name, cut to whole iterations where it has one row for each."""
+        array = self._arrays[name]
+        return array[: self.iterations] if name in PER_ITERATION else array
+
+    @cached_property
+    def world(self) -> str:
+        """The floor plan's SVG text."""
+        return bytes(self._arrays["world"]).decode()
+
+    def links(self, iteration: int) -> NDArray[np.int32]:
+        """The links (m, 2) of one iteration: receiver, sender."""
+        ends = self._arrays["links_end"]
+        links: NDArray[np.int32] = self._arrays["links"][ends[iteration - 1] if iteration else 0 : ends[iteration]]
+        return links
+
+    def paths(self) -> list[tuple[int, int, NDArray[np.float32]]]:
+        """Every path when it was new: iteration, robot, and its waypoints (w, 2) in m."""
+        rows = self._arrays["paths"]
+        starts = np.concatenate([[0], rows[:, 2]])
+        return [
+            (int(iteration), int(robot), self._arrays["waypoints"][start:end])
+            for (iteration, robot, end), start in zip(rows, starts, strict=False)
+        ]
+
+    def events(self) -> list[Event]:
+        """All events in the order in which they happened."""
+        return [
+            Event(int(row["iteration"]), int(row["robot"]), row["kind"].decode(), row["cause"].decode())
+            for row in self._arrays["events"]
+        ]
+
+    def digest(self) -> str:
+        """The digest of the whole run, in hexadecimal; equal for equal runs."""
+        return hashlib.blake2b(self["digests"].tobytes(), digest_size=16).hexdigest()
+
+    def difference(self, iteration: int, row: bytes) -> str | None:
+        """Where an iteration of this recording differs from one with the digests `row`, or None."""
+        recorded = self["digests"][iteration].tobytes()
+        for field, name in enumerate(self.digested):
+            if recorded[8 * field : 8 * field + 8] != row[8 * field : 8 * field + 8]:
+                return f"iteration {iteration}, field {name!r}"
+        return None
+
+    def reached(self, share: float) -> int | None:
+        """The number of iterations after which the union covered this share, or None."""
+        hits = np.flatnonzero(self["coverage"] >= share)
+        return int(hits[0]) + 1 if len(hits) else None
+
+    def summary(self) -> dict[str, Any]:
+        """The run in a few numbers, for tables and JSON."""
+        events = self.events()
+        status = events[-1].kind if events and events[-1].robot < 0 else "interrupted"
+        coverage = self["coverage"]
+        return {
+            "title": self.scenario.title,
+            "status": status,
+            "iterations": self.iterations,
+            "coverage": float(coverage[-1]) if self.iterations else 0.0,
+            "reached": {f"{100 * share:g} %": self.reached(share) for share in (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)},
+            "robots": self.scenario.robots.count,
+            "alive": int(self["alive"][-1].sum()) if self.iterations else self.scenario.robots.count,
+            "domain cells": int(self._arrays["domain"].sum()),
+            "messages": int(self["messages"].sum()),
+            "seed": self.scenario.seed,
+            "digest": self.digest(),
+            "versions": self.versions,
+        }
+
+
+def open_for_reading(path: Path) -> h5py.File:
+    """The file at `path`, also if its writer was killed.
+
+    HDF5 marks a file that is being written and opens a marked one only by waiting for its writer. Where no
+    writer is left, the mark is taken off a copy in memory.
+    """
+    with path.open("rb") as file:
+        superblock = bytearray(file.read(48))
+    if len(superblock) < 48 or superblock[8] != 3 or superblock[11] == 0:
+        return h5py.File(path, "r")
+    superblock[11] = 0
+    superblock[28:36] = path.stat().st_size.to_bytes(8, "little")  # the end of the file
+    superblock[44:48] = lookup3(superblock[:44]).to_bytes(4, "little")
+    return h5py.File(io.BytesIO(superblock + path.read_bytes()[48:]), "r")
+
+
+def lookup3(data: bytes | bytearray) -> int:
+    """Jenkins' lookup3 hash, HDF5's checksum of metadata; of whole 32-bit words, for which it is shortest."""
+    words = [int.from_bytes(data[at : at + 4], "little") for at in range(0, len(data), 4)]
+    a = b = c = 0xDEADBEEF + len(data)
+
+    def turned(x: int, bits: int) -> int:
+        x &= 0xFFFFFFFF
+        return x << bits | x >> (32 - bits)
+
+    while len(words) > 3:
+        a, b, c, words = a + words[0], b + words[1], c + words[2], words[3:]
+        for bits in (4, 6, 8, 16, 19, 4):
+            a, b, c = b, c + b, (a - c) ^ turned(c, bits)
+    a, b, c = (x + word for x, word in zip((a, b, c), [*words, 0, 0], strict=False))
+    for bits in (14, 11, 25, 16, 4, 14, 24):
+        a, b, c = b, (c ^ b) - turned(b, bits), a
+    return b & 0xFFFFFFFF

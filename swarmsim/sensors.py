@@ -1,0 +1,78 @@
+"""A ring of infra-red beams that fills each robot's tile."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Setting, Walls
+from swarmsim.core.state import State, Tiles
+from swarmsim.kernels import rays
+
+
+class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Evenly spaced beams around the robot, the first straight ahead, cast against the exact walls."""
+
+    tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
+    beams: Annotated[int, Meta(ge=1, le=10_000)] = 72
+    reach: Annotated[float, Meta(gt=0.0)] = 1.0  # m
+    robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
+
+    def build(self, setting: Setting, walls: Walls) -> IrRingSensor:
+        """The sensor for a swarm among these walls."""
+        lattice = setting.lattice
+        corner = lattice.cell * math.hypot((self.tile[0] + 1) / 2, (self.tile[1] + 1) / 2)
+        narrowest = 2.0 * math.pi / self.beams * min(corner, self.reach)
+        if narrowest > 0.8 * lattice.cell:
+            needed = math.ceil(2.0 * math.pi * min(corner, self.reach) / (0.8 * lattice.cell))
+            raise InputError(
+                f"beams: {self.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
+                f"cells of {lattice.cell:g} m; at least {needed} are needed"
+            )
+        return IrRingSensor(self, setting, walls)
+
+
+class IrRingSensor:
+    """Senses the tiles of the whole swarm in one call."""
+
+    def __init__(self, parameters: IrRing, setting: Setting, walls: Walls) -> None:
+        lattice = setting.lattice
+        corner = lattice.cell * math.hypot((parameters.tile[0] + 1) / 2, (parameters.tile[1] + 1) / 2)
+        self._reach = min(parameters.reach, corner)  # what lies beyond the tile is not looked for
+        side = max(0.5 * self._reach, lattice.cell)
+        rows = math.ceil(lattice.rows * lattice.cell / side)
+        columns = math.ceil(lattice.columns * lattice.cell / side)
+        self._coarse = (lattice.x0, lattice.y0, side, rows, columns)
+        self._near = rays.bins(walls, self._reach, lattice.x0, lattice.y0, side, rows, columns)
+        self._walls = walls
+        angles = np.arange(parameters.beams) * (2.0 * np.pi / parameters.beams)
+        self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self._lattice = (lattice.x0, lattice.y0, lattice.cell)
+        self._radius = setting.robots.radius
+        self._parameters = parameters
+
+    def sense(self, state: State) -> Tiles:
+        """The tiles of all robots, each around its own cell; those of dead robots are all UNKNOWN."""
+        parameters = self._parameters
+        values = np.empty((state.robots, *parameters.tile), np.uint8)
+        origins = np.empty((state.robots, 2), np.int32)
+        rays.sense(
+            state.pose,
+            state.alive,
+            self._ring,
+            self._reach,
+            self._walls,
+            *self._near,
+            self._coarse,
+            self._lattice,
+            self._radius,
+            parameters.robots != "ignored",
+            parameters.robots == "occupied",
+            values,
+            origins,
+        )
+        return Tiles(values, origins)

@@ -1,0 +1,82 @@
+"""The tick: one iteration of Algorithm 1 for the whole swarm, then of the world's physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.parts import Behaviour, Bodies, Channel, Motion, Probe, Sensor, Topology
+from swarmsim.core.state import Coverage, Event, Moment, Observations, State
+from swarmsim.kernels import grid
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The parts of a swarm, one per seam."""
+
+    sensor: Sensor
+    topology: Topology
+    channel: Channel
+    behaviour: Behaviour
+    motion: Motion
+    bodies: Bodies
+
+
+class Simulation:
+    """A swarm in a building, advanced one iteration at a time until it has mapped enough."""
+
+    def __init__(
+        self, parts: Parts, domain: NDArray[np.bool_], state: State, period: float, coverage: float, limit: int
+    ) -> None:
+        """`domain` (rows, columns) is what can be mapped, `coverage` the share of it that ends the run,
+        `limit` the number of iterations after which it ends unfinished."""
+        self.parts = parts
+        self._domain = domain.reshape(-1).view(np.uint64)
+        self._cells = int(domain.sum())
+        self._union = np.zeros_like(self._domain)
+        self._wanted = coverage
+        self._limit = limit
+        self._period = period
+        self.state = state
+        self.finished = False
+
+    @property
+    def over(self) -> bool:
+        """Whether the run has ended, finished or at its limit."""
+        return self.finished or self.state.iteration >= self._limit
+
+    def run(self, probes: Sequence[Probe] = ()) -> bool:
+        """Tick to the end of the run; gives whether the coverage was reached before the limit."""
+        while not self.over:
+            self.tick(probes)
+        return self.finished
+
+    def tick(self, probes: Sequence[Probe] = ()) -> None:
+        """One iteration: everybody senses, shares, maps and decides; then everybody moves."""
+        parts, state = self.parts, self.state
+        tiles = parts.sensor.sense(state)
+        links = parts.topology.links(state)
+        inbox = parts.channel.deliver(state.iteration, links, tiles)
+        intents = parts.behaviour.step(Observations(state.iteration, state.pose, state.alive, tiles, inbox))
+        coverage = self._measure()
+        parts.motion.follow(intents)
+        self.state = parts.bodies.drive(parts.motion, self._period)
+        self.finished = coverage.share >= self._wanted
+        moment = Moment(state, tiles, links, inbox, intents, coverage, self._events())
+        for probe in probes:
+            probe.sample(moment)
+
+    def _events(self) -> tuple[Event, ...]:
+        if not self.over:
+            return ()
+        cause = f"coverage {self._wanted:g} reached" if self.finished else f"limit of {self._limit} iterations"
+        return (Event(self.state.iteration - 1, -1, "finished" if self.finished else "not finished", cause),)
+
+    def _measure(self) -> Coverage:
+        counted = np.ones(self.state.robots, np.bool_)
+        observed = self.parts.behaviour.observed.reshape(len(counted), -1).view(np.uint64)
+        each, union = grid.count_observed(observed, self._domain, counted, self._union)
+        return Coverage(union, each, self._cells)

@@ -1,0 +1,164 @@
+"""What a picture of a run shows at any moment: shapes in metres and numbers, read from its recording."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.recording import Recording
+from swarmsim.replay import MapReplay
+from swarmsim.world.svg import read_floor_plan
+
+Points = NDArray[np.float64]  # (p, 2): x, y in m
+MARGIN = 2  # cells of surroundings shown around the walls
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """All that moves or counts, at one moment; row i is robot i."""
+
+    iteration: int  # iterations that lie behind
+    time: float  # s, simulated
+    row: int  # the recording's row that holds what changes from one iteration to the next
+    pose: NDArray[np.float64]  # (n, 3): x, y in m, yaw in rad, between two iterations
+    alive: NDArray[np.bool_]  # (n,)
+    origins: Points  # (n, 2): the lower left corner of each tile, in m
+    mutual: NDArray[np.int32]  # (a, 2): pairs that hear each other, the lower id first
+    one_way: NDArray[np.int32]  # (b, 2): receiver, sender
+    goals: Points  # (n, 2): m, NaN for none
+    ways: list[Points]  # for each robot the rest of its path, from its own place; empty for none
+    coverage: float  # share of the domain, 0 to 1
+    messages: int  # heard so far
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Coverage of the domain (0 to 1) by iteration, each of shape (iterations,)."""
+
+    union: NDArray[np.float64]  # of all maps together
+    least: NDArray[np.float64]  # the live robot that knows least
+    most: NDArray[np.float64]  # the live robot that knows most
+
+
+class Scene:
+    """A recorded run as something to look at; moments may be asked for in any order, best in time's."""
+
+    def __init__(self, recording: Recording) -> None:
+        """Raises InputError if the recording holds no whole iteration."""
+        if not recording.iterations:
+            raise InputError(f"{recording.path}: no whole iteration was recorded; there is nothing to show")
+        self._recording = recording
+        scenario = recording.scenario
+        plan = read_floor_plan(recording.world, scenario.world.file, scenario.world.scale)
+        self.layers = plan.layers
+        self.lattice = recording.lattice
+        margin = MARGIN * self.lattice.cell
+        left, low, right, high = plan.walls.bounds
+        self.bounds = (left - margin, right + margin, low - margin, high + margin)  # m: left, right, lower, upper
+        self.iterations = recording.iterations
+        self.robots = scenario.robots.count
+        self.radius = scenario.robots.radius  # m
+        self.tile: tuple[int, int] = recording["tiles"].shape[2:]  # rows, columns
+        self.title = scenario.title
+        self.seed = scenario.seed
+        self.topology = _described(scenario.network.topology)
+        self.curves = _curves(recording)
+        self.marks = sorted({event.iteration for event in recording.events() if event.kind != "finished"})
+        self.deaths = not bool(recording["alive"].all())
+        self._period = scenario.period
+        self._messages = np.cumsum(recording["messages"], dtype=np.int64)
+        self._starts: list[list[int]] = [[] for _ in range(self.robots)]
+        self._paths: list[list[Points]] = [[] for _ in range(self.robots)]
+        for iteration, robot, waypoints in recording.paths():
+            self._starts[robot].append(iteration)
+            self._paths[robot].append(waypoints.astype(np.float64))
+        self._replay = MapReplay(recording)
+
+    def row(self, iteration: float) -> int:
+        """The recording's row for a moment from 0, the start, to `iterations`, the end of the last one."""
+        return min(int(iteration), self.iterations - 1)
+
+    def at(self, iteration: float) -> Shot:
+        """The moment after so many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed."""
+        recording, row = self._recording, self.row(iteration)
+        pose = _between(recording["pose"][row], recording["pose"][self.row(row + 1)], min(iteration - row, 1.0))
+        alive = recording["alive"][row]
+        mutual, one_way = _paired(recording.links(row), self.robots)
+        goals = recording["goals"][row]
+        aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
+        corner = np.array([self.lattice.x0, self.lattice.y0])
+        return Shot(
+            iteration=int(iteration),
+            time=iteration * self._period,
+            row=row,
+            pose=pose,
+            alive=alive,
+            origins=recording["origins"][row][:, ::-1] * self.lattice.cell + corner,
+            mutual=mutual,
+            one_way=one_way,
+            goals=aims,
+            ways=[self._way(robot, row, pose[robot, :2], aims[robot]) for robot in range(self.robots)],
+            coverage=float(self.curves.union[row]),
+            messages=int(self._messages[row]),
+        )
+
+    def cells(self, row: int) -> NDArray[np.uint8]:
+        """The collective map (rows, columns) of the recording's row: UNKNOWN, FREE or OCCUPIED."""
+        if row < self._replay.iteration:
+            self._replay = MapReplay(self._recording)
+        self._replay.advance(row)
+        return self._replay.collective()
+
+    def _way(self, robot: int, row: int, here: Points, aim: Points) -> Points:
+        """The rest of the newest path, from the robot on; none without a goal."""
+        newest = bisect_right(self._starts[robot], row) - 1
+        if newest < 0 or np.isnan(aim[0]) or not len(self._paths[robot][newest]):
+            return np.empty((0, 2))
+        path = self._paths[robot][newest]
+        first = int(np.argmin(np.hypot(*(path - here).T)))
+        if first + 1 < len(path) and np.dot(here - path[first], path[first + 1] - path[first]) > 0.0:
+            first += 1  # the nearest waypoint is passed
+        return _corners(np.vstack([here, path[first:]]))
+
+
+def _described(table: dict[str, object]) -> str:
+    parameters = [f"{key} = {value}" for key, value in table.items() if key != "use"]
+    return ", ".join([str(table["use"]), *parameters])
+
+
+def _curves(recording: Recording) -> Curves:
+    alive = recording["alive"].copy()
+    alive[~alive.any(axis=1)] = True  # once nobody is left, what the dead knew
+    share = recording["covered"] / recording["domain"].sum()
+    return Curves(
+        union=recording["coverage"],
+        least=np.where(alive, share, np.inf).min(axis=1),
+        most=np.where(alive, share, -np.inf).max(axis=1),
+    )
+
+
+def _corners(path: Points) -> Points:
+    """The same path without the waypoints at which it goes straight on."""
+    steps = np.diff(path, axis=0)
+    turn = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
+    corners: Points = path[np.concatenate([[True], np.abs(turn) > 1e-6, [True]])]
+    return corners
+
+
+def _between(before: NDArray[np.float64], after: NDArray[np.float64], part: float) -> NDArray[np.float64]:
+    """Poses (n, 3) on the way from one iteration to the next; yaw turns the short way round."""
+    step = after - before
+    step[:, 2] = (step[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    between: NDArray[np.float64] = before + part * step
+    return between
+
+
+def _paired(links: NDArray[np.int32], robots: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Links (m, 2) parted into those answered by a link back, one row for the two, and the others."""
+    receivers, senders = links[:, 0].astype(np.int64), links[:, 1]
+    answered = np.isin(receivers * robots + senders, senders * np.int64(robots) + receivers)
+    return links[answered & (links[:, 0] < links[:, 1])], links[~answered]

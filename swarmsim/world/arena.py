@@ -1,0 +1,346 @@
+"""A world opened for a run: exact walls for beams and bodies, and the truth about every cell."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.lattice import Lattice
+from swarmsim.world.svg import FloorPlan
+
+Cells = NDArray[np.bool_]  # (rows, columns)
+
+_SLIVER = 1e-6  # of a cell; an overlap of walls with a cell below it is rounding, not wall
+_TOUCH = 1e-9  # m, a body this close to a wall still counts as clear of it
+_MOST_CELLS = 25_000_000  # beyond it, somebody drew millimetres as metres
+_NAMED_CELLS = 5  # how many cells a message names
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Arena:
+    """Walls, free space and spawn areas of one world on one lattice."""
+
+    name: str  # what messages call the world
+    plan: FloorPlan
+    lattice: Lattice
+    occupied: Cells  # whether walls cover any of a cell
+    segments: NDArray[np.float64]  # (s, 4): x1, y1, x2, y2 in m; solid wall lies on the left
+
+    @classmethod
+    def open(cls, plan: FloorPlan, cell: float, margin: int, name: str) -> Arena:
+        """The arena of `plan` with cells of side `cell` (m), whose edges lie on multiples of it from the origin.
+
+        The lattice covers page and walls, and `margin` cells more on each side, so that a tile around a robot
+        inside never leaves it; it is 1 or more. More columns on the right fill the last word. Raises InputError if
+        that is more cells than a run can hold.
+        """
+        if margin < 1:
+            raise ValueError(f"margin is {margin} cells; the border of the lattice has to be outside of the walls")
+        page = (0.0, 0.0, plan.width, plan.height)
+        bounds = shapely.bounds(shapely.union(shapely.box(*page), shapely.box(*plan.walls.bounds))) / cell
+        low = np.floor(bounds[:2] + _SLIVER).astype(np.int64) - margin
+        high = np.ceil(bounds[2:] - _SLIVER).astype(np.int64) + margin
+        columns, rows = (int(count) for count in high - low)
+        columns += -columns % Lattice.WORD
+        if rows * columns > _MOST_CELLS:
+            raise InputError(
+                f"{name}: {plan.width:g} m x {plan.height:g} m in cells of {cell:g} m are {rows * columns} cells, more"
+                f" than {_MOST_CELLS}; check the scale (one user unit is one metre) and the cell"
+            )
+        lattice = Lattice(float(low[0]) * cell, float(low[1]) * cell, cell, rows, columns)
+        segments = _boundary(plan.walls)
+        return cls(name, plan, lattice, _covered(segments, lattice) > _SLIVER, segments)
+
+    def spawn_cells(self, spawn: str) -> Cells:
+        """The free cells (rows, columns) whose centres lie in the spawn area.
+
+        An area may run over walls and pillars, where it does not count. Raises InputError if there is no such
+        area, if walls cover half of it or more (then it was drawn in the wrong place), or if no cell is free.
+        """
+        spawns = self.plan.spawns
+        if spawn not in spawns:
+            near = difflib.get_close_matches(spawn, spawns, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise InputError(f"{self.name}: no spawn area {spawn!r}; {hint}it has {', '.join(sorted(spawns))}")
+        area = spawns[spawn]
+        buried = area.intersection(self.plan.walls)
+        if buried.area >= 0.5 * area.area:
+            raise InputError(
+                f"{self.name}: spawn area {spawn!r} lies in a wall at {_place(buried)}: "
+                f"{buried.area:.3g} of its {area.area:.3g} m2 are solid; move it onto the floor"
+            )
+        shapely.prepare(area)
+        x, y = np.moveaxis(self._centres(), -1, 0)
+        cells: Cells = shapely.contains_xy(area, x, y) & ~self.occupied
+        if not cells.any():
+            raise InputError(
+                f"{self.name}: spawn area {spawn!r} at {_place(area)} holds the centre of no free cell of "
+                f"{self.lattice.cell:g} m; make it larger"
+            )
+        return cells
+
+    def floor(self, spawn: str) -> Cells:
+        """The free cells (rows, columns) that are 4-connected to the spawn area, whatever the robot's size.
+
+        Where the area touches several unconnected pieces of floor, the one that holds most of it counts.
+        Raises InputError as `spawn_cells` does, and if the outline of the world is open.
+        """
+        seeds = self.spawn_cells(spawn)
+        floor = _piece(~self.occupied, seeds)
+        if _rim(floor).any():
+            raise InputError(f"{self.name}: {self._leak(seeds & floor, spawn)}")
+        return floor
+
+    def reachable(self, spawn: str, radius: float) -> Cells:
+        """The cells (rows, columns) that a robot of `radius` (m) can get to from the spawn area.
+
+        They are free, a disc of `radius` at their centre is clear of all walls, and they are 4-connected to the
+        spawn area through such cells. Raises InputError as `floor` does, and if the robot fits nowhere in the
+        spawn area, if a room has no way to it, or if the robot is wider than every door on that way. Places with
+        less room to move than the robot's own area are no rooms.
+        """
+        self.floor(spawn)
+        centres = shapely.points(self._centres()[~self.occupied])
+        shapely.prepare(self.plan.walls)
+        fits = ~self.occupied
+        fits[fits] = ~shapely.dwithin(centres, self.plan.walls, radius - _TOUCH)
+        seeds = self.spawn_cells(spawn) & fits
+        if not seeds.any():
+            raise InputError(
+                f"{self.name}: a robot of {2 * radius:g} m does not fit anywhere in spawn area {spawn!r} at "
+                f"{_place(self.plan.spawns[spawn])}; make the area larger or the robot smaller"
+            )
+        reachable = _piece(fits, seeds)
+        home = self._room_of(reachable, radius, spawn)
+        self._check_chain(fits & ~reachable, home, radius)
+        return reachable
+
+    def coverage_domain(self, reachable: Cells, observed: Cells) -> Cells:
+        """The cells (rows, columns) whose observation is 100 %.
+
+        `reachable` is what the method of that name gives, `observed` the cells seen from the centres of these. The
+        domain is the observed free cells that are 4-connected to reachable ones through free cells, and the wall
+        cells 4-adjacent to those. Raises InputError, with the cells, if one of them is never observed.
+        """
+        floor = _flood(~self.occupied, reachable) >= 0
+        free = floor & observed
+        domain: Cells = free | (_grown(free) & self.occupied)
+        missed = np.argwhere(domain & ~observed)
+        if len(missed):
+            named = ", ".join(
+                f"row {row} column {column} ({x:.2f} m, {y:.2f} m)"
+                for (row, column), (x, y) in zip(
+                    missed[:_NAMED_CELLS], self.lattice.centres(missed[:_NAMED_CELLS]), strict=True
+                )
+            )
+            raise InputError(
+                f"{self.name}: 100 % is unattainable: no reachable place shows {len(missed)} wall cells that border "
+                f"the floor: {named}{', ...' if len(missed) > _NAMED_CELLS else ''}; "
+                "widen the passage or straighten the wall there"
+            )
+        return domain
+
+    def _centres(self) -> NDArray[np.float64]:
+        """The centres (rows, columns, 2) of all cells, in m."""
+        return self.lattice.centres(np.moveaxis(np.indices(self.lattice.shape), 0, -1))
+
+    def _leak(self, seeds: Cells, spawn: str) -> str:
+        """Where the floor runs out of the walls: first place between walls on the way in from the border."""
+        hops = _flood(~self.occupied, seeds)
+        between = _between(self.occupied)
+        for row, column in _way_in(hops):
+            x, y = self.lattice.centres(np.array([row, column]))
+            if between[row, column]:
+                return (
+                    f"the outline is open near ({x:.2f} m, {y:.2f} m): from spawn area {spawn!r} the floor runs out of "
+                    "the walls there; close the gap"
+                )
+        return f"spawn area {spawn!r} lies outside of the walls at ({x:.2f} m, {y:.2f} m); move it inside"
+
+    def _room_of(self, reachable: Cells, radius: float, spawn: str) -> shapely.Polygon:
+        """Where the centre of the robot can be, however driven; raises InputError if rooms are left over."""
+        left, right, low, high = self.lattice.extent
+        around = 4.0 * radius  # room for the robot to drive around the building
+        free = shapely.box(left - around, low - around, right + around, high + around).difference(self.plan.walls)
+        start = shapely.points(self.lattice.centres(np.argwhere(reachable)[0]))
+        rooms = shapely.get_parts(shapely.buffer(free, _TOUCH - radius))
+        near = shapely.distance(rooms, start)
+        home = rooms[near.argmin()]
+        outside = shapely.bounds(rooms)[:, 0] < left
+        if outside[near.argmin()]:
+            raise InputError(
+                f"{self.name}: the outline is open: a robot of {2 * radius:g} m can slip out of spawn area {spawn!r} "
+                "through a gap narrower than a cell; close the gaps between the outer walls"
+            )
+        lost = rooms[~outside & (rooms != home) & (shapely.area(rooms) >= math.pi * radius**2)]
+        if len(lost):
+            room = lost[shapely.area(lost).argmax()]
+            pieces = shapely.get_parts(free)
+            piece = pieces[shapely.intersects(pieces, room)][0]
+            if not piece.intersects(start):
+                raise InputError(
+                    f"{self.name}: the room at {_place(room)}, {piece.area:.3g} m2, has no way to spawn area "
+                    f"{spawn!r}; give it a door, or fill it"
+                )
+            raise InputError(
+                f"{self.name}: a robot of {2 * radius:g} m is wider than every door to the room at {_place(room)}, "
+                f"{room.buffer(radius).area:.3g} m2; the widest way there is {_widest(piece, room, start, radius):.3f} "
+                "m; widen it, or take a smaller robot"
+            )
+        return home
+
+    def _check_chain(self, unreached: Cells, home: shapely.Polygon, radius: float) -> None:
+        """Raises InputError if the body could get from `home` to a room, but not from free cell to free cell.
+
+        A room has two by two cells; less is a niche along a slanted wall, which is left out of the domain.
+        """
+        blocks = unreached[:-1, :-1] & unreached[1:, :-1] & unreached[:-1, 1:] & unreached[1:, 1:]
+        corners = np.argwhere(blocks)
+        corners = corners[shapely.intersects_xy(home, *self.lattice.centres(corners).T)]
+        if len(corners):
+            x, y = self.lattice.centres(corners[0])
+            raise InputError(
+                f"{self.name}: no chain of free cells leads to the room at ({x:.2f} m, {y:.2f} m), though a robot of "
+                f"{2 * radius:g} m fits through; cells of {self.lattice.cell:g} m are too coarse for its door: widen "
+                "it, or place it on cell edges"
+            )
+
+
+def _place(shape: shapely.Geometry) -> str:
+    """A point inside `shape`, as messages write it."""
+    point = shape.centroid if shape.contains(shape.centroid) else shape.point_on_surface()
+    return f"({point.x:.2f} m, {point.y:.2f} m)"
+
+
+def _boundary(walls: shapely.MultiPolygon) -> NDArray[np.float64]:
+    """The edges (s, 4) of all rings, with the solid side on the left."""
+    rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(walls)))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    edges = np.hstack([corners[:-1], corners[1:]])[ring[:-1] == ring[1:]]
+    kept: NDArray[np.float64] = edges[np.any(edges[:, :2] != edges[:, 2:], axis=1)]
+    return kept
+
+
+def _covered(segments: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:
+    """The share (rows, columns) of each cell that lies to the left of the closed boundary `segments`.
+
+    Green's theorem, cell by cell, as font rasterisers use it: an edge that climbs by dy in a cell takes dy times its
+    distance from the right side of the cell, and dy of full width from every cell further right.
+    """
+    start = (segments[:, :2] - (lattice.x0, lattice.y0)) / lattice.cell
+    step = (segments[:, 2:] - segments[:, :2]) / lattice.cell
+    # Cut every edge where it crosses a line of the lattice, so that each piece lies in one cell.
+    owners, times = [np.arange(len(start)).repeat(2)], [np.tile([0.0, 1.0], len(start))]
+    for axis in (0, 1):
+        ends = np.sort(np.stack([start[:, axis], start[:, axis] + step[:, axis]]), axis=0)
+        first = np.floor(ends[0]).astype(np.int64) + 1
+        counts = np.maximum(np.ceil(ends[1]).astype(np.int64) - first, 0)
+        owner = np.arange(len(start)).repeat(counts)
+        line = np.arange(counts.sum()) - (counts.cumsum() - counts).repeat(counts) + first[owner]
+        owners.append(owner)
+        times.append((line - start[owner, axis]) / step[owner, axis])
+    owner, time = np.concatenate(owners), np.clip(np.concatenate(times), 0.0, 1.0)
+    order = np.lexsort((time, owner))
+    owner, time = owner[order], time[order]
+    whole = owner[:-1] == owner[1:]
+    owner, begin, end = owner[:-1][whole], time[:-1][whole], time[1:][whole]
+    middle = start[owner] + step[owner] * (0.5 * (begin + end))[:, None]
+    climb = step[owner, 1] * (end - begin)
+    column, row = np.floor(middle).astype(np.int64).T
+    share = np.zeros(lattice.shape)
+    beyond = np.zeros(lattice.shape)
+    np.add.at(share, (row, column), -climb * (column + 1.0 - middle[:, 0]))
+    np.add.at(beyond, (row, column), -climb)
+    covered: NDArray[np.float64] = share + beyond.cumsum(axis=1) - beyond
+    return covered
+
+
+def _flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
+    """Steps (rows, columns) between 4-neighbours in `open_cells` from the nearest seed; -1 where there is no way."""
+    width = open_cells.shape[1] + 2
+    free = np.pad(open_cells, 1).ravel()
+    front = np.flatnonzero(np.pad(seeds & open_cells, 1))
+    hops = np.full(free.size, -1, dtype=np.int32)
+    step = 0
+    while front.size:
+        hops[front] = step
+        free[front] = False
+        around = (front[:, None] + (-width, -1, 1, width)).ravel()
+        front = np.unique(around[free[around]])
+        step += 1
+    return hops.reshape(-1, width)[1:-1, 1:-1]
+
+
+def _piece(open_cells: Cells, seeds: Cells) -> Cells:
+    """The 4-connected piece of `open_cells` that holds most of `seeds`; the lowest row and column break a tie."""
+    best, most = np.zeros_like(seeds), 0
+    left = seeds & open_cells
+    while left.any():
+        first = np.zeros_like(left)
+        first[tuple(np.argwhere(left)[0])] = True
+        piece = _flood(open_cells, first) >= 0
+        held = int((piece & left).sum())
+        if held > most:
+            best, most = piece, held
+        left &= ~piece
+        if left.sum() <= most:
+            break
+    return best
+
+
+def _grown(cells: Cells) -> Cells:
+    """The 4-neighbours of `cells`."""
+    padded = np.pad(cells, 1)
+    grown: Cells = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+    return grown
+
+
+def _rim(cells: Cells) -> Cells:
+    """Those of `cells` that lie on the border of the lattice."""
+    rim = cells.copy()
+    rim[1:-1, 1:-1] = False
+    return rim
+
+
+def _between(occupied: Cells) -> Cells:
+    """The free cells with walls both left and right, or both above and below, at any distance."""
+    between = np.zeros_like(occupied)
+    for axis in (0, 1):
+        before = np.logical_or.accumulate(occupied, axis=axis)
+        after = np.flip(np.logical_or.accumulate(np.flip(occupied, axis), axis=axis), axis)
+        between |= before & after
+    return between & ~occupied
+
+
+def _way_in(hops: NDArray[np.int32]) -> list[tuple[int, int]]:
+    """A shortest way, cell by cell, from the border of the lattice to a cell of no hops."""
+    rim = _rim(hops >= 0)
+    row, column = np.argwhere(rim & (hops == hops[rim].min()))[0]
+    way = [(int(row), int(column))]
+    rows, columns = hops.shape
+    while hops[row, column]:
+        for r, c in ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column)):
+            if 0 <= r < rows and 0 <= c < columns and hops[r, c] == hops[row, column] - 1:
+                row, column = r, c
+                break
+        way.append((int(row), int(column)))
+    return way
+
+
+def _widest(piece: shapely.Polygon, room: shapely.Polygon, start: shapely.Point, radius: float) -> float:
+    """The width (m) of the widest disc, narrower than 2 `radius`, that gets from `start` to `room` in `piece`."""
+    low, high = 0.0, radius
+    while high - low > 1e-4:
+        middle = 0.5 * (low + high)
+        parts = shapely.get_parts(shapely.buffer(piece, -middle, quad_segs=64))
+        if any(part.intersects(room) and part.intersects(start) for part in parts):
+            low = middle
+        else:
+            high = middle
+    return 2.0 * low

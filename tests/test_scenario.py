@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import msgspec
+import pytest
+import tomli_w
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import Scenario, decode, load, schema
+
+SMALL = """
+title = "t"
+world = "w.svg"
+[robots]
+count = 3
+spawn = "room"
+[network.topology]
+use = "knn"
+k = 1
+"""
+
+
+def scenario(tmp_path: Path, text: str = SMALL) -> Path:
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    return path
+
+
+def refusal(path: Path, *overrides: str) -> str:
+    with pytest.raises(InputError) as refused:
+        load(path, overrides)
+    return str(refused.value)
+
+
+def test_a_small_file_gets_every_default_written_out(tmp_path: Path) -> None:
+    read = load(scenario(tmp_path))
+    assert read.sensor == {"use": "ir-ring", "tile": [6, 7], "beams": 72, "reach": 1.0, "robots": "ignored"}
+    assert read.network.channel == {"use": "perfect"}
+    assert read.stop.iterations == 5000
+    assert read.grid.cell == 0.15
+
+
+def test_the_world_is_found_from_the_scenario_file(tmp_path: Path) -> None:
+    (tmp_path / "deep").mkdir()
+    path = tmp_path / "deep" / "s.toml"
+    path.write_text(SMALL.replace("w.svg", "../w.svg"))
+    assert load(path).world.file == str(tmp_path / "w.svg")
+    path.write_text(SMALL.replace('"w.svg"', '{file = "w.svg", scale = 0.5}'))
+    assert load(path).world.scale == 0.5
+
+
+def test_a_complete_scenario_reads_back_as_itself(tmp_path: Path) -> None:
+    first = load(scenario(tmp_path))
+    assert decode(tomllib.loads(tomli_w.dumps(msgspec.to_builtins(first))), "again") == first
+
+
+def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
+    read = load(
+        scenario(tmp_path),
+        ["robots.count=7", "network.topology.k=2", 'title="a = b"', "stop.coverage=0.5", "sensor.tile=[5, 5]"],
+    )
+    assert (read.robots.count, read.title, read.stop.coverage) == (7, "a = b", 0.5)
+    assert read.network.topology == {"use": "knn", "k": 2}
+    assert read.sensor["tile"] == [5, 5]
+
+
+def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:
+    assert load(scenario(tmp_path), ['network.topology={use="ring"}']).network.topology == {"use": "ring"}
+    assert "network.topology.k" in refusal(scenario(tmp_path), 'network.topology.use="ring"')
+
+
+@pytest.mark.parametrize(
+    ("overrides", "parts"),
+    [
+        (["robots.cuont=3"], ["robots.cuont", "unknown key", "'count'"]),
+        (["sede=3"], ["sede", "unknown key", "'seed'"]),
+        (["network.topology.kk=3"], ["network.topology.kk", "unknown key", "'k'"]),
+        (["sensor.beems=3"], ["sensor.beems", "'beams'"]),
+        (["robots.count=0"], ["robots.count", ">= 1"]),
+        (["robots.count=-4"], ["robots.count", ">= 1"]),
+        (["robots.count=2.5"], ["robots.count", "expected `int`", "float"]),
+        (['robots.count="many"'], ["robots.count", "expected `int`", "str"]),
+        (["robots.radius=0"], ["robots.radius", "> 0"]),
+        (["period=-1"], ["period", "> 0"]),
+        (["period=nan"], ["period", "finite"]),
+        (["period=inf"], ["period", "finite"]),
+        (["stop.coverage=1.5"], ["stop.coverage", "<= 1"]),
+        (["seed=-1"], ["seed", ">= 0"]),
+        (["network.topology.k=-1"], ["network.topology.k", ">= 0"]),
+        (['network.topology={use="knm"}'], ["network.topology.use", "'knm'", "'knn'"]),
+        (['network.topology={use="knn"}'], ["network.topology.k", "missing"]),
+        (["network.topology={k=1}"], ["network.topology.use", "missing"]),
+        (['sensor={use="no.such.module:Part"}'], ["sensor.use", "no.such.module"]),
+        (['sensor={use="json:dumps"}'], ["sensor.use", "not a part"]),
+        (["robots=3"], ["robots", "expected `object`"]),
+        (["robots.count.deep=3"], ["robots.count is 3, not a table"]),
+        (["robots.count"], ["key=value"]),
+        (["title=plain"], ["plain", "quotes"]),
+        (['behaviour.replan="never"'], ["behaviour.replan", "never"]),
+    ],
+)
+def test_a_bad_value_is_refused_with_file_key_and_remedy(tmp_path: Path, overrides: list[str], parts: list[str]) -> None:
+    message = refusal(scenario(tmp_path), *overrides)
+    assert "\n" not in message
+    assert str(tmp_path / "s.toml") in message or "--set" in message
+    for part in parts:
+        assert part in message, message
+
+
+def test_broken_files_are_refused_with_the_place(tmp_path: Path) -> None:
+    assert "cannot be read" in refusal(tmp_path / "none.toml")
+    assert "line 2" in refusal(scenario(tmp_path, 'title = "x"\nworld = \n'))
+    assert "robots: required key is missing" in refusal(scenario(tmp_path, 'title = "x"\nworld = "w.svg"'))
+    binary = tmp_path / "b.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    assert "UTF-8" in refusal(binary)
+    assert "cannot be read" in refusal(tmp_path)
+
+
+values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.dates(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=6,
+)
+keys = st.sampled_from([*Scenario.__struct_fields__, "robots.count", "network.topology", "sensor.use", "sensor.tile", "x"])
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(st.dictionaries(keys, values, max_size=4))
+def test_no_table_makes_anything_but_a_scenario_or_a_refusal(changes: dict[str, Any]) -> None:
+    table = tomllib.loads(SMALL)
+    for key, value in changes.items():
+        inner = table
+        *path, last = key.split(".")
+        for step in path:
+            inner = inner.setdefault(step, {}) if isinstance(inner.setdefault(step, {}), dict) else {}
+        inner[last] = value
+    try:
+        decode(table, "fuzzed")
+    except InputError as refused:
+        assert str(refused).startswith("fuzzed: ")
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.text(max_size=40))
+def test_no_override_makes_anything_but_a_scenario_or_a_refusal(text: str) -> None:
+    path = Path(__file__).parent.parent / "scenarios" / "room.toml"
+    try:
+        load(path, [text])
+    except InputError as refused:
+        assert str(refused)
+
+
+def test_the_schema_accepts_every_shipped_scenario_and_refuses_unknown_keys(root: Path) -> None:
+    described = schema()
+    jsonschema.Draft202012Validator.check_schema(described)
+    validator = jsonschema.Draft202012Validator(described)
+    for path in sorted(root.glob("scenarios/**/*.toml")):
+        table = tomllib.loads(path.read_text())
+        validator.validate(table)
+        assert not validator.is_valid(table | {"sede": 1})
+        assert not validator.is_valid(table | {"sensor": {"use": "ir-ring", "beems": 3}})
