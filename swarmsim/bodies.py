@@ -15,7 +15,9 @@ from swarmsim.core.state import State
 from swarmsim.kernels import drive
 
 GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
-READ = batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
+READ = (
+    batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
+)
 WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
 
 
@@ -33,7 +35,7 @@ class DifferentialDrive:
         self._grip = 0.5 * robots.traction * robots.mass * GRAVITY  # N, one wheel
         self.space = pymunk.Space()
         self.space.iterations = 10
-        self.space.collision_slop = 0.005 * robots.radius  # Chipmunk's default is made for pixels
+        self.space.collision_slop = 0.001 * robots.radius  # Chipmunk's default is made for pixels
         self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
         for x1, y1, x2, y2 in walls:
             wall = pymunk.Segment(self.space.static_body, (x1, y1), (x2, y2), 0.0)

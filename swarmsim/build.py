@@ -73,7 +73,9 @@ def _read(path: Path, name: str) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except OSError as problem:
-        raise InputError(f"{name}: world: {path} cannot be read ({problem.strerror}); expected an SVG file") from problem
+        raise InputError(
+            f"{name}: world: {path} cannot be read ({problem.strerror}); expected an SVG file"
+        ) from problem
     except UnicodeDecodeError as problem:
         raise InputError(f"{name}: world: {path} is not UTF-8 text; expected an SVG file") from problem
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
+    from rich.progress import Progress, TaskID
     from rich.table import Table
 
     from swarmsim.build import Run
@@ -95,7 +95,7 @@ def run(
         (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         if video is not None:
             _film(recording, video, progress)
-        progress.console.print(_table(summary, folder))
+    progress.console.print(_table(summary, folder))
     raise typer.Exit(FINISHED if finished else NOT_FINISHED)
 
 
@@ -201,7 +201,9 @@ def _new_folder(asked: Path | None, stem: str) -> Path:
         except FileExistsError as problem:
             if asked is None:
                 continue
-            raise InputError(f"--out {folder}: exists already; expected a new folder, no run is overwritten") from problem
+            raise InputError(
+                f"--out {folder}: exists already; expected a new folder, no run is overwritten"
+            ) from problem
         except OSError as problem:
             raise InputError(
                 f"--out {folder}: cannot be made ({problem.strerror}); expected a place that can be written"
@@ -213,22 +215,26 @@ def _simulate(made: Run, path: Path, progress: Progress) -> bool:
     """Run to the end with a recording and a progress bar; an interrupted run keeps what it has recorded."""
     from swarmsim.recording import Recorder
 
-    robots = made.scenario.robots.count
     task = progress.add_task("simulating", total=made.scenario.stop.coverage, text="")
-    begun = time.perf_counter()
-
-    class Bar:
-        def sample(self, moment: Moment) -> None:
-            if moment.state.iteration % 10 == 0 or made.simulation.over:
-                simulated = (moment.state.iteration + 1) * made.scenario.period
-                text = (
-                    f"iteration {moment.state.iteration + 1}, {moment.coverage.share:.1%} mapped, "
-                    f"{moment.state.alive.sum()}/{robots} alive, {simulated / (time.perf_counter() - begun):.0f} x real time"
-                )
-                progress.update(task, completed=moment.coverage.share, text=text)
-
     with Recorder(path, made.scenario, made.world, made.arena.lattice, made.domain, made.arena.occupied) as recorder:
-        return made.simulation.run([recorder, Bar()])
+        return made.simulation.run([recorder, _Bar(progress, task, made)])
+
+
+class _Bar:
+    """A probe that moves the progress bar, every tenth iteration and at the end."""
+
+    def __init__(self, progress: Progress, task: TaskID, made: Run) -> None:
+        self._progress, self._task, self._made = progress, task, made
+        self._begun = time.perf_counter()
+
+    def sample(self, moment: Moment) -> None:
+        done = moment.state.iteration + 1
+        if done % 10 and not self._made.simulation.over:
+            return
+        faster = done * self._made.scenario.period / (time.perf_counter() - self._begun)
+        alive = f"{moment.state.alive.sum()}/{moment.state.robots} alive"
+        text = f"iteration {done}, {moment.coverage.share:.1%} mapped, {alive}, {faster:.0f} x real time"
+        self._progress.update(self._task, completed=moment.coverage.share, text=text)
 
 
 def _film(
@@ -254,7 +260,11 @@ def _progress(quiet: bool) -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %  {task.fields[text]}"))
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %  {task.fields[text]}"),
+    )
     return Progress(*columns, console=Console(quiet=quiet))
 
 

@@ -93,7 +93,13 @@ class Recorder:
     """
 
     def __init__(
-        self, path: Path, scenario: Scenario, world: str, lattice: Lattice, domain: NDArray[np.bool_], truth: NDArray[np.bool_]
+        self,
+        path: Path,
+        scenario: Scenario,
+        world: str,
+        lattice: Lattice,
+        domain: NDArray[np.bool_],
+        truth: NDArray[np.bool_],
     ) -> None:
         """`world` is the floor plan's SVG text; `domain` and `truth` (occupied) are (rows, columns)."""
         self._digests = Digests()
@@ -166,7 +172,8 @@ class Recorder:
         if ways:
             self._append("waypoints", np.concatenate(ways))
             self._append(
-                "paths", [(moment.state.iteration, robot, end) for (moment, robot), end in zip(planned, ends, strict=True)]
+                "paths",
+                [(moment.state.iteration, robot, end) for (moment, robot), end in zip(planned, ends, strict=True)],
             )
             self._totals["waypoints"] = int(ends[-1])
         events = [(e.iteration, e.robot, e.kind.encode(), e.cause.encode()) for moment in held for e in moment.events]
@@ -193,7 +200,9 @@ class Recorder:
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
 

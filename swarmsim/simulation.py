@@ -32,7 +32,8 @@ class Simulation:
         self, parts: Parts, domain: NDArray[np.bool_], state: State, period: float, coverage: float, limit: int
     ) -> None:
         """`domain` (rows, columns) is what can be mapped, `coverage` the share of it that ends the run,
-        `limit` the number of iterations after which it ends unfinished."""
+        `limit` the number of iterations after which it ends unfinished.
+        """
         self.parts = parts
         self._domain = domain.reshape(-1).view(np.uint64)
         self._cells = int(domain.sum())

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,10 +22,10 @@ def made(*overrides: str, scenario: str = "room") -> Run:
 
 
 @pytest.fixture(scope="session")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The recording of a whole run in the small room."""
     path = tmp_path_factory.mktemp("room") / "recording.h5"
     run = made()
     with Recorder(path, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied) as recorder:
         assert run.simulation.run([recorder])
-    yield path
+    return path

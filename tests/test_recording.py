@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -184,10 +185,8 @@ def test_flipped_bytes_give_a_refusal_or_a_recording_but_no_traceback(room: Path
             broken[at] ^= 0xFF
         path = tmp_path / "broken.h5"
         path.write_bytes(broken)
-        try:
-            Recording(path).summary()
-        except InputError as refused:
-            assert "broken.h5" in str(refused)
+        with suppress(InputError):  # anything else fails this test
+            assert Recording(path).summary()["iterations"] >= 0
 
 
 def test_another_format_or_another_file_is_refused(room: Path, tmp_path: Path) -> None:
@@ -195,7 +194,7 @@ def test_another_format_or_another_file_is_refused(room: Path, tmp_path: Path) -
     other.write_bytes(room.read_bytes())
     with h5py.File(other, "r+") as file:
         file.attrs["swarmsim-recording"] = 99
-    with pytest.raises(InputError, match="format 99.*reads format 1"):
+    with pytest.raises(InputError, match=r"format 99.*reads format 1"):
         Recording(other)
     plain = tmp_path / "plain.h5"
     with h5py.File(plain, "w") as file:

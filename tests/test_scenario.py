@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +106,9 @@ def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:
         (['behaviour.replan="never"'], ["behaviour.replan", "never"]),
     ],
 )
-def test_a_bad_value_is_refused_with_file_key_and_remedy(tmp_path: Path, overrides: list[str], parts: list[str]) -> None:
+def test_a_bad_value_is_refused_with_file_key_and_remedy(
+    tmp_path: Path, overrides: list[str], parts: list[str]
+) -> None:
     message = refusal(scenario(tmp_path), *overrides)
     assert "\n" not in message
     assert str(tmp_path / "s.toml") in message or "--set" in message
@@ -128,7 +131,9 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
     max_leaves=6,
 )
-keys = st.sampled_from([*Scenario.__struct_fields__, "robots.count", "network.topology", "sensor.use", "sensor.tile", "x"])
+keys = st.sampled_from(
+    [*Scenario.__struct_fields__, "robots.count", "network.topology", "sensor.use", "sensor.tile", "x"]
+)
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
@@ -141,20 +146,16 @@ def test_no_table_makes_anything_but_a_scenario_or_a_refusal(changes: dict[str, 
         for step in path:
             inner = inner.setdefault(step, {}) if isinstance(inner.setdefault(step, {}), dict) else {}
         inner[last] = value
-    try:
-        decode(table, "fuzzed")
-    except InputError as refused:
-        assert str(refused).startswith("fuzzed: ")
+    with suppress(InputError):  # anything else fails this test
+        assert isinstance(decode(table, "fuzzed"), Scenario)
 
 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.text(max_size=40))
 def test_no_override_makes_anything_but_a_scenario_or_a_refusal(text: str) -> None:
     path = Path(__file__).parent.parent / "scenarios" / "room.toml"
-    try:
-        load(path, [text])
-    except InputError as refused:
-        assert str(refused)
+    with suppress(InputError):  # anything else fails this test
+        assert isinstance(load(path, [text]), Scenario)
 
 
 def test_the_schema_accepts_every_shipped_scenario_and_refuses_unknown_keys(root: Path) -> None:

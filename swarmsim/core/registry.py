@@ -46,20 +46,17 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
     if ":" in use:
         module, _, name = use.partition(":")
         try:
-            kind = getattr(importlib.import_module(module), name)
+            kind: type[msgspec.Struct] = getattr(importlib.import_module(module), name)
         except (ImportError, AttributeError, ValueError) as problem:
             raise InputError(f"use: {use!r} cannot be imported ({problem}); expected 'module:Name'") from problem
         if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct) and callable(getattr(kind, "build", None))):
             raise InputError(f"use: {use!r} is not a part: expected a msgspec.Struct with a method 'build'")
-        found: type[msgspec.Struct] = kind
-        return found
+        return kind
     entries = entry_points(group=f"swarmsim.{seam}", name=use)
     for entry in entries:
-        kind = entry.load()
-        assert issubclass(kind, msgspec.Struct)
-        return kind
-    names = {entry.name: entry for entry in entry_points(group=f"swarmsim.{seam}")}
-    raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, names)}")
+        found: type[msgspec.Struct] = entry.load()
+        return found
+    raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, known(seam))}")
 
 
 def _refuse_what_no_struct_takes(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> None:

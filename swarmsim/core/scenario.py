@@ -48,7 +48,7 @@ class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Physics(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How the rigid bodies are integrated."""
 
-    substep: Positive = 1.0 / 60.0  # s, at most; rounded down to a whole fraction of the period
+    substep: Positive = 1.0 / 64.0  # s, at most; rounded down to a whole fraction of the period
     friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
 
 
@@ -183,7 +183,14 @@ def schema() -> dict[str, Any]:
             required = [] if name == registry.SEAMS[seam] else ["use"]
             part["required"] = required + part.get("required", [])
             choices.append(part)
-        choices.append({"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]})
+        choices.append(
+            {"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]}
+        )
         place = defs["Network"] if seam in _NETWORKED else root
         place["properties"][seam] = {"anyOf": choices}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "swarmsim scenario", **root, "$defs": defs}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **root,
+        "title": "swarmsim scenario",
+        "$defs": defs,
+    }

@@ -241,9 +241,9 @@ def _to_explore(maps, i, now, rules, r, c):
     rows, columns = maps.observed.shape[1:]
     for rf in range(max(0, r - rules.span), min(rows, r + rules.span + 1)):
         for cf in range(max(0, c - rules.span), min(columns, c + rules.span + 1)):
-            if maps.shunned[i, rf, cf] <= now and is_frontier(maps, i, rf, cf):
-                if (rf == r and cf == c) or not fits(maps, i, now, rules, rf, cf):
-                    return rf * columns + cf
+            unexplored = maps.shunned[i, rf, cf] <= now and is_frontier(maps, i, rf, cf)
+            if unexplored and ((rf == r and cf == c) or not fits(maps, i, now, rules, rf, cf)):
+                return rf * columns + cf
     return -1
 
 
@@ -410,7 +410,8 @@ def _drop(plans, i):
 def decide(now, pose, alive, news, maps, plans, rules, salts, tie_salts, work):
     """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
 
-    `pose` (n, 3) in m and rad; `news` (n,) cells new on each robot's map; `salts` and `tie_salts` (n,) are random numbers of the robots' own. The rules:
+    `pose` (n, 3) in m and rad; `news` (n,) counts the cells new on each robot's map; `salts` and `tie_salts`
+    (n,) are random numbers of the robots' own. The rules:
 
     1. A goal is kept while it is a frontier and can be reached (`rules.keep`); when the path to it is no
        longer open, another one is planned.

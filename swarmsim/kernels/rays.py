@@ -12,6 +12,7 @@ from numba import njit
 
 ENDPOINT_SLACK = 1e-12  # of a segment's length: beams at a shared corner must not slip between two walls
 INSIDE = 1e-6  # m: how far behind the surface a hit is looked up, so that it falls into the wall's own cell
+ROUNDING = 1e-9  # cells: a beam that ends on a cell's edge has crossed that cell
 CLIPPED = 0.2  # cells: a beam with a shorter way through a cell says nothing about it
 
 
@@ -132,7 +133,7 @@ def _mark(tile, row0, column0, u, v, du, dv, length, reached_wall):
         if r < 0 or r >= rows or c < 0 or c >= columns:
             return
         leaves = min(next_u, next_v)
-        if leaves > length:
+        if leaves > length + ROUNDING:
             if reached_wall or length - entered < CLIPPED:
                 return
             leaves = length
@@ -150,15 +151,14 @@ def _mark(tile, row0, column0, u, v, du, dv, length, reached_wall):
 
 
 @njit(cache=True, error_model="numpy")
-def sense(
-    pose, alive, ring, reach, walls, start, members, coarse, lattice, robot_radius, occlude, obstacle, tiles, origins
-):
+def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radius, occlude, obstacle, tiles, origins):
     """Fill every robot's tile from its ring of beams.
 
-    `pose` (n, 3), `alive` (n,), `ring` (b, 2) cosine and sine of each beam's angle to the heading, `reach` in m, `walls`
-    (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is `coarse`
-    = (x0, y0, side, rows, columns); `lattice` = (x0, y0, cell). Robots stop beams if `occlude`, and
-    count as occupied cells if `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2).
+    `pose` (n, 3), `alive` (n,), `ring` (b, 2) cosine and sine of each beam's angle to the heading, `reach`
+    in m, `walls` (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is
+    `coarse` = (x0, y0, side, rows, columns); `lattice` = (x0, y0, cell). Robots, discs of `radius`, stop beams
+    if `occlude`, and count as occupied cells if `obstacle`. Writes `tiles` (n, rows, columns) and `origins`
+    (n, 2).
 
     A cell is free when some beam crosses at least a fifth of a cell of it (or starts there) on its way,
     and occupied, which outweighs free, when some beam ends in it.
@@ -198,10 +198,10 @@ def sense(
         if occlude:
             for j in range(robots):
                 apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
-                if j != i and alive[j] and apart <= reach + robot_radius:
+                if j != i and alive[j] and apart <= reach + radius:
                     discs[others, 0] = pose[j, 0]
                     discs[others, 1] = pose[j, 1]
-                    discs[others, 2] = robot_radius
+                    discs[others, 2] = radius
                     others += 1
         cos = math.cos(pose[i, 2])
         sin = math.sin(pose[i, 2])

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from fractions import Fraction
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, Final
 
-import av
+import imageio.v2 as imageio
 import numpy as np
 import pygame
-from av.container import OutputContainer
-from av.video.reformatter import ColorRange, Colorspace
-from av.video.stream import VideoStream
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -28,11 +23,9 @@ HOLD = 2.0  # s of film, how long the end stays
 SMALLEST = (480, 270)  # pixels, below which nothing can be read
 LARGEST = (7680, 4320)  # pixels
 FASTEST = {".mp4": 120, ".gif": 50}  # frames per second; players slow faster GIFs down
-CONTAINER: Final = {".mp4": {"movflags": "+faststart"}, ".gif": {"loop": "0"}}  # index at the front; endless
-QUALITY = "19"  # x264's constant rate factor: no loss that the eye sees
-THREADS = 4  # fixed, because x264's bytes depend on it
+#: No loss that the eye sees; a fixed number of threads, because x264's bytes depend on it; index at the front.
+ENCODER = ["-crf", "19", "-preset", "veryfast", "-threads", "4", "-movflags", "+faststart", "-fflags", "+bitexact"]
 SAMPLES = 5  # frames whose colours make a GIF's palette
-COMMON = 96  # colours of theirs that a GIF keeps exactly
 
 Pixels = NDArray[np.uint8]  # (height, width, 3): red, green, blue
 
@@ -64,23 +57,42 @@ def write_film(
     """
     check_film(out, fps, speed, size)
     canvas = Canvas(Scene(recording), size)
-    moments = _moments(recording, fps, speed)
-    convert: Callable[[Pixels], av.VideoFrame] = _yuv
-    suffix = out.suffix.lower()
-    if suffix == ".gif":
-        samples = np.linspace(0.0, recording.iterations, SAMPLES).tolist()
-        convert = Palette([_pixels(canvas.draw(moment)) for moment in samples]).picture
-    with _whole(out) as part, av.open(str(part), "w", format=suffix[1:], options=CONTAINER[suffix]) as file:
-        stream = (_gif if suffix == ".gif" else _h264)(file, fps, size)
-        shown = -1.0
-        for done, moment in enumerate(moments):
-            if moment != shown:
-                shown, picture = moment, convert(_pixels(canvas.draw(moment)))
-            picture.pts, picture.time_base = done, Fraction(1, fps)
-            file.mux(stream.encode(picture))
-            if progress is not None:
-                progress(done + 1, len(moments))
-        file.mux(stream.encode(None))
+    pictures = _pictures(canvas, _moments(recording, fps, speed), progress)
+    with _whole(out) as part:
+        if out.suffix.lower() == ".mp4":
+            _write_mp4(part, pictures, fps)
+        else:
+            samples = np.linspace(0.0, recording.iterations, SAMPLES)
+            _write_gif(part, pictures, fps, [_pixels(canvas.draw(moment)) for moment in samples])
+
+
+def _pictures(canvas: Canvas, moments: list[float], progress: Callable[[int, int], None] | None) -> Iterator[Pixels]:
+    for done, moment in enumerate(moments):
+        if done == 0 or moment != moments[done - 1]:
+            picture = _pixels(canvas.draw(moment))
+        yield picture
+        if progress is not None:
+            progress(done + 1, len(moments))
+
+
+def _write_mp4(part: Path, pictures: Iterable[Pixels], fps: int) -> None:
+    """H.264 with half the colour resolution, as every player knows it."""
+    film = imageio.get_writer(
+        part, "FFMPEG", fps=fps, codec="libx264", pixelformat="yuv420p", quality=None, macro_block_size=2,
+        ffmpeg_log_level="error", output_params=ENCODER,
+    )  # fmt: skip
+    with closing(film):  # as a context of its own it would leave ffmpeg running after an exception
+        for picture in pictures:
+            film.append_data(picture)
+
+
+def _write_gif(part: Path, pictures: Iterable[Pixels], fps: int, samples: list[Pixels]) -> None:
+    """An endless GIF whose frames share one palette and hold only what changed; nothing is dithered."""
+    palette = Image.fromarray(np.vstack(samples)).quantize(255, dither=Image.Dither.NONE)
+    frames = [Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    frames[0].save(
+        part, "GIF", save_all=True, append_images=frames[1:], duration=round(1000 / fps), loop=0, optimize=True
+    )
 
 
 def _moments(recording: Recording, fps: int, speed: float) -> list[float]:
@@ -123,74 +135,12 @@ def _check_size(size: tuple[int, int]) -> None:
 
 @contextmanager
 def _whole(out: Path) -> Iterator[Path]:
-    """A name beside `out` to write to, which becomes `out` at the end and vanishes upon any exception."""
-    part = out.with_name(f".{out.name}.{os.getpid()}.part")
+    """A file in a folder of its own beside `out`, which becomes `out` at the end and vanishes upon any exception."""
     try:
-        try:
-            part.touch()
-        except OSError as problem:
-            raise InputError(f"{out}: cannot be written ({problem.strerror})") from problem
+        folder = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent, ignore_cleanup_errors=True)
+    except OSError as problem:
+        raise InputError(f"{out}: cannot be written ({problem.strerror})") from problem
+    with folder as name:
+        part = Path(name) / out.name
         yield part
         part.replace(out)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def _h264(file: OutputContainer, fps: int, size: tuple[int, int]) -> VideoStream:
-    """H.264 as every player knows it: yuv420p, Rec. 709."""
-    stream = file.add_stream("libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"})
-    stream.width, stream.height = size
-    stream.pix_fmt = "yuv420p"
-    context = stream.codec_context
-    context.thread_count = THREADS
-    context.color_range, context.colorspace = ColorRange.MPEG, Colorspace.ITU709
-    context.color_primaries = context.color_trc = 1  # Rec. 709
-    return stream
-
-
-def _yuv(pixels: Pixels) -> av.VideoFrame:
-    return av.VideoFrame.from_ndarray(pixels, "rgb24").reformat(
-        format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG
-    )
-
-
-def _gif(file: OutputContainer, fps: int, size: tuple[int, int]) -> VideoStream:
-    """GIF, in which a frame holds only what changed since the one before."""
-    stream = file.add_stream("gif", rate=fps)
-    stream.width, stream.height = size
-    stream.pix_fmt = "pal8"
-    return stream
-
-
-class Palette:
-    """The 255 colours of a GIF, and which of them stands for any other; nothing is dithered."""
-
-    def __init__(self, samples: list[Pixels]) -> None:
-        """The most frequent colours of the samples stay as they are; the rest share what is left."""
-        pixels = np.concatenate([sample.reshape(-1, 3) for sample in samples]).astype(np.int64)
-        colours, counts = np.unique(pixels @ (1 << 16, 1 << 8, 1), return_counts=True)
-        common = colours[np.argsort(-counts, kind="stable")[:COMMON]]
-        exact = np.stack([common >> 16, common >> 8 & 255, common & 255], axis=1)
-        sheet = Image.fromarray(np.vstack(samples)).quantize(255 - COMMON, dither=Image.Dither.NONE)
-        others = np.array(sheet.getpalette("RGB")).reshape(-1, 3)[: 255 - COMMON]
-        chosen = np.concatenate([exact, others])
-        self._colours = np.zeros((256, 4), np.uint8)  # alpha, red, green, blue; the last is clear, for what stays
-        self._colours[: len(chosen)] = np.insert(chosen, 0, 255, axis=1)
-        levels = np.arange(32) * 8 + 4  # of a channel cut to five bits
-        wanted = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(-1, 1, 3)
-        self._nearest = ((wanted - chosen) ** 2).sum(axis=-1).argmin(axis=1).astype(np.uint8)
-        # A frequent colour is met exactly; among those that five bits cannot tell apart, the commonest.
-        self._nearest[_five_bits(exact[::-1])] = np.arange(len(exact))[::-1]
-
-    def picture(self, pixels: Pixels) -> av.VideoFrame:
-        """A frame of indices into the palette."""
-        indices = self._nearest[_five_bits(pixels)]
-        # PyAV's hints forget that pal8 takes a pair.
-        return av.VideoFrame.from_ndarray((indices, self._colours), "pal8")  # type: ignore[arg-type]
-
-
-def _five_bits(colours: NDArray[np.integer[Any]]) -> NDArray[np.uint16]:
-    """Colours (..., 3) as one number (...) each, of five bits a channel, red first."""
-    red, green, blue = np.moveaxis((colours >> 3).astype(np.uint16), -1, 0)
-    packed: NDArray[np.uint16] = red << 10 | green << 5 | blue
-    return packed

@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SMALL_PLAN = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 3 3">
+<g id="walls"><path fill-rule="evenodd" d="M0 0H3V3H0Z M.3 .3V2.7H2.7V.3Z"/>{walls}</g>
+<g id="spawn">{spawn}</g></svg>"""
+SPAWN = '<rect id="room" x="0.6" y="0.6" width="0.6" height="0.6"/>'
+SMALL = """title = "t"
+world = "w.svg"
+[robots]
+count = 2
+spawn = "room"
+[network.topology]
+use = "knn"
+k = 1
+[stop]
+iterations = 200
+"""
+
+
+def swarmsim(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "SDL_VIDEODRIVER")}
+    command = [sys.executable, "-m", "swarmsim", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, env=environment)
+
+
+def plan(folder: Path, walls: str = "", spawn: str = SPAWN, text: str | None = None) -> Path:
+    (folder / "w.svg").write_text(SMALL_PLAN.format(walls=walls, spawn=spawn) if text is None else text)
+    scenario = folder / "s.toml"
+    scenario.write_text(SMALL)
+    return scenario
+
+
+def test_a_run_leaves_recording_summary_and_film_and_verifies(tmp_path: Path) -> None:
+    scenario, out, film = plan(tmp_path), tmp_path / "run", tmp_path / "film.mp4"
+    done = swarmsim("run", scenario, "--seed", 3, "--out", out, "--video", film)
+    assert done.returncode == 0, done.stderr
+    assert "finished" in done.stdout
+    assert sorted(path.name for path in out.iterdir()) == ["recording.h5", "summary.json"]
+    assert film.stat().st_size > 10_000
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["status"], summary["seed"], summary["coverage"]) == ("finished", 3, 1.0)
+
+    shown = swarmsim("show", out)
+    assert shown.returncode == 0
+    assert summary["digest"] in shown.stdout
+    assert json.loads(swarmsim("show", out, "--json").stdout) == summary
+
+    verified = swarmsim("verify", out)
+    assert verified.returncode == 0, verified.stderr
+    assert f"equal in all {summary['iterations']} iterations" in verified.stdout
+
+    again = swarmsim("run", scenario, "--seed", 3, "--out", tmp_path / "again", "--quiet")
+    assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
+    assert json.loads((tmp_path / "again" / "summary.json").read_text())["digest"] == summary["digest"]
+    gif = swarmsim("video", out, tmp_path / "film.gif", "--size", "640x360", "--fps", 5, "--speed", 40, "--quiet")
+    assert gif.returncode == 0, gif.stderr
+    assert (tmp_path / "film.gif").read_bytes()[:6] == b"GIF89a"
+
+
+def test_verify_names_the_first_iteration_and_field_that_differ(tmp_path: Path) -> None:
+    import h5py
+
+    scenario = plan(tmp_path)
+    assert swarmsim("run", scenario, "--out", tmp_path / "run", "--quiet").returncode == 0
+    with h5py.File(tmp_path / "run" / "recording.h5", "r+") as file:
+        changed = file["digests"][:]
+        changed[2, 4, 0] ^= 1
+        file["digests"][...] = changed
+    done = swarmsim("verify", tmp_path / "run")
+    assert done.returncode == 1
+    assert "different: iteration 2, field 'tiles'" in done.stdout
+
+
+def test_a_run_that_does_not_finish_says_so_with_exit_code_1(tmp_path: Path) -> None:
+    done = swarmsim("run", plan(tmp_path), "--set", "stop.iterations=3", "--out", tmp_path / "run")
+    assert done.returncode == 1
+    assert "not finished" in done.stdout
+    assert json.loads((tmp_path / "run" / "summary.json").read_text())["reached"]["100 %"] is None
+
+
+def test_runs_without_a_folder_of_their_own_are_numbered(tmp_path: Path) -> None:
+    scenario = plan(tmp_path)
+    for _ in range(2):
+        swarmsim("run", scenario, "--set", "stop.iterations=2", "--quiet", cwd=tmp_path)
+    assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["s-1", "s-2"]
+
+
+def test_the_schema_version_and_help_are_printed() -> None:
+    assert json.loads(swarmsim("schema").stdout)["title"] == "swarmsim scenario"
+    assert swarmsim("--version").stdout.startswith("swarmsim ")
+    for command in ("run", "video", "show", "verify", "schema"):
+        done = swarmsim(command, "--help")
+        assert done.returncode == 0
+        assert f"Example: swarmsim {command}" in done.stdout
+
+
+def test_help_imports_nothing_heavy() -> None:
+    heavy = ("numpy", "numba", "pymunk", "pygame", "h5py", "shapely", "msgspec", "imageio", "matplotlib")
+    code = f"import sys, swarmsim.cli; sys.exit(' '.join(m for m in {heavy} if m in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""
+
+
+PILLAR = '<rect x="1.35" y="0" width="0.15" height="{}"/>'
+BAD_PLANS = [
+    ({"text": "no svg"}, "w.svg", "XML"),
+    ({"text": "<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 9 9'/>"}, "w.svg", "walls"),
+    ({"spawn": ""}, "w.svg", "spawn"),
+    ({"spawn": SPAWN.replace('"room"', '"hall"')}, "'room'", "hall"),
+    ({"spawn": '<rect id="room" x="0" y="0" width="0.25" height="0.25"/>'}, "'room'", "w.svg"),
+    ({"walls": '<path id="flap" d="M1 1 L2 1 L2 2"/>'}, "flap", "close"),
+    ({"walls": PILLAR.format(3)}, "w.svg", "has no way to spawn area"),
+]
+
+
+@pytest.mark.parametrize(("parts", "first", "second"), BAD_PLANS)
+def test_a_bad_floor_plan_is_refused_before_anything_is_written(
+    tmp_path: Path, parts: dict[str, str], first: str, second: str
+) -> None:
+    refused(tmp_path, [first, second], "run", plan(tmp_path, **parts))
+
+
+def test_an_open_building_is_refused(tmp_path: Path) -> None:
+    text = SMALL_PLAN.replace('d="M0 0H3V3H0Z M.3 .3V2.7H2.7V.3Z"', 'd="M0 0H3V3H0V2H.3V2.7H2.7V.3H.3V1H0Z"')
+    refused(tmp_path, ["w.svg", "open"], "run", plan(tmp_path, text=text.format(walls="", spawn=SPAWN)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (["network.topology.k=2"], ["s.toml: network.topology.k", "at most 1"]),
+        (["robots.count=999"], ["s.toml: robots.count", "'room'", "holds"]),
+        (["robots.radius=1.3"], ["w.svg", "robot"]),
+        (["sensor.beams=4"], ["s.toml: sensor.beams", "at least"]),
+        (["behaviour.hit=0.3"], ["s.toml: behaviour.hit", "lowest < miss < 0.5 < hit < highest"]),
+        (["robots.cuont=3"], ["robots.cuont", "'count'"]),
+        (["grid.cell=0.0001"], ["cells"]),
+    ],
+)
+def test_what_cannot_work_is_refused_before_anything_is_written(
+    tmp_path: Path, settings: list[str], words: list[str]
+) -> None:
+    arguments = [part for setting in settings for part in ("--set", setting)]
+    refused(tmp_path, words, "run", plan(tmp_path), *arguments)
+
+
+def test_a_robot_wider_than_every_door_is_refused(tmp_path: Path) -> None:
+    scenario = plan(tmp_path, walls=PILLAR.format(1.2) + '<rect x="1.35" y="1.5" width="0.15" height="1.5"/>')
+    done = refused(tmp_path, ["w.svg", "door"], "run", scenario, "--set", "robots.radius=0.2")
+    assert "0.4" in done
+    assert swarmsim("run", scenario, "--out", tmp_path / "slim", "--quiet").returncode == 0
+
+
+def test_bad_places_are_refused(tmp_path: Path) -> None:
+    scenario = plan(tmp_path)
+    refused(tmp_path, ["nowhere.toml", "cannot be read"], "run", tmp_path / "nowhere.toml")
+    (tmp_path / "there").mkdir()
+    refused(tmp_path, ["there", "exists"], "run", scenario, "--out", tmp_path / "there")
+    refused(tmp_path, ["s.toml", "cannot be made"], "run", scenario, "--out", scenario / "run")
+    refused(tmp_path, ["film.avi", ".mp4"], "run", scenario, "--video", tmp_path / "film.avi")
+    refused(tmp_path, ["nowhere", "folder"], "run", scenario, "--video", tmp_path / "nowhere" / "film.mp4")
+    for command in (["show"], ["verify"], ["video"]):
+        more = [tmp_path / "film.mp4"] if command == ["video"] else []
+        refused(tmp_path, ["none", "recording"], *command, tmp_path / "none", *more)
+        refused(tmp_path, ["s.toml", "recording"], *command, scenario, *more)
+    refused(tmp_path, ["--size", "1280x720"], "video", tmp_path, tmp_path / "film.mp4", "--size", "wide")
+
+
+def refused(folder: Path, words: list[str], *arguments: object) -> str:
+    before = sorted(folder.rglob("*"))
+    done = swarmsim(*arguments, cwd=folder)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    for word in words:
+        assert word in done.stderr, done.stderr
+    assert sorted(folder.rglob("*")) == before
+    return done.stderr

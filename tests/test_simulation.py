@@ -1,0 +1,110 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import made
+
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.state import Moment
+from swarmsim.recording import Digests
+
+
+def digest(*overrides: str, scenario: str = "room") -> str:
+    digests = Digests()
+    made(*overrides, scenario=scenario).simulation.run([digests])
+    return digests.total()
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
+    first = digest("seed=5")
+    assert digest("seed=5") == first
+    assert digest("seed=6") != first
+
+
+def test_another_process_gives_the_same_bytes() -> None:
+    code = "from test_simulation import digest; print(digest('stop.iterations=60', scenario='basilica'))"
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parent)
+    assert done.stdout.strip() == digest("stop.iterations=60", scenario="basilica")
+
+
+def test_one_more_robot_moves_none_of_the_others_at_the_start() -> None:
+    few = made("robots.count=10", scenario="basilica").simulation.state.pose
+    many = made("robots.count=11", scenario="basilica").simulation.state.pose
+    np.testing.assert_array_equal(many[:10], few)
+
+
+@pytest.mark.parametrize("topology", ["knn", "none", "chain", "ring"])
+def test_every_topology_maps_the_room(topology: str) -> None:
+    table = f'{{use="{topology}"{", k=2" if topology == "knn" else ""}}}'
+    simulation = made(f"network.topology={table}").simulation
+    assert simulation.run()
+    assert simulation.state.iteration < 500
+    assert set(registry.known("topology")) == {"knn", "none", "chain", "ring"}
+
+
+def test_a_run_ends_at_its_limit_and_says_so() -> None:
+    moments: list[Moment] = []
+
+    class Keep:
+        def sample(self, moment: Moment) -> None:
+            moments.append(moment)
+
+    simulation = made("stop.iterations=4").simulation
+    assert not simulation.run([Keep()])
+    assert simulation.state.iteration == len(moments) == 4
+    assert [event.kind for moment in moments for event in moment.events] == ["not finished"]
+    assert "limit of 4" in moments[-1].events[0].cause
+
+
+def test_a_run_may_stop_at_less_than_everything() -> None:
+    simulation = made("stop.coverage=0.6").simulation
+    whole = made().simulation
+    assert simulation.run()
+    assert whole.run()
+    assert simulation.state.iteration < whole.state.iteration
+
+
+def test_switches_of_the_model_change_the_run() -> None:
+    plain = digest("seed=2")
+    for change in (
+        'behaviour.replan="every-iteration"',
+        'behaviour.ties="row-order"',
+        "behaviour.neighbours=4",
+        "period=0.5",
+        "robots.speed=0.1",
+    ):
+        assert digest("seed=2", change) != plain, change
+
+
+def test_robots_that_stop_each_others_beams_map_less() -> None:
+    cut = "stop.iterations=1"
+    seen = made(cut, scenario="basilica").simulation
+    hidden = made(cut, 'sensor.robots="occlude"', scenario="basilica").simulation
+    seen.run()
+    hidden.run()
+    assert hidden.parts.behaviour.observed.sum() < seen.parts.behaviour.observed.sum()
+
+
+def test_wide_robots_finish_a_world_that_lets_them_through() -> None:
+    simulation = made("robots.radius=0.14", "robots.count=2", "network.topology.k=1").simulation
+    assert simulation.run(), simulation.state
+
+
+def test_a_room_too_full_of_robots_is_refused_with_the_number_it_holds() -> None:
+    with pytest.raises(InputError, match=r"holds \d+ robots"):
+        made("robots.count=5000", "network.topology.k=1")
+
+
+def test_nobody_ever_starts_inside_another_robot_or_a_wall() -> None:
+    run = made("robots.count=40", "robots.radius=0.1", scenario="basilica")
+    pose = run.simulation.state.pose[:, :2]
+    apart = np.hypot(*(pose[:, None] - pose[None]).transpose(2, 0, 1)) + 9.0 * np.eye(40)
+    assert apart.min() >= 0.2 - 1e-9
+    cells = run.arena.lattice.cells(pose)
+    assert not run.arena.occupied[cells[:, 0], cells[:, 1]].any()
