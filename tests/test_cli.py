@@ -166,7 +166,7 @@ def test_bad_places_are_refused(tmp_path: Path) -> None:
     refused(tmp_path, ["there", "exists"], "run", scenario, "--out", tmp_path / "there")
     refused(tmp_path, ["s.toml", "cannot be made"], "run", scenario, "--out", scenario / "run")
     refused(tmp_path, ["film.avi", ".mp4"], "run", scenario, "--video", tmp_path / "film.avi")
-    refused(tmp_path, ["nowhere", "folder"], "run", scenario, "--video", tmp_path / "nowhere" / "film.mp4")
+    refused(tmp_path, ["s.toml", "folder"], "run", scenario, "--video", scenario / "film.mp4")
     for command in (["show"], ["verify"], ["video"]):
         more = [tmp_path / "film.mp4"] if command == ["video"] else []
         refused(tmp_path, ["none", "recording"], *command, tmp_path / "none", *more)

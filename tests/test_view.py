@@ -222,7 +222,7 @@ def test_a_film_depends_on_the_recording_alone(room: Path, tmp_path: Path, suffi
     [
         ("film.avi", {}, r"film\.avi: .*\.mp4 or \.gif, not in '\.avi'"),
         ("film", {}, r"film: .*\.mp4 or \.gif"),
-        ("none/film.mp4", {}, r"none/film\.mp4: there is no folder"),
+        ("older.mp4/film.mp4", {}, r"older\.mp4/film\.mp4: .*older\.mp4 is not a folder"),
         ("film.mp4", {"fps": 0}, r"--fps 0: expected 1 to 120"),
         ("film.gif", {"fps": 60}, r"--fps 60: expected 1 to 50"),
         ("film.mp4", {"speed": 0.0}, r"--speed 0: expected more than 0"),
@@ -234,11 +234,13 @@ def test_a_film_depends_on_the_recording_alone(room: Path, tmp_path: Path, suffi
     ],
 )
 def test_options_that_cannot_work_are_named_and_leave_no_file(recording, tmp_path, name, options, words) -> None:
+    older = tmp_path / "older.mp4"
+    older.touch()
     with pytest.raises(InputError, match=words):
         check_film(tmp_path / name, **options)
     with pytest.raises(InputError, match=words):
         write_film(recording, tmp_path / name, **options)
-    assert not list(tmp_path.iterdir())
+    assert list(tmp_path.iterdir()) == [older]
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])

@@ -112,8 +112,9 @@ def check_film(out: Path, fps: int = 30, speed: float = 20.0, size: tuple[int, i
     suffix = out.suffix.lower()
     if suffix not in FASTEST:
         raise InputError(f"{out}: films end in .mp4 or .gif, not in {out.suffix or 'nothing'!r}")
-    if not out.parent.is_dir():
-        raise InputError(f"{out}: there is no folder {out.parent}; expected one that exists")
+    there = next(folder for folder in out.absolute().parents if folder.exists())
+    if not there.is_dir():
+        raise InputError(f"{out}: {there} is not a folder; expected a place for a file")
     if out.is_dir():
         raise InputError(f"{out}: this is a folder; expected the name of a file")
     if not 1 <= fps <= FASTEST[suffix]:
@@ -137,6 +138,7 @@ def _check_size(size: tuple[int, int]) -> None:
 def _whole(out: Path) -> Iterator[Path]:
     """A file in a folder of its own beside `out`, which becomes `out` at the end and vanishes upon any exception."""
     try:
+        out.parent.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent, ignore_cleanup_errors=True)
     except OSError as problem:
         raise InputError(f"{out}: cannot be written ({problem.strerror})") from problem

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from swarmsim.build import build
+from swarmsim.core.scenario import load
+
+SCENARIOS = sorted(ROOT.glob("scenarios/**/*.toml"))
+
+
+def blocks(document: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", (ROOT / document).read_text(), flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_every_scenario_runs(path: Path) -> None:
+    simulation = build(load(path, ["stop.iterations=40"]), str(path)).simulation
+    simulation.run()
+    assert simulation.state.iteration == 40 or simulation.finished
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("copy")
+    for name in ("scenarios", "worlds"):
+        (folder / name).symlink_to(ROOT / name)
+    return folder
+
+
+def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
+    make, *use = blocks("README.md", "sh")
+    assert [line.split()[:2] for line in make.splitlines()] == [["make", "demo"], ["make", "test"]]
+    commands = [line for block in use for line in block.splitlines() if line.startswith("swarmsim")]
+    assert len(commands) == 5
+    for command in commands:
+        done = subprocess.run(
+            f"{sys.executable} -m {command}", shell=True, cwd=copy, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    assert (copy / "runs" / "room.mp4").exists()
+    assert (copy / "runs" / "ring.gif").exists()
+
+
+def test_the_scenario_of_the_readme_runs(copy: Path) -> None:
+    (text,) = blocks("README.md", "toml")
+    path = copy / "own.toml"
+    path.write_text(text)
+    simulation = build(load(path, ["stop.iterations=20"]), str(path)).simulation
+    simulation.run()
+    assert simulation.state.iteration == 20
+
+
+def test_the_python_of_the_page_on_recordings_runs(room: Path) -> None:
+    (code,) = blocks("docs/recordings.md", "python")
+    code = code.replace("runs/demo", str(room))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("\n") == 2
+
+
+def test_the_table_of_the_readme_lists_every_scenario() -> None:
+    listed = set(re.findall(r"`(scenarios/[\w/-]+\.toml)`", (ROOT / "README.md").read_text()))
+    assert {str(path.relative_to(ROOT)) for path in SCENARIOS} <= listed
+
+
+def test_links_of_the_documents_lead_somewhere() -> None:
+    for document in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md")]:
+        for target in re.findall(r"\]\(([^)#:]+)\)", document.read_text()):
+            assert (document.parent / target).exists(), f"{document.name}: {target}"
