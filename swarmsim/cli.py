@@ -221,17 +221,22 @@ def _simulate(made: Run, path: Path, progress: Progress) -> bool:
 
 
 class _Bar:
-    """A probe that moves the progress bar, every tenth iteration and at the end."""
+    """A probe that moves the progress bar, every tenth iteration and at the end.
+
+    Its clock starts with the first iteration done, which on a new machine includes compiling.
+    """
 
     def __init__(self, progress: Progress, task: TaskID, made: Run) -> None:
         self._progress, self._task, self._made = progress, task, made
-        self._begun = time.perf_counter()
+        self._begun: float | None = None
 
     def sample(self, moment: Moment) -> None:
+        self._begun = self._begun or time.perf_counter()
         done = moment.state.iteration + 1
         if done % 10 and not self._made.simulation.over:
             return
-        faster = done * self._made.scenario.period / (time.perf_counter() - self._begun)
+        seconds = max(time.perf_counter() - self._begun, 1e-9)
+        faster = moment.state.iteration * self._made.scenario.period / seconds
         alive = f"{moment.state.alive.sum()}/{moment.state.robots} alive"
         text = f"iteration {done}, {moment.coverage.share:.1%} mapped, {alive}, {faster:.0f} x real time"
         self._progress.update(self._task, completed=moment.coverage.share, text=text)
