@@ -41,12 +41,14 @@ class DifferentialDrive:
             wall = pymunk.Segment(self.space.static_body, (x1, y1), (x2, y2), 0.0)
             wall.friction = physics.friction
             self.space.add(wall)
+        self._discs: list[pymunk.Shape] = []
         for x, y, yaw in pose:
             body = pymunk.Body(robots.mass, self._moment)
             body.position, body.angle = (x, y), yaw
             disc = pymunk.Circle(body, robots.radius)
             disc.friction = physics.friction
             self.space.add(body, disc)
+            self._discs.append(disc)
         self._wheels = np.zeros((len(pose), 2))
         self._alive = np.ones(len(pose), np.bool_)
         self._iteration = 0
@@ -79,6 +81,16 @@ class DifferentialDrive:
             self._wheels.copy(),
             self._alive.copy(),
         )
+
+    def remove(self, robots: NDArray[np.int64]) -> None:
+        """Take live robots (r,) out of the world: nothing meets them any more, and their bodies rest."""
+        for robot in robots:
+            disc = self._discs[robot]
+            self.space.remove(disc)
+            disc.body.velocity, disc.body.angular_velocity = (0.0, 0.0), 0.0
+        self._alive[robots] = False
+        self._wheels[robots] = 0.0
+        self._moving[robots, 3:] = 0.0
 
     def drive(self, motion: Motion, period: float) -> State:
         """The state one period (s) later, with `motion` asked for wheel speeds at every sub-step."""

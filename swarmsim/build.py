@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.bodies import DifferentialDrive
+from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Sensor, Setting
-from swarmsim.core.scenario import Scenario
+from swarmsim.core.parts import Fault, Parts, Sensor, Setting
+from swarmsim.core.scenario import Robots, Scenario, Table, World
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
-from swarmsim.simulation import Parts, Simulation
+from swarmsim.simulation import Simulation
 from swarmsim.world.arena import Arena
 from swarmsim.world.svg import read_floor_plan
 
@@ -39,37 +42,65 @@ def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
     Raises InputError for whatever cannot work.
     """
     if world is None:
-        world = _read(Path(scenario.world.file), name)
-    robots, stop = scenario.robots, scenario.stop
-    plan = read_floor_plan(world, scenario.world.file, scenario.world.scale)
-    margin = max(scenario.sensor.get("tile", (1, 1))) + 1
-    arena = Arena.open(plan, scenario.grid.cell, margin, scenario.world.file)
-    reachable = arena.reachable(robots.spawn, robots.radius)
+        world = read_world(scenario, name)
+    robots, stop, network = scenario.robots, scenario.stop, scenario.network
+    ground = _open(world, scenario.world, scenario.grid.cell, robots, msgspec.json.encode(scenario.sensor), name)
+    arena, domain = ground.arena, ground.domain
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed))
+    walls = arena.segments
 
-    def make(seam: str, place: str, *more: Any) -> Any:
-        try:
-            return scenario.part(seam).build(setting, *more)
-        except InputError as problem:
-            raise InputError(f"{name}: {place}.{problem}") from problem
+    def make(seam: str, place: str, table: Table, *more: Any) -> Any:
+        return _make(name, seam, place, table, setting, *more)
 
-    sensor = make("sensor", "sensor", arena.segments)
-    domain = arena.coverage_domain(reachable, _observable(sensor, arena.lattice, reachable))
-    pose = _place(setting, arena, reachable, name)
-    bodies = DifferentialDrive(robots, scenario.physics, arena.segments, pose)
+    pose = _place(setting, arena, ground.reachable, name)
+    bodies = DifferentialDrive(robots, scenario.physics, walls, pose)
     parts = Parts(
-        sensor=sensor,
-        topology=make("topology", "network.topology", arena.segments),
-        channel=make("channel", "network.channel", arena.segments),
-        behaviour=make("behaviour", "behaviour"),
-        motion=make("motion", "motion"),
+        sensor=make("sensor", "sensor", scenario.sensor, walls),
+        topology=make("topology", "network.topology", network.topology, walls),
+        channel=make("channel", "network.channel", network.channel, walls),
+        behaviour=make("behaviour", "behaviour", scenario.behaviour),
+        motion=make("motion", "motion", scenario.motion),
         bodies=bodies,
     )
+    for number, table in enumerate(scenario.faults):
+        fault: Fault = make("fault", f"faults[{number}]", table, number)
+        parts = fault.install(parts)
     simulation = Simulation(parts, domain, bodies.state(), scenario.period, stop.coverage, stop.iterations)
     return Run(scenario, world, arena, domain, simulation)
 
 
-def _read(path: Path, name: str) -> str:
+@dataclass(frozen=True, slots=True)
+class _Ground:
+    arena: Arena
+    reachable: NDArray[np.bool_]  # (rows, columns)
+    domain: NDArray[np.bool_]  # (rows, columns)
+
+
+@lru_cache(maxsize=8)
+def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes, name: str) -> _Ground:
+    """The world as these robots can explore it; cached, since a study's runs differ in other things mostly."""
+    table: Table = msgspec.json.decode(sensor)
+    plan = read_floor_plan(text, world.file, world.scale)
+    arena = Arena.open(plan, cell, max(table.get("tile", (1, 1))) + 1, world.file)
+    reachable = arena.reachable(robots.spawn, robots.radius)
+    setting = Setting(robots, arena.lattice, 1.0, Streams(0))
+    eyes: Sensor = _make(name, "sensor", "sensor", table, setting, arena.segments)
+    domain = arena.coverage_domain(reachable, _observable(eyes, arena.lattice, reachable))
+    for shared in (reachable, domain):
+        shared.flags.writeable = False
+    return _Ground(arena, reachable, domain)
+
+
+def _make(name: str, seam: str, place: str, table: Table, *more: Any) -> Any:
+    try:
+        return registry.part(seam, table).build(*more)
+    except InputError as problem:
+        raise InputError(f"{name}: {place}.{problem}") from problem
+
+
+def read_world(scenario: Scenario, name: str) -> str:
+    """The text of the floor plan that a scenario names. Raises InputError."""
+    path = Path(scenario.world.file)
     try:
         return path.read_text(encoding="utf-8")
     except OSError as problem:

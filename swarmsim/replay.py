@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from swarmsim.behaviours.collective_mapping import CollectiveMapping
 from swarmsim.behaviours.mapping import OccupancyGrids
+from swarmsim.core import registry
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Inbox, Tiles
 from swarmsim.recording import Recording
 
@@ -16,7 +17,7 @@ class MapReplay:
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
-        p = recording.scenario.part("behaviour")
+        p = registry.part("behaviour", recording.scenario.behaviour)
         if not isinstance(p, CollectiveMapping):
             p = CollectiveMapping()
         count = recording.scenario.robots.count

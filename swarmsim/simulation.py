@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Behaviour, Bodies, Channel, Motion, Probe, Sensor, Topology
+from swarmsim.core.parts import Parts, Probe
 from swarmsim.core.state import Coverage, Event, Moment, Observations, State
 from swarmsim.kernels import grid
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """The parts of a swarm, one per seam."""
-
-    sensor: Sensor
-    topology: Topology
-    channel: Channel
-    behaviour: Behaviour
-    motion: Motion
-    bodies: Bodies
 
 
 class Simulation:
@@ -66,18 +53,19 @@ class Simulation:
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
         self.finished = coverage.share >= self._wanted
-        moment = Moment(state, tiles, links, inbox, intents, coverage, self._events())
+        events = (*parts.events, *self._ending())
+        parts.events.clear()
+        moment = Moment(state, tiles, links, inbox, intents, coverage, events)
         for probe in probes:
             probe.sample(moment)
 
-    def _events(self) -> tuple[Event, ...]:
+    def _ending(self) -> tuple[Event, ...]:
         if not self.over:
             return ()
         cause = f"coverage {self._wanted:g} reached" if self.finished else f"limit of {self._limit} iterations"
         return (Event(self.state.iteration - 1, -1, "finished" if self.finished else "not finished", cause),)
 
     def _measure(self) -> Coverage:
-        counted = np.ones(self.state.robots, np.bool_)
-        observed = self.parts.behaviour.observed.reshape(len(counted), -1).view(np.uint64)
-        each, union = grid.count_observed(observed, self._domain, counted, self._union)
+        observed = self.parts.behaviour.observed.reshape(self.state.robots, -1).view(np.uint64)
+        each, union = grid.count_observed(observed, self._domain, self._union)
         return Coverage(union, each, self._cells)

@@ -10,8 +10,9 @@ from conftest import ROOT
 
 from swarmsim.build import build
 from swarmsim.core.scenario import load
+from swarmsim.study.plan import open_study
 
-SCENARIOS = sorted(ROOT.glob("scenarios/**/*.toml"))
+SCENARIOS = sorted(ROOT.glob("scenarios/*.toml"))
 
 
 def blocks(document: str, language: str) -> list[str]:
@@ -37,7 +38,7 @@ def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
     make, *use = blocks("README.md", "sh")
     assert [line.split()[:2] for line in make.splitlines()] == [["make", "demo"], ["make", "test"]]
     commands = [line for block in use for line in block.splitlines() if line.startswith("swarmsim")]
-    assert len(commands) == 5
+    assert len(commands) == 7
     for command in commands:
         done = subprocess.run(
             f"{sys.executable} -m {command}", shell=True, cwd=copy, capture_output=True, text=True, check=False
@@ -45,6 +46,21 @@ def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
     assert (copy / "runs" / "room.mp4").exists()
     assert (copy / "runs" / "ring.gif").exists()
+    page = (copy / "runs" / "kit2018" / "report.html").read_text()
+    assert "20-15-10-5 units" in page
+    for name in re.findall(r'src="([^"]+)"', page):
+        assert (copy / "runs" / "kit2018" / name).exists()
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("scenarios/studies/**/*.toml")), ids=lambda path: path.stem)
+def test_every_study_opens(path: Path) -> None:
+    assert open_study(path, 1).conditions
+
+
+def test_the_study_of_the_page_on_studies_opens(tmp_path: Path) -> None:
+    (text,) = blocks("docs/studies.md", "toml")
+    (tmp_path / "study.toml").write_text(text.replace("scenarios/", f"{ROOT}/scenarios/"))
+    assert len(open_study(tmp_path / "study.toml").conditions) == 3 * 2 + 1
 
 
 def test_the_scenario_of_the_readme_runs(copy: Path) -> None:

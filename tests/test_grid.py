@@ -409,18 +409,17 @@ def test_counts_of_observed_cells_equal_numpy(robots, words, density, seed):
     rng = np.random.default_rng(seed)
     observed = rng.random((robots, 8 * words)) < density
     domain = rng.random(8 * words) < rng.choice([0.7, 1.0])
-    counted = rng.random(robots) < 0.7
     union = rng.random(8 * words) < 0.5
-    each, total = grid.count_observed(as_words(observed), as_words(domain), counted, as_words(union))
+    each, total = grid.count_observed(as_words(observed), as_words(domain), as_words(union))
     assert_array_equal(each, (observed & domain).sum(axis=1))
-    assert_array_equal(union, observed[counted].any(axis=0))
-    assert total == (observed[counted].any(axis=0) & domain).sum()
+    assert_array_equal(union, observed.any(axis=0))
+    assert total == (observed.any(axis=0) & domain).sum()
 
 
 def test_a_large_map_known_whole_is_counted_whole():
     """100 000 words of eight cells are more than any partial sum of bytes can hold."""
     observed = np.ones((1, 800_000), bool)
     union = np.zeros(800_000, bool)
-    each, total = grid.count_observed(as_words(observed), as_words(observed[0]), np.ones(1, bool), as_words(union))
+    each, total = grid.count_observed(as_words(observed), as_words(observed[0]), as_words(union))
     assert each.tolist() == [800_000]
     assert total == 800_000

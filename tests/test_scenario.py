@@ -162,7 +162,7 @@ def test_the_schema_accepts_every_shipped_scenario_and_refuses_unknown_keys(root
     described = schema()
     jsonschema.Draft202012Validator.check_schema(described)
     validator = jsonschema.Draft202012Validator(described)
-    for path in sorted(root.glob("scenarios/**/*.toml")):
+    for path in sorted(root.glob("scenarios/*.toml")):
         table = tomllib.loads(path.read_text())
         validator.validate(table)
         assert not validator.is_valid(table | {"sede": 1})

@@ -12,7 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from swarmsim.core.errors import InputError
-from swarmsim.world.svg import FLATNESS, FloorPlan, read_floor_plan
+from swarmsim.world.outlines import FLATNESS
+from swarmsim.world.svg import FloorPlan, read_floor_plan
 
 SPAWN = '<g id="spawn"><rect id="start" x="9" y="1" width="1" height="1"/></g>'
 INKSCAPE = 'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
@@ -338,6 +339,7 @@ BAD_DRAWINGS = {
     drawing(WALL, root='width="10cm" height="10cm" viewBox="0 0 12 8"'): "stretch the viewBox",
     drawing(WALL).replace('id="walls"', 'id="wall"'): "no layer `walls`",
     drawing(WALL, spawn=""): "no layer `spawn`",
+    drawing(WALL, rest="<g>" * 2000 + "</g>" * 2000): "nested deeper",
     drawing(WALL, spawn='<g id="spawn"/>'): "the layer `spawn` has no area in it",
     drawing(WALL, spawn=f'<g id="spawn">{WALL}</g>'): "<rect> number 2 .*a spawn area has no id",
     drawing(WALL, spawn='<g id="spawn"><path id="a" d="M0 0H1V1"/></g>'): '<path id="a"> .*outline is open',

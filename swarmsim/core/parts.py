@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Inbox, Intents, Moment, Observations, State, Tiles
+from swarmsim.core.state import Event, Inbox, Intents, Moment, Observations, State, Tiles
 from swarmsim.core.streams import Streams
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
@@ -57,7 +57,7 @@ class Behaviour(Protocol):
 
     @property
     def observed(self) -> NDArray[np.bool_]:
-        """Which cells each robot's map holds (n, rows, columns); a live view, to be read only."""
+        """Which cells each robot's map holds (n, rows, columns); a live view, for faults alone to write."""
         ...
 
     @property
@@ -87,6 +87,35 @@ class Bodies(Protocol):
 
     def drive(self, motion: Motion, period: float) -> State:
         """The state one period (s) later, with `motion` asked at every sub-step."""
+        ...
+
+    def state(self) -> State:
+        """The state now."""
+        ...
+
+    def remove(self, robots: NDArray[np.int64]) -> None:
+        """Take live robots (r,) out of the world for good; their rows stay, no longer alive."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The parts of a swarm, one per seam, and what they have to report since the last iteration."""
+
+    sensor: Sensor
+    topology: Topology
+    channel: Channel
+    behaviour: Behaviour
+    motion: Motion
+    bodies: Bodies
+    events: list[Event] = field(default_factory=list)
+
+
+class Fault(Protocol):
+    """Something that goes wrong in one of the parts."""
+
+    def install(self, parts: Parts) -> Parts:
+        """The same parts, one of them wrapped."""
         ...
 
 

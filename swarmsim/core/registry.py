@@ -6,6 +6,7 @@ import difflib
 import importlib
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from importlib.metadata import entry_points
 from typing import Any, TypeVar
 
@@ -22,6 +23,7 @@ SEAMS = {
     "channel": "perfect",
     "behaviour": "collective-mapping",
     "motion": "pure-pursuit",
+    "fault": None,
 }
 
 
@@ -38,6 +40,7 @@ def nearest(word: str, words: Mapping[str, object]) -> str:
     return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"
 
 
+@lru_cache(maxsize=256)
 def find(seam: str, use: str) -> type[msgspec.Struct]:
     """The parameter struct of the part called `use`: an entry point's name, or "module:Name".
 

@@ -80,19 +80,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     network: Network
     behaviour: Table = field(default_factory=dict)
     motion: Table = field(default_factory=dict)
+    faults: tuple[Table, ...] = ()
     stop: Stop = Stop()
-
-    def table(self, seam: str) -> Table:
-        """The table that chooses the part for a seam."""
-        table: Table = getattr(self.network if seam in _NETWORKED else self, seam)
-        return table
-
-    def part(self, seam: str) -> Any:
-        """The parameter struct of the part chosen for a seam."""
-        return registry.part(seam, self.table(seam))
-
-
-_NETWORKED = ("topology", "channel")
 
 
 def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
@@ -100,17 +89,28 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
 
     Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a scenario file") from problem
-    except UnicodeDecodeError as problem:
-        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a TOML scenario") from problem
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(f"{path}: not valid TOML: {problem}") from problem
+    table = spelled_out(read_toml(path, "a scenario file"))
     for override in overrides:
         set_key(table, override)
     return decode(table, str(path), path.parent)
+
+
+def spelled_out(table: Table) -> Table:
+    """The table with its short forms written out: `world = "FILE"` as a table of its own."""
+    world = table.get("world")
+    return {**table, "world": {"file": world}} if isinstance(world, str) else table
+
+
+def read_toml(path: Path, expected: str) -> Table:
+    """The table in a TOML file. Raises InputError, which names what was `expected`."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected {expected}") from problem
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected {expected}") from problem
+    except tomllib.TOMLDecodeError as problem:
+        raise InputError(f"{path}: not valid TOML: {problem}") from problem
 
 
 def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
@@ -118,39 +118,39 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
 
     The world's path is resolved from `folder` if that is given.
     """
-    table = dict(table)
-    if isinstance(table.get("world"), str):
-        table["world"] = {"file": table["world"]}
     try:
-        scenario = registry.convert(table, Scenario)
+        scenario = registry.convert(spelled_out(table), Scenario)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
-    def complete(seam: str) -> Table:
-        place = f"network.{seam}" if seam in _NETWORKED else seam
+    def complete(seam: str, place: str, table: Table) -> Table:
         try:
-            return registry.complete(seam, scenario.table(seam))
+            return registry.complete(seam, table)
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
+    network = scenario.network
     world = scenario.world
     if folder is not None:
         world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
     return msgspec.structs.replace(
         scenario,
         world=world,
-        sensor=complete("sensor"),
-        network=Network(topology=complete("topology"), channel=complete("channel")),
-        behaviour=complete("behaviour"),
-        motion=complete("motion"),
+        sensor=complete("sensor", "sensor", scenario.sensor),
+        network=Network(
+            topology=complete("topology", "network.topology", network.topology),
+            channel=complete("channel", "network.channel", network.channel),
+        ),
+        behaviour=complete("behaviour", "behaviour", scenario.behaviour),
+        motion=complete("motion", "motion", scenario.motion),
+        faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),
     )
 
 
 def set_key(table: Table, override: str) -> None:
     """Set one dotted key of a scenario table, as in `robots.count=20`. Raises InputError."""
     path, equals, text = override.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not equals or not all(keys):
+    if not equals or not all(key.strip() for key in path.split(".")):
         raise InputError(f"--set {override}: expected key=value, as in robots.count=20")
     try:
         value = tomllib.loads(f"value = {text}")
@@ -159,12 +159,21 @@ def set_key(table: Table, override: str) -> None:
         raise InputError(f"--set {override}: {text!r} is not a TOML value{hint}") from problem
     if list(value) != ["value"]:
         raise InputError(f"--set {override}: one value at a time")
+    try:
+        assign(table, path, value["value"])
+    except InputError as problem:
+        raise InputError(f"--set {override}: {problem}") from problem
+
+
+def assign(table: Table, path: str, value: Any) -> None:
+    """Set a dotted key of a table, making the tables on the way. Raises InputError where a value is in the way."""
+    keys = [key.strip() for key in path.split(".")]
     for depth, key in enumerate(keys[:-1]):
         inner = table.setdefault(key, {})
         if not isinstance(inner, dict):
-            raise InputError(f"--set {override}: {'.'.join(keys[: depth + 1])} is {inner!r}, not a table")
+            raise InputError(f"{'.'.join(keys[: depth + 1])} is {inner!r}, not a table")
         table = inner
-    table[keys[-1]] = value["value"]
+    table[keys[-1]] = value
 
 
 def schema() -> dict[str, Any]:
@@ -186,8 +195,11 @@ def schema() -> dict[str, Any]:
         choices.append(
             {"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]}
         )
-        place = defs["Network"] if seam in _NETWORKED else root
-        place["properties"][seam] = {"anyOf": choices}
+        if seam == "fault":
+            root["properties"]["faults"] = {"type": "array", "items": {"anyOf": choices}}
+        else:
+            place = defs["Network"] if seam in ("topology", "channel") else root
+            place["properties"][seam] = {"anyOf": choices}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **root,

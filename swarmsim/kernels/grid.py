@@ -117,21 +117,19 @@ def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_orig
 
 
 @njit(cache=True)
-def count_observed(observed, domain, counted, union):
+def count_observed(observed, domain, union):
     """How many cells of the domain each robot has observed, and how many any has.
 
-    `observed` (n, words) and `domain` (words,) are boolean grids read as 64-bit words, eight cells each;
-    robots that are not `counted` (n,) stay out of the union. Overwrites `union` (words,). Gives the counts
-    (n,) and the count of the union.
+    `observed` (n, words) and `domain` (words,) are boolean grids read as 64-bit words, eight cells each.
+    Overwrites `union` (words,). Gives the counts (n,) and the count of the union.
     """
     each = np.empty(len(observed), np.int64)
     union[:] = 0
     for i in range(len(observed)):
         each[i] = _count_both(observed[i], domain)
-        if counted[i]:
-            mine = observed[i]
-            for w in range(len(union)):
-                union[w] |= mine[w]
+        mine = observed[i]
+        for w in range(len(union)):
+            union[w] |= mine[w]
     return each, _count_both(union, domain)
 
 

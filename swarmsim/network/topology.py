@@ -41,41 +41,38 @@ class NearestNeighbourLinks:
 class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Nobody hears anybody."""
 
-    def build(self, setting: Setting, walls: Walls) -> OffsetLinks:
+    def build(self, setting: Setting, walls: Walls) -> FixedLinks:
         """The topology without links."""
-        return OffsetLinks((), closed=False)
+        return FixedLinks(setting.robots.count, (), closed=False)
 
 
 class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: each robot hears those with the next lower and the next higher id; the two ends hear one."""
 
-    def build(self, setting: Setting, walls: Walls) -> OffsetLinks:
+    def build(self, setting: Setting, walls: Walls) -> FixedLinks:
         """The open chain."""
-        return OffsetLinks((-1, 1), closed=False)
+        return FixedLinks(setting.robots.count, (-1, 1), closed=False)
 
 
 class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the chain with its two ends linked."""
 
-    def build(self, setting: Setting, walls: Walls) -> OffsetLinks:
+    def build(self, setting: Setting, walls: Walls) -> FixedLinks:
         """The closed chain."""
-        return OffsetLinks((-1, 1), closed=True)
+        return FixedLinks(setting.robots.count, (-1, 1), closed=True)
 
 
-class OffsetLinks:
+class FixedLinks:
     """Links between fixed ids; a dead robot leaves a gap, nobody takes its place."""
 
-    def __init__(self, offsets: tuple[int, ...], closed: bool) -> None:
-        self._offsets = np.array(offsets, np.int64)
-        self._closed = closed
-
-    def links(self, state: State) -> Links:
-        """The fixed links whose two robots are alive."""
-        robots = state.robots
-        receivers = np.repeat(np.arange(robots), len(self._offsets))
-        senders = receivers + np.tile(self._offsets, robots)
-        if self._closed:
+    def __init__(self, robots: int, offsets: tuple[int, ...], closed: bool) -> None:
+        receivers = np.repeat(np.arange(robots), len(offsets))
+        senders = receivers + np.tile(np.array(offsets, np.int64), robots)
+        if closed:
             senders %= max(robots, 1)
         kept = (senders >= 0) & (senders < robots) & (senders != receivers)
-        links = np.unique(np.stack([receivers[kept], senders[kept]], axis=1).astype(np.int32), axis=0)
-        return links[state.alive[links].all(axis=1)]
+        self._links: Links = np.unique(np.stack([receivers[kept], senders[kept]], axis=1), axis=0).astype(np.int32)
+
+    def links(self, state: State) -> Links:
+        """Those of the links whose two robots are alive."""
+        return self._links[state.alive[self._links].all(axis=1)]

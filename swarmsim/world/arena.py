@@ -8,18 +8,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.world.boundary import boundary, shares
+from swarmsim.world.cells import Cells, between, flood, grown, richest_piece, rim
 from swarmsim.world.svg import FloorPlan
-
-Cells = NDArray[np.bool_]  # (rows, columns)
 
 _SLIVER = 1e-6  # of a cell; an overlap of walls with a cell below it is rounding, not wall
 _TOUCH = 1e-9  # m, a body this close to a wall still counts as clear of it
 _MOST_CELLS = 25_000_000  # beyond it, somebody drew millimetres as metres
-_NAMED_CELLS = 5  # how many cells a message names
+_NAMED = 5  # how many cells a message names
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,8 +54,8 @@ class Arena:
                 f" than {_MOST_CELLS}; check the scale (one user unit is one metre) and the cell"
             )
         lattice = Lattice(float(low[0]) * cell, float(low[1]) * cell, cell, rows, columns)
-        segments = _boundary(plan.walls)
-        return cls(name, plan, lattice, _covered(segments, lattice) > _SLIVER, segments)
+        segments = boundary(plan.walls)
+        return cls(name, plan, lattice, shares(segments, lattice) > _SLIVER, segments)
 
     def spawn_cells(self, spawn: str) -> Cells:
         """The free cells (rows, columns) whose centres lie in the spawn area.
@@ -92,8 +92,8 @@ class Arena:
         Raises InputError as `spawn_cells` does, and if the outline of the world is open.
         """
         seeds = self.spawn_cells(spawn)
-        floor = _piece(~self.occupied, seeds)
-        if _rim(floor).any():
+        floor = richest_piece(~self.occupied, seeds)
+        if rim(floor).any():
             raise InputError(f"{self.name}: {self._leak(seeds & floor, spawn)}")
         return floor
 
@@ -116,7 +116,7 @@ class Arena:
                 f"{self.name}: a robot of {2 * radius:g} m does not fit anywhere in spawn area {spawn!r} at "
                 f"{_place(self.plan.spawns[spawn])}; make the area larger or the robot smaller"
             )
-        reachable = _piece(fits, seeds)
+        reachable = richest_piece(fits, seeds)
         home = self._room_of(reachable, radius, spawn)
         self._check_chain(fits & ~reachable, home, radius)
         return reachable
@@ -128,20 +128,15 @@ class Arena:
         domain is the observed free cells that are 4-connected to reachable ones through free cells, and the wall
         cells 4-adjacent to those. Raises InputError, with the cells, if one of them is never observed.
         """
-        floor = _flood(~self.occupied, reachable) >= 0
+        floor = flood(~self.occupied, reachable) >= 0
         free = floor & observed
-        domain: Cells = free | (_grown(free) & self.occupied)
+        domain: Cells = free | (grown(free) & self.occupied)
         missed = np.argwhere(domain & ~observed)
         if len(missed):
-            named = ", ".join(
-                f"row {row} column {column} ({x:.2f} m, {y:.2f} m)"
-                for (row, column), (x, y) in zip(
-                    missed[:_NAMED_CELLS], self.lattice.centres(missed[:_NAMED_CELLS]), strict=True
-                )
-            )
+            named = ", ".join(f"row {r} column {c} {self._spot((r, c))}" for r, c in missed[:_NAMED])
             raise InputError(
                 f"{self.name}: 100 % is unattainable: no reachable place shows {len(missed)} wall cells that border "
-                f"the floor: {named}{', ...' if len(missed) > _NAMED_CELLS else ''}; "
+                f"the floor: {named}{', ...' if len(missed) > _NAMED else ''}; "
                 "widen the passage or straighten the wall there"
             )
         return domain
@@ -150,18 +145,25 @@ class Arena:
         """The centres (rows, columns, 2) of all cells, in m."""
         return self.lattice.centres(np.moveaxis(np.indices(self.lattice.shape), 0, -1))
 
+    def _spot(self, cell: ArrayLike) -> str:
+        """The centre of a cell (row, column), as messages write it."""
+        x, y = self.lattice.centres(np.asarray(cell))
+        return f"({x:.2f} m, {y:.2f} m)"
+
     def _leak(self, seeds: Cells, spawn: str) -> str:
-        """Where the floor runs out of the walls: first place between walls on the way in from the border."""
-        hops = _flood(~self.occupied, seeds)
-        between = _between(self.occupied)
-        for row, column in _way_in(hops):
-            x, y = self.lattice.centres(np.array([row, column]))
-            if between[row, column]:
-                return (
-                    f"the outline is open near ({x:.2f} m, {y:.2f} m): from spawn area {spawn!r} the floor runs out of "
-                    "the walls there; close the gap"
-                )
-        return f"spawn area {spawn!r} lies outside of the walls at ({x:.2f} m, {y:.2f} m); move it inside"
+        """Where the floor runs out of the walls: the place between walls that is nearest to the spawn area."""
+        hops = flood(~self.occupied, seeds)
+        passages = between(self.occupied)
+        outside = flood(~self.occupied & ~passages, rim(~self.occupied)) >= 0
+        if (seeds & outside).any():
+            place = self._spot(np.argwhere(seeds & outside)[0])
+            return f"spawn area {spawn!r} lies outside of the walls at {place}; move it inside"
+        gaps = grown(outside) & passages & (hops >= 0)
+        place = self._spot(np.argwhere(gaps & (hops == hops[gaps].min()))[0])
+        return (
+            f"the outline is open near {place}: from spawn area {spawn!r} the floor runs out of the walls there; "
+            "close the gap"
+        )
 
     def _room_of(self, reachable: Cells, radius: float, spawn: str) -> shapely.Polygon:
         """Where the centre of the robot can be, however driven; raises InputError if rooms are left over."""
@@ -204,9 +206,8 @@ class Arena:
         corners = np.argwhere(blocks)
         corners = corners[shapely.intersects_xy(home, *self.lattice.centres(corners).T)]
         if len(corners):
-            x, y = self.lattice.centres(corners[0])
             raise InputError(
-                f"{self.name}: no chain of free cells leads to the room at ({x:.2f} m, {y:.2f} m), though a robot of "
+                f"{self.name}: no chain of free cells leads to the room at {self._spot(corners[0])}, though a robot of "
                 f"{2 * radius:g} m fits through; cells of {self.lattice.cell:g} m are too coarse for its door: widen "
                 "it, or place it on cell edges"
             )
@@ -216,121 +217,6 @@ def _place(shape: shapely.Geometry) -> str:
     """A point inside `shape`, as messages write it."""
     point = shape.centroid if shape.contains(shape.centroid) else shape.point_on_surface()
     return f"({point.x:.2f} m, {point.y:.2f} m)"
-
-
-def _boundary(walls: shapely.MultiPolygon) -> NDArray[np.float64]:
-    """The edges (s, 4) of all rings, with the solid side on the left."""
-    rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(walls)))
-    corners, ring = shapely.get_coordinates(rings, return_index=True)
-    edges = np.hstack([corners[:-1], corners[1:]])[ring[:-1] == ring[1:]]
-    kept: NDArray[np.float64] = edges[np.any(edges[:, :2] != edges[:, 2:], axis=1)]
-    return kept
-
-
-def _covered(segments: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:
-    """The share (rows, columns) of each cell that lies to the left of the closed boundary `segments`.
-
-    Green's theorem, cell by cell, as font rasterisers use it: an edge that climbs by dy in a cell takes dy times its
-    distance from the right side of the cell, and dy of full width from every cell further right.
-    """
-    start = (segments[:, :2] - (lattice.x0, lattice.y0)) / lattice.cell
-    step = (segments[:, 2:] - segments[:, :2]) / lattice.cell
-    # Cut every edge where it crosses a line of the lattice, so that each piece lies in one cell.
-    owners, times = [np.arange(len(start)).repeat(2)], [np.tile([0.0, 1.0], len(start))]
-    for axis in (0, 1):
-        ends = np.sort(np.stack([start[:, axis], start[:, axis] + step[:, axis]]), axis=0)
-        first = np.floor(ends[0]).astype(np.int64) + 1
-        counts = np.maximum(np.ceil(ends[1]).astype(np.int64) - first, 0)
-        owner = np.arange(len(start)).repeat(counts)
-        line = np.arange(counts.sum()) - (counts.cumsum() - counts).repeat(counts) + first[owner]
-        owners.append(owner)
-        times.append((line - start[owner, axis]) / step[owner, axis])
-    owner, time = np.concatenate(owners), np.clip(np.concatenate(times), 0.0, 1.0)
-    order = np.lexsort((time, owner))
-    owner, time = owner[order], time[order]
-    whole = owner[:-1] == owner[1:]
-    owner, begin, end = owner[:-1][whole], time[:-1][whole], time[1:][whole]
-    middle = start[owner] + step[owner] * (0.5 * (begin + end))[:, None]
-    climb = step[owner, 1] * (end - begin)
-    column, row = np.floor(middle).astype(np.int64).T
-    share = np.zeros(lattice.shape)
-    beyond = np.zeros(lattice.shape)
-    np.add.at(share, (row, column), -climb * (column + 1.0 - middle[:, 0]))
-    np.add.at(beyond, (row, column), -climb)
-    covered: NDArray[np.float64] = share + beyond.cumsum(axis=1) - beyond
-    return covered
-
-
-def _flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
-    """Steps (rows, columns) between 4-neighbours in `open_cells` from the nearest seed; -1 where there is no way."""
-    width = open_cells.shape[1] + 2
-    free = np.pad(open_cells, 1).ravel()
-    front = np.flatnonzero(np.pad(seeds & open_cells, 1))
-    hops = np.full(free.size, -1, dtype=np.int32)
-    step = 0
-    while front.size:
-        hops[front] = step
-        free[front] = False
-        around = (front[:, None] + (-width, -1, 1, width)).ravel()
-        front = np.unique(around[free[around]])
-        step += 1
-    return hops.reshape(-1, width)[1:-1, 1:-1]
-
-
-def _piece(open_cells: Cells, seeds: Cells) -> Cells:
-    """The 4-connected piece of `open_cells` that holds most of `seeds`; the lowest row and column break a tie."""
-    best, most = np.zeros_like(seeds), 0
-    left = seeds & open_cells
-    while left.any():
-        first = np.zeros_like(left)
-        first[tuple(np.argwhere(left)[0])] = True
-        piece = _flood(open_cells, first) >= 0
-        held = int((piece & left).sum())
-        if held > most:
-            best, most = piece, held
-        left &= ~piece
-        if left.sum() <= most:
-            break
-    return best
-
-
-def _grown(cells: Cells) -> Cells:
-    """The 4-neighbours of `cells`."""
-    padded = np.pad(cells, 1)
-    grown: Cells = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-    return grown
-
-
-def _rim(cells: Cells) -> Cells:
-    """Those of `cells` that lie on the border of the lattice."""
-    rim = cells.copy()
-    rim[1:-1, 1:-1] = False
-    return rim
-
-
-def _between(occupied: Cells) -> Cells:
-    """The free cells with walls both left and right, or both above and below, at any distance."""
-    between = np.zeros_like(occupied)
-    for axis in (0, 1):
-        before = np.logical_or.accumulate(occupied, axis=axis)
-        after = np.flip(np.logical_or.accumulate(np.flip(occupied, axis), axis=axis), axis)
-        between |= before & after
-    return between & ~occupied
-
-
-def _way_in(hops: NDArray[np.int32]) -> list[tuple[int, int]]:
-    """A shortest way, cell by cell, from the border of the lattice to a cell of no hops."""
-    rim = _rim(hops >= 0)
-    row, column = np.argwhere(rim & (hops == hops[rim].min()))[0]
-    way = [(int(row), int(column))]
-    rows, columns = hops.shape
-    while hops[row, column]:
-        for r, c in ((row - 1, column), (row, column - 1), (row, column + 1), (row + 1, column)):
-            if 0 <= r < rows and 0 <= c < columns and hops[r, c] == hops[row, column] - 1:
-                row, column = r, c
-                break
-        way.append((int(row), int(column)))
-    return way
 
 
 def _widest(piece: shapely.Polygon, room: shapely.Polygon, start: shapely.Point, radius: float) -> float:

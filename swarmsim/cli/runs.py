@@ -1,9 +1,8 @@
-"""The command line: parse, call, print."""
+"""The verbs of single runs."""
 
 from __future__ import annotations
 
 import json
-import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,46 +17,9 @@ if TYPE_CHECKING:
     from swarmsim.core.state import Moment
     from swarmsim.recording import Recording
 
-FINISHED, NOT_FINISHED, BAD_INPUT = 0, 1, 2  # exit codes
-
-app = typer.Typer(
-    help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
-    "Example: swarmsim run scenarios/basilica.toml --out runs/basilica --video runs/basilica.mp4",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-)
+FINISHED, NOT_FINISHED = 0, 1  # exit codes
 
 
-def main() -> None:
-    """Run the command line; bad input ends with its message and exit code 2, never with a traceback."""
-    from swarmsim.core.errors import InputError
-
-    try:
-        app()
-    except InputError as problem:
-        print(f"swarmsim: {problem}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
-
-
-def _version(asked: bool) -> None:
-    if asked:
-        from swarmsim import __version__
-
-        print(f"swarmsim {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
-    ] = False,
-) -> None:
-    pass
-
-
-@app.command()
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
     seed: Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")] = None,
@@ -85,7 +47,7 @@ def run(
         from swarmsim.view.video import check_film
 
         check_film(video)
-    with _progress(quiet) as progress:
+    with progress_bar(quiet) as progress:
         progress.console.print(f"{scenario}: opening (a first run compiles, which takes about half a minute)")
         made = build(load(scenario, overrides), str(scenario))
         folder = _new_folder(out, scenario.stem)
@@ -99,7 +61,6 @@ def run(
     raise typer.Exit(FINISHED if finished else NOT_FINISHED)
 
 
-@app.command()
 def video(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
     out: Annotated[Path, typer.Argument(metavar="OUT.mp4", help="Film to write: .mp4 or .gif.")],
@@ -117,11 +78,10 @@ def video(
 
     width_height = _size(size)
     check_film(out, fps, speed, width_height)
-    with _progress(quiet) as progress:
+    with progress_bar(quiet) as progress:
         _film(Recording(recording), out, progress, fps, speed, width_height)
 
 
-@app.command()
 def show(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
@@ -141,7 +101,6 @@ def show(
         Console().print(_table(summary, recording))
 
 
-@app.command()
 def verify(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
@@ -156,7 +115,7 @@ def verify(
     from swarmsim.recording import Digests, Recording, versions
 
     recorded = Recording(recording)
-    with _progress(quiet) as progress:
+    with progress_bar(quiet) as progress:
         simulation = build(recorded.scenario, str(recording), recorded.world).simulation
         digests = Digests()
         task = progress.add_task("verifying", total=recorded.iterations, text="")
@@ -178,7 +137,6 @@ def verify(
     raise typer.Exit(NOT_FINISHED)
 
 
-@app.command()
 def schema() -> None:
     """Print the JSON Schema of scenario files, for completion and checks in an editor.
 
@@ -261,7 +219,8 @@ def _film(
     progress.console.print(f"film: {out}")
 
 
-def _progress(quiet: bool) -> Progress:
+def progress_bar(quiet: bool) -> Progress:
+    """A bar of rich's with a text of ours behind it."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 

@@ -1,0 +1,51 @@
+"""The command line: verbs only, which parse, call and print."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from swarmsim.cli import runs, studies
+
+BAD_INPUT = 2  # exit code
+
+app = typer.Typer(
+    help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
+    "Example: swarmsim run scenarios/basilica.toml --out runs/basilica --video runs/basilica.mp4",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+for verb in (runs.run, runs.video, runs.show, runs.verify, studies.reproduce, runs.schema):
+    app.command()(verb)
+app.add_typer(studies.app, name="study")
+
+
+def main() -> None:
+    """Run the command line; bad input ends with its message and exit code 2, never with a traceback."""
+    from swarmsim.core.errors import InputError
+
+    try:
+        app()
+    except InputError as problem:
+        print(f"swarmsim: {problem}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from swarmsim import __version__
+
+        print(f"swarmsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+) -> None:
+    pass

@@ -1,0 +1,308 @@
+"""The verbs of studies: many runs, what they say, and the paper beside them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from swarmsim.study.engine import Task
+    from swarmsim.study.plan import Plan
+    from swarmsim.study.store import Store
+
+app = typer.Typer(
+    help="Run a scenario many times, varied, and tell what the runs say.\n\n"
+    "Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+FAILED = 1  # exit code: some run failed, or some claim does not hold
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
+Seeds = Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the study's.", min=1)]
+StoreFile = Annotated[Path | None, typer.Option(help="Results; default: runs/studies/STUDY.sqlite.")]
+Workers = Annotated[int | None, typer.Option(help="Processes; default: one for each core.", min=1)]
+Scheduler = Annotated[str | None, typer.Option(help="Address of a running Dask scheduler, tcp://host:port.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+
+
+@app.command()
+def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None) -> None:
+    """List the conditions of a study, its number of runs, and the time they will take.
+
+    Example: swarmsim study plan scenarios/studies/kit2018/network.toml
+    """
+    from swarmsim.study.plan import open_study
+    from swarmsim.study.results import gather
+
+    opened = open_study(study, seeds)
+    with _store(store, study) as results:
+        found = gather(opened, results)
+    seconds = [row.seconds for result in found.values() for row in result.rows]
+    changes = {c.name: ", ".join(f"{key} = {value}" for key, value in c.changes.items()) for c in opened.conditions}
+    _print_table(opened.study.title, ("condition", "changes"), list(changes.items()))
+    each = sum(seconds) / len(seconds) if seconds else _trial(opened)
+    missing = sum(result.missing for result in found.values())
+    print(
+        f"{len(opened.conditions)} conditions x {len(opened.seeds)} seeds = {len(opened.runs)} runs, {missing} still "
+        f"to do; about {each:.2f} s of one core each, {each * missing / 60:.1f} core minutes"
+    )
+
+
+@app.command()
+def run(
+    study: StudyFile,
+    seeds: Seeds = None,
+    store: StoreFile = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Do failed runs again.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Do the runs of a study that are still missing; each is kept as it ends.
+
+    Exit code 0: all there; 1: some failed; 2: bad input.
+
+    Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
+    """
+    from swarmsim.study.plan import open_study
+    from swarmsim.study.results import gather, missing
+
+    opened = open_study(study, seeds)
+    with _store(store, study) as results:
+        perform_all(missing(opened, results, retry), results, workers, scheduler, quiet)
+        failed = [row for result in gather(opened, results).values() for row in result.failed]
+    for row in failed:
+        print(f"failed: {row.condition}, seed {row.seed}: {row.message}")
+    raise typer.Exit(FAILED if failed else 0)
+
+
+@app.command()
+def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None) -> None:
+    """Tell how far a study has come.
+
+    Example: swarmsim study status scenarios/studies/kit2018/network.toml
+    """
+    from swarmsim.study.plan import open_study
+    from swarmsim.study.results import gather
+
+    opened = open_study(study, seeds)
+    with _store(store, study) as results:
+        found = gather(opened, results)
+    rows = [
+        (name, str(int(r.finished.sum())), str(int((~r.finished).sum())), str(len(r.failed)), str(r.missing))
+        for name, r in found.items()
+    ]
+    _print_table(opened.study.title, ("condition", "finished", "not finished", "failed", "missing"), rows)
+
+
+@app.command()
+def table(
+    study: StudyFile,
+    seeds: Seeds = None,
+    store: StoreFile = None,
+    measure: Annotated[str | None, typer.Option(help="A measure instead of the iterations, such as path_sum.")] = None,
+    compare: Annotated[str | None, typer.Option(help="Test every condition against this one.")] = None,
+) -> None:
+    """Print the results of a study, with intervals.
+
+    Example: swarmsim study table scenarios/studies/kit2018/network.toml --compare k=1
+    """
+    from swarmsim.core.errors import InputError
+    from swarmsim.study import results as res
+    from swarmsim.study.plan import open_study
+
+    opened = open_study(study, seeds)
+    with _store(store, study) as kept:
+        found = res.gather(opened, kept)
+    if measure is None:
+        _print_table(f"{opened.study.title}: iterations", res.HEAD, res.lines(found))
+    else:
+        _print_table(f"{opened.study.title}: {measure}", res.MEASURED, res.measured(found, measure))
+    if compare is not None:
+        if compare not in found:
+            raise InputError(f"--compare {compare}: no such condition; known: {', '.join(found)}")
+        _print_table(f"against {compare}", res.COMPARED, res.compared(found, compare))
+    print(f"digest of the runs: {res.digest(list(found.values()))}")
+
+
+@app.command()
+def plot(
+    study: StudyFile,
+    out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the figures (PNG and SVG).")],
+    seeds: Seeds = None,
+    store: StoreFile = None,
+) -> None:
+    """Draw the coverage curves, the distribution of iterations and the table of a study.
+
+    Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
+    """
+    from swarmsim.study.plan import open_study
+    from swarmsim.study.report import study_figures
+    from swarmsim.study.results import gather
+
+    opened = open_study(study, seeds)
+    with _store(store, study) as results:
+        for path in study_figures(opened.study.title, gather(opened, results), out):
+            print(path)
+
+
+@app.command()
+def export(
+    study: StudyFile,
+    csv: Annotated[Path | None, typer.Option(help="CSV file to write, one line a run.")] = None,
+    parquet: Annotated[Path | None, typer.Option(help="Parquet file to write.")] = None,
+    seeds: Seeds = None,
+    store: StoreFile = None,
+) -> None:
+    """Write every run of a study with all its measures.
+
+    Example: swarmsim study export scenarios/studies/kit2018/network.toml --csv runs/network.csv
+    """
+    from swarmsim.core.errors import InputError
+    from swarmsim.study.plan import open_study
+    from swarmsim.study.results import gather, records, write_csv, write_parquet
+
+    if csv is None and parquet is None:
+        raise InputError("study export: nothing to write; name a file with --csv or --parquet")
+    opened = open_study(study, seeds)
+    with _store(store, study) as kept:
+        rows = records(opened, gather(opened, kept))
+    for path, write in ((csv, write_csv), (parquet, write_parquet)):
+        if path is not None:
+            try:
+                write(path, rows)
+            except OSError as problem:
+                raise InputError(f"{path}: cannot be written ({problem.strerror})") from problem
+            print(f"{path}: {len(rows)} runs")
+
+
+@app.command()
+def best(
+    study: StudyFile,
+    confidence: Annotated[float, typer.Option(help="That no other value is better.", min=0.5, max=0.999)] = 0.95,
+    budget: Annotated[int, typer.Option(help="Runs to spend at most.", min=2)] = 2000,
+    tolerance: Annotated[float, typer.Option(help="A difference that does not matter, as a share.", min=0.0)] = 0.03,
+    store: StoreFile = None,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find the condition of a study with the fewest iterations, with as few runs as the confidence allows.
+
+    Example: swarmsim study best scenarios/studies/best-k/15.toml --budget 1000
+    """
+    from swarmsim.study import selection
+    from swarmsim.study.plan import open_study
+
+    opened = open_study(study, 1)
+    with _store(store, study) as results:
+
+        def more(tasks: Sequence[Task]) -> None:
+            perform_all(tasks, results, workers, scheduler, quiet)
+
+        answer = selection.best(opened, results, more, confidence, budget, tolerance)
+    _print_table(opened.study.title, selection.HEAD, selection.lines(answer))
+    print(answer.sentence)
+
+
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="kit2018", help="The paper: kit2018.")],
+    seeds: Annotated[int, typer.Option(help="Seeds of each condition.", min=2)] = 100,
+    out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("runs/kit2018"),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    quiet: Quiet = False,
+) -> None:
+    """Do the experiments of the reference paper and print its numbers beside ours.
+
+    Exit code 0: every claim holds; 1: some claim does not; 2: bad input.
+
+    Example: swarmsim reproduce kit2018 --seeds 30
+    """
+    from swarmsim.core.errors import InputError
+    from swarmsim.study import report, reproduction
+    from swarmsim.study.results import missing
+
+    if paper != "kit2018":
+        raise InputError(f"reproduce {paper}: no such paper; known: kit2018")
+    plans = reproduction.plans(seeds)
+    begun = time.perf_counter()
+    done = 0
+    with _store(out / "results.sqlite", out) as results:
+        for opened in plans.values():
+            tasks = missing(opened, results)
+            done += len(tasks)
+            perform_all(tasks, results, workers, scheduler, quiet)
+        found = reproduction.evaluate(plans, results)
+    seconds = time.perf_counter() - begun
+    if not quiet:
+        _print_table(f"Kit, Mateo and Bouffanais (2018), {seeds} seeds", reproduction.HEAD, reproduction.lines(found))
+        print(found.error_sentence)
+        _print_table("claims", reproduction.CLAIMED, [claim.line for claim in found.claims])
+        print(f"digest of the runs: {found.digest}; {done} runs in {seconds:.1f} s")
+    for path in report.write(found, out):
+        if not quiet:
+            print(path)
+    raise typer.Exit(0 if all(claim.holds for claim in found.claims) else FAILED)
+
+
+def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
+    """Do all tasks and keep each row as it comes, with a bar of rate, time left and failures."""
+    import os
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from swarmsim.study.engine import execute
+
+    if not tasks:
+        return
+    columns = (TextColumn("running"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(quiet=quiet)) as progress:
+        bar = progress.add_task("", total=len(tasks), text="")
+        begun, failed = time.perf_counter(), 0
+        for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
+            store.add(row)
+            failed += row.status == "failed"
+            rate = count / (time.perf_counter() - begun)
+            progress.update(bar, completed=count, text=f"{rate:.1f} runs/s, {failed} failed")
+
+
+def _trial(opened: Plan) -> float:
+    """Seconds that one run of a study takes here, in the mean over its conditions' first 100 iterations."""
+    from swarmsim.build import build
+
+    seconds = []
+    for condition in opened.conditions:
+        simulation = build(condition.scenario, condition.name, opened.worlds[condition.scenario.world.file]).simulation
+        simulation.tick()
+        begun = time.perf_counter()
+        while not simulation.over and simulation.state.iteration < 100:
+            simulation.tick()
+        each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
+        seconds.append(each * min(condition.scenario.stop.iterations, 700))
+    return sum(seconds) / len(seconds)
+
+
+def _store(asked: Path | None, study: Path) -> Store:
+    from swarmsim.study.store import Store
+
+    return Store(asked or Path("runs") / "studies" / f"{study.stem}.sqlite")
+
+
+def _print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = Table(title=title, title_justify="left")
+    for number, name in enumerate(head):
+        shown.add_column(name, justify="left" if number == 0 else "right", overflow="fold")
+    for row in rows:
+        shown.add_row(*row)
+    Console().print(shown)

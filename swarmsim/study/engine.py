@@ -1,0 +1,127 @@
+"""Runs by the hundred: Dask spreads them over processes or machines and hands each back as it ends."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from dask.distributed import Client, LocalCluster, as_completed
+
+from swarmsim.build import build
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Probe
+from swarmsim.core.scenario import Scenario
+from swarmsim.measures import Measures
+from swarmsim.recording import Digests, Recorder, versions
+from swarmsim.study.store import Row
+
+ANSWER = 20.0  # s, in which a scheduler of the user's own has to answer
+AHEAD = 4  # runs handed out for each core: enough to keep all busy, few enough to lose little
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One run to be done, wherever."""
+
+    identity: str
+    condition: str
+    seed: int
+    scenario: Scenario
+    world: str  # the floor plan's text
+    curves: bool  # keep the coverage curve
+    recording: Path | None  # file to record the run in
+    command: str  # repeats this run
+
+
+def perform(task: Task) -> Row:
+    """Simulate one run here; what goes wrong in it becomes a failed row, so that the others go on."""
+    begun = time.perf_counter()
+    try:
+        row = _simulate(task)
+    except Exception as problem:  # a study outlives whatever one of its runs does
+        text = f"{type(problem).__name__}: {problem}; to repeat: {task.command}"
+        row = _failed(task, text)
+    return replace(row, seconds=time.perf_counter() - begun)
+
+
+def _failed(task: Task, text: str) -> Row:
+    return Row(task.identity, task.condition, task.seed, "failed", None, {}, None, None, versions(), 0.0, text)
+
+
+def _simulate(task: Task) -> Row:
+    made = build(task.scenario, task.condition, task.world)
+    simulation, digests = made.simulation, Digests()
+    behaviour = simulation.parts.behaviour
+    truth, robots = made.arena.occupied, task.scenario.robots.count
+    measures = Measures(made.domain, truth, robots, task.scenario.period, behaviour)
+    probes: list[Probe] = [digests, measures]
+    with ExitStack() as stack:
+        if task.recording is not None:
+            task.recording.parent.mkdir(parents=True, exist_ok=True)
+            task.recording.unlink(missing_ok=True)  # of a try that was killed
+            recorder = Recorder(task.recording, task.scenario, made.world, made.arena.lattice, made.domain, truth)
+            probes.append(stack.enter_context(recorder))
+        finished = simulation.run(probes)
+    return Row(
+        identity=task.identity,
+        condition=task.condition,
+        seed=task.seed,
+        status="finished" if finished else "not finished",
+        iterations=simulation.state.iteration,
+        summary=measures.summary(),
+        curve=measures.curve()[:, 0].astype(np.float32) if task.curves else None,
+        digest=digests.total(),
+        versions=versions(),
+        seconds=0.0,
+        message=None,
+    )
+
+
+def execute(tasks: Sequence[Task], workers: int, scheduler: str | None = None) -> Iterator[Row]:
+    """Perform all tasks and give each row as its run ends, in no particular order.
+
+    A cluster of `workers` processes is started here unless the address of a `scheduler` is given. Raises
+    InputError if that does not answer.
+    """
+    with ExitStack() as stack:
+        client = stack.enter_context(_client(stack, workers, scheduler))
+        waiting = iter(tasks)
+        under_way: dict[str, Task] = {}
+        done = as_completed()
+
+        def hand_out(count: int) -> None:
+            for task in islice(waiting, count):
+                future = client.submit(perform, task, pure=False)
+                under_way[future.key] = task
+                done.add(future)
+
+        hand_out(AHEAD * max(1, sum(client.ncores().values())))
+        for future in done:
+            task = under_way.pop(future.key)
+            problem = future.exception()
+            yield future.result() if problem is None else _failed(task, f"{problem}; to repeat: {task.command}")
+            hand_out(1)
+
+
+def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Client:
+    if scheduler is not None:
+        try:
+            return Client(scheduler, timeout=ANSWER)
+        except (OSError, ValueError, TimeoutError) as problem:
+            raise InputError(
+                f"--scheduler {scheduler}: does not answer ({problem}); expected the address of a Dask scheduler, "
+                f"as in tcp://host:8786"
+            ) from problem
+    cluster = LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address="127.0.0.1:0",  # any free port, so that studies can run side by side
+        silence_logs="ERROR",
+    )
+    return Client(stack.enter_context(cluster))

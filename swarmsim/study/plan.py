@@ -1,0 +1,164 @@
+"""A study file: one scenario, what is varied, with how many seeds."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import itertools
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta, Struct
+
+from swarmsim.build import build, read_world
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import Scenario, Table, assign, decode, read_toml, spelled_out
+
+MOST_RUNS = 1_000_000
+
+
+class Axis(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One key of the scenario and the values it takes."""
+
+    key: str
+    values: Annotated[list[Any], Meta(min_length=1)]
+    together: str | None = None  # axes of one name step together; all others are crossed
+
+
+class Named(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A condition of its own, where a grid does not fit."""
+
+    name: str
+    set: dict[str, Any]  # dotted key: value
+
+
+class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What the file says."""
+
+    title: str
+    scenario: str  # found from the study's folder
+    seeds: Annotated[int, Meta(ge=1)] | Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] = 30
+    keep: Literal["summary", "curves", "recordings"] = "curves"
+    set: dict[str, Any] = {}
+    vary: tuple[Axis, ...] = ()
+    condition: tuple[Named, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """One cell of the study: a whole scenario but for its seed."""
+
+    name: str
+    changes: dict[str, Any]  # dotted key: value, as compared with the study's scenario
+    scenario: Scenario
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A study with every condition written out and checked."""
+
+    path: Path
+    study: Study
+    conditions: tuple[Condition, ...]
+    seeds: tuple[int, ...]
+    worlds: dict[str, str]  # floor plans' texts, by file
+
+    @property
+    def runs(self) -> list[tuple[Condition, int]]:
+        """Every condition with every seed, seeds outermost, so that an interrupted study is balanced."""
+        return [(condition, seed) for seed in self.seeds for condition in self.conditions]
+
+    def identity(self, condition: Condition, seed: int) -> str:
+        """A hash of everything that the run depends on, versions aside: equal runs are run once."""
+        scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="", world=_unnamed(condition.scenario))
+        hashed = hashlib.blake2b(digest_size=16)
+        hashed.update(msgspec.json.encode(scenario, order="deterministic"))
+        hashed.update(self.worlds[condition.scenario.world.file].encode())
+        return hashed.hexdigest()
+
+
+def _unnamed(scenario: Scenario) -> Any:
+    return msgspec.structs.replace(scenario.world, file="")
+
+
+def open_study(path: Path, seeds: int | None = None) -> Plan:
+    """Read a study and check every condition, down to a swarm ready to start; `seeds` replaces their number.
+
+    Raises InputError that names the file, the condition and the key.
+    """
+    try:
+        study = registry.convert(read_toml(path, "a study file"), Study)
+    except InputError as problem:
+        text = str(problem)
+        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from problem
+    chosen = study.seeds if seeds is None else seeds
+    numbers = tuple(range(1, chosen + 1)) if isinstance(chosen, int) else tuple(chosen)
+    if len(set(numbers)) < len(numbers):
+        raise InputError(f"{path}: seeds: a seed is listed twice; expected each once")
+    base = path.parent / study.scenario
+    table = spelled_out(read_toml(base, "the study's scenario file"))
+    changes = _changes(path, study)
+    if len(changes) * len(numbers) > MOST_RUNS:
+        raise InputError(f"{path}: {len(changes)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
+    conditions = tuple(
+        Condition(name, change, _scenario(f"{path}: condition {name!r}", table, {**study.set, **change}, base.parent))
+        for name, change in changes.items()
+    )
+    worlds: dict[str, str] = {}
+    for condition in conditions:
+        place = f"{path}: condition {condition.name!r}"
+        file = condition.scenario.world.file
+        worlds.setdefault(file, read_world(condition.scenario, place))
+        build(condition.scenario, place, worlds[file])
+    return Plan(path, study, conditions, numbers, worlds)
+
+
+def _changes(path: Path, study: Study) -> dict[str, dict[str, Any]]:
+    """What each condition changes, by its name: the grid of all axes, then the named ones."""
+    groups: dict[str, list[Axis]] = {}
+    for number, axis in enumerate(study.vary):
+        groups.setdefault(axis.together or f"axis {number}", []).append(axis)
+    steps: list[list[dict[str, Any]]] = []
+    for name, axes in groups.items():
+        if len({len(axis.values) for axis in axes}) > 1:
+            raise InputError(f"{path}: vary: the axes together as {name!r} have different numbers of values")
+        steps.append([{axis.key: axis.values[i] for axis in axes} for i in range(len(axes[0].values))])
+    if math.prod(len(step) for step in steps) > MOST_RUNS:
+        raise InputError(f"{path}: vary: more than {MOST_RUNS} conditions")
+    grid = [{key: value for step in cell for key, value in step.items()} for cell in itertools.product(*steps)]
+    changes = {_label(cell): cell for cell in grid if cell or not study.condition}
+    for named in study.condition:
+        if named.name in changes:
+            raise InputError(f"{path}: condition: the name {named.name!r} stands twice; expected each once")
+        changes[named.name] = named.set
+    return changes
+
+
+def _label(cell: dict[str, Any]) -> str:
+    """A short name such as "k=2, count=15"."""
+    parts = []
+    for key, value in cell.items():
+        shown = value.get("use", value) if isinstance(value, dict) else value
+        parts.append(f"{key.rpartition('.')[2]}={shown}")
+    return ", ".join(parts) or "base"
+
+
+def _scenario(place: str, table: Table, changes: dict[str, Any], folder: Path) -> Scenario:
+    changed = copy.deepcopy(table)
+    for key, value in changes.items():
+        try:
+            assign(changed, key, copy.deepcopy(value))
+        except InputError as problem:
+            raise InputError(f"{place}: {problem}") from problem
+    return decode(changed, place, folder)
+
+
+def with_seeds(plan: Plan, seeds: int, names: Collection[str]) -> Plan:
+    """The same study with seeds 1 to `seeds` and the named conditions only."""
+    conditions = tuple(condition for condition in plan.conditions if condition.name in names)
+    return replace(plan, conditions=conditions, seeds=tuple(range(1, seeds + 1)))

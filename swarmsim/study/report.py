@@ -1,0 +1,150 @@
+"""A study in pictures, and the reproduction as a page: Markdown and HTML with figures and provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from markdown_it import MarkdownIt
+
+from swarmsim.core.errors import InputError
+from swarmsim.recording import versions
+from swarmsim.study import reproduction as rep
+from swarmsim.study.reproduction import Reproduction
+from swarmsim.study.results import HEAD, Result, lines
+from swarmsim.view import plots
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
+body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b }}
+table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; font-size: 0.9rem }}
+th, td {{ border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: left; vertical-align: top }}
+img {{ max-width: 100% }} code {{ background: #f3f3f3; padding: 0 0.2rem }}
+</style></head><body>
+{body}</body></html>
+"""
+
+
+def study_figures(title: str, results: dict[str, Result], folder: Path) -> list[Path]:
+    """Draw a study's distributions, coverage curves and table into a folder; gives the files.
+
+    Raises InputError if there is nothing to draw or no place for it.
+    """
+    there = {name: result for name, result in results.items() if result.rows}
+    if not there:
+        raise InputError(f"{title}: no runs yet; do them with: swarmsim study run")
+    figures = {
+        "iterations": plots.distributions(
+            {name: result.times for name, result in there.items()},
+            {name: result.finished for name, result in there.items()},
+            title,
+        ),
+        "table": plots.table(HEAD, lines(there), title),
+    }
+    if all(result.curves for result in there.values()):
+        figures["coverage"] = plots.coverage({name: result.curves for name, result in there.items()}, title)
+    try:
+        return [path for name, figure in figures.items() for path in plots.save(figure, folder / name)]
+    except OSError as problem:
+        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+
+
+def write(found: Reproduction, folder: Path) -> list[Path]:
+    """Write figures, report.md and report.html; gives the files."""
+    figures = _figures(found, folder)
+    text = _text(found, figures)
+    (folder / "report.md").write_text(text, encoding="utf-8")
+    body = MarkdownIt("commonmark").enable("table").render(text)
+    page = PAGE.format(title="Kit, Mateo and Bouffanais (2018), reproduced", body=body)
+    (folder / "report.html").write_text(page, encoding="utf-8")
+    return [folder / "report.md", folder / "report.html"]
+
+
+def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
+    """Draw the figures; gives their captions by file name."""
+    numbers, results = found.numbers, found.results
+    nothing = (np.nan, np.nan)
+    plots.save(
+        plots.comparison(
+            [number.condition for number in numbers],
+            np.array([np.nan if n.ours.mean is None else n.ours.mean for n in numbers]),
+            np.array([n.ours.interval or nothing for n in numbers]),
+            np.array([n.ours.prediction or nothing for n in numbers]),
+            np.array([n.published for n in numbers]),
+            "Published numbers beside ours",
+            [n.ours.n for n in numbers],
+        ),
+        folder / "comparison",
+    )
+    curves = {name: result.curves for name, result in results["robustness"].items()}
+    marks = {"20-15-10-5 units": [50, 100, 150]}
+    plots.save(plots.coverage(curves, "Robustness (Fig. 4), k = 2", marks), folder / "robustness")
+    for study, title in (("scalability", "Table I, k = 1"), ("network", "Table II, 15 robots")):
+        found_here = results[study]
+        published = {n.condition: n.published for n in numbers if n.study == study}
+        figure = plots.distributions(
+            {name: result.times for name, result in found_here.items()},
+            {name: result.finished for name, result in found_here.items()},
+            title,
+            published,
+        )
+        plots.save(figure, folder / study)
+    size = results["scalability"].values()
+    described = [result.describe() for result in size]
+    figure = plots.scaling(
+        np.array([result.condition.scenario.robots.count for result in size]),
+        np.array([np.nan if d.mean is None else d.mean for d in described]),
+        np.array([d.interval or nothing for d in described]),
+        rep.scaling_fit(found),
+        {r.condition.scenario.robots.count: n.published for r, n in zip(size, numbers, strict=False)},
+        "Scaling, k = 1",
+    )
+    plots.save(figure, folder / "scaling")
+    return {
+        "comparison": "Means with their 95 % intervals, 95 % prediction intervals of a single run, published numbers",
+        "robustness": "Coverage against iterations: mean and 95 % band over runs; the lines mark removals",
+        "scalability": "Iterations of every run against the number of robots",
+        "network": "Iterations of every run against the network",
+        "scaling": "Mean iterations against the number of robots, and T = a + b/N",
+    }
+
+
+def _text(found: Reproduction, figures: dict[str, str]) -> str:
+    seeds = len(next(iter(found.plans.values())).seeds)
+    a, b = rep.scaling_fit(found)
+    parts = [
+        "# Kit, Mateo and Bouffanais (2018), reproduced",
+        f"{seeds} seeds of each condition. {_capital(found.error_sentence)}.",
+        "## Numbers",
+        _table((*rep.HEAD[:-1], "kind"), rep.lines(found)),
+        "`calibrated` marks the numbers by which the start area was chosen; all others are predicted.",
+        _image("comparison", figures),
+        "## Claims",
+        _table(("claim", "verdict", "test"), [claim.line for claim in found.claims]),
+        "## Figures",
+        *(_image(name, figures) for name in figures if name != "comparison"),
+        "## Scaling",
+        f"T = {a:.0f} + {b:.0f} / N iterations, least squares over all runs.",
+        _table(("swarm", "speed-up over N=5", "efficiency", "Karp-Flatt serial share"), rep.scaling_lines(found)),
+        "## Provenance",
+        _table(
+            ("what", "value"), [("digest of the runs", found.digest), ("seeds", f"1 to {seeds}"), *versions().items()]
+        ),
+        "Each run is repeated by `swarmsim run scenarios/kit2018.toml --seed N --set ...`; the studies stand in "
+        "`scenarios/studies/kit2018/`.",
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]
+
+
+def _image(name: str, figures: dict[str, str]) -> str:
+    return f"![{figures[name]}]({name}.png)\n\n*{figures[name]}.*"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    body = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "/") for cell in row) + " |" for row in body)

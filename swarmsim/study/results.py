@@ -1,0 +1,238 @@
+"""What a study's runs say, condition by condition."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.study.engine import Task
+from swarmsim.study.plan import Condition, Plan
+from swarmsim.study.statistics import Description, compare, describe, ranked, runs_needed
+from swarmsim.study.store import Row, Store
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """The runs of one condition that have ended, in the order of their seeds."""
+
+    condition: Condition
+    rows: tuple[Row, ...]  # finished or not, without failures
+    failed: tuple[Row, ...]
+    missing: int
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Iterations of each run; of an unfinished one, those after which it was stopped."""
+        return np.array([row.iterations for row in self.rows], np.float64)
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        """Whether each run finished."""
+        return np.array([row.status == "finished" for row in self.rows], np.bool_)
+
+    @property
+    def curves(self) -> list[NDArray[np.float64]]:
+        """Each run's coverage share by iteration."""
+        return [row.curve.astype(np.float64) for row in self.rows if row.curve is not None]
+
+    def measure(self, name: str) -> NDArray[np.float64]:
+        """One measure of each run; nan where it is undefined. Raises InputError for an unknown name."""
+        if self.rows and name not in self.rows[0].summary:
+            raise InputError(f"{name!r} is no measure; known: {', '.join(self.rows[0].summary)}")
+        values = (row.summary[name] for row in self.rows)
+        return np.array([np.nan if value is None else value for value in values], np.float64)
+
+    def describe(self) -> Description:
+        """The statistics of its iterations; None-valued where there is no run."""
+        return describe(self.times, self.finished, float(self.condition.scenario.stop.iterations))
+
+
+def gather(plan: Plan, store: Store) -> dict[str, Result]:
+    """All that the store has of a study, by condition, in the plan's order."""
+    found = store.rows(plan.identity(condition, seed) for condition, seed in plan.runs)
+    results = {}
+    for condition in plan.conditions:
+        rows = [found.get(plan.identity(condition, seed)) for seed in plan.seeds]
+        there = [row for row in rows if row is not None]
+        results[condition.name] = Result(
+            condition,
+            tuple(row for row in there if row.status != "failed"),
+            tuple(row for row in there if row.status == "failed"),
+            len(rows) - len(there),
+        )
+    return results
+
+
+def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
+    """The runs that the store does not have yet; with `retry` those that failed, too. Equal runs come once."""
+    found = store.rows(plan.identity(condition, seed) for condition, seed in plan.runs)
+    tasks: dict[str, Task] = {}
+    for condition, seed in plan.runs:
+        identity = plan.identity(condition, seed)
+        if identity in found and not (retry and found[identity].status == "failed"):
+            continue
+        keep = plan.study.keep
+        tasks[identity] = Task(
+            identity=identity,
+            condition=condition.name,
+            seed=seed,
+            scenario=msgspec.structs.replace(condition.scenario, seed=seed),
+            world=plan.worlds[condition.scenario.world.file],
+            curves=keep != "summary",
+            recording=store.path.with_suffix("") / f"{identity}.h5" if keep == "recordings" else None,
+            command=command(plan, condition, seed),
+        )
+    return list(tasks.values())
+
+
+def command(plan: Plan, condition: Condition, seed: int) -> str:
+    """The command that repeats one run of a study."""
+    changes = {**plan.study.set, **condition.changes}
+    sets = " ".join(f"--set {shlex.quote(f'{key}={_toml(value)}')}" for key, value in changes.items())
+    return f"swarmsim run {shlex.quote(str(plan.path.parent / plan.study.scenario))} --seed {seed} {sets}".strip()
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML writes it on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}={_toml(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(inner) for inner in value) + "]"
+    return json.dumps(value)
+
+
+def digest(results: Sequence[Result]) -> str:
+    """One digest over all runs, whatever order or cluster they came from."""
+    hashed = hashlib.blake2b(digest_size=16)
+    lines = sorted(f"{row.identity} {row.digest}" for result in results for row in result.rows)
+    hashed.update("\n".join(lines).encode())
+    return hashed.hexdigest()
+
+
+HEAD = ("condition", "n", "finished", "mean", "95 % interval", "sd", "median", "quartiles", "restricted mean")
+
+
+def lines(results: dict[str, Result]) -> list[tuple[str, ...]]:
+    """The table of iterations, one line for each condition, under HEAD."""
+    return [(name, *_described(result)) for name, result in results.items()]
+
+
+def _described(result: Result) -> tuple[str, ...]:
+    if not result.rows:
+        return ("0", *["-"] * (len(HEAD) - 2))
+    d = result.describe()
+    restricted = d.restricted
+    error = "" if restricted.error is None else f" ± {restricted.error:.1f}"
+    return (
+        str(d.n),
+        str(d.finished),
+        number(d.mean),
+        "-" if d.interval is None else f"{d.interval[0]:.1f} to {d.interval[1]:.1f}",
+        number(d.sd),
+        number(d.median),
+        "-" if d.lower is None or d.upper is None else f"{d.lower:.0f} to {d.upper:.0f}",
+        "-" if d.finished == d.n else f"{restricted.mean:.1f}{error} to {restricted.horizon:.0f}",
+    )
+
+
+def number(value: float | None) -> str:
+    """One decimal, or a dash for nothing."""
+    return "-" if value is None else f"{value:.1f}"
+
+
+def records(plan: Plan, results: dict[str, Result]) -> list[dict[str, Any]]:
+    """Every run as a flat record: condition, what it changes, seed, outcome and all measures."""
+    names = list(dict.fromkeys(key for condition in plan.conditions for key in condition.changes))
+    return [
+        {
+            "condition": name,
+            **{key: _plain(result.condition.changes.get(key)) for key in names},
+            "seed": row.seed,
+            "status": row.status,
+            "iterations": row.iterations,
+            **{f"measure_{key}": value for key, value in row.summary.items()},
+            "digest": row.digest,
+            "seconds": row.seconds,
+            "message": row.message,
+        }
+        for name, result in results.items()
+        for row in (*result.rows, *result.failed)
+    ]
+
+
+def _plain(value: Any) -> Any:
+    return _toml(value) if isinstance(value, dict | list) else value
+
+
+def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write records, one a line."""
+    names = list(dict.fromkeys(key for row in rows for key in row))
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def write_parquet(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write records as Parquet. Raises InputError if pyarrow is not installed."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as problem:
+        raise InputError("--parquet: needs pyarrow; install it with: pip install 'swarmsim-lab[export]'") from problem
+    names = list(dict.fromkeys(key for row in rows for key in row))
+    columns = {name: _one_type([row.get(name) for row in rows]) for name in names}
+    pq.write_table(pa.table(columns), path)
+
+
+def _one_type(values: list[Any]) -> list[Any]:
+    """A column of a single type: text where the values are of several."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int, float} or len(kinds) <= 1:
+        return [float(value) if kinds == {int, float} and value is not None else value for value in values]
+    return [None if value is None else str(value) for value in values]
+
+
+MEASURED = ("condition", "n", "defined", "mean", "95 % interval", "sd", "median")
+
+
+def measured(results: dict[str, Result], name: str) -> list[tuple[str, ...]]:
+    """The table of one measure, one line for each condition, under MEASURED."""
+    table: list[tuple[str, ...]] = []
+    for label, result in results.items():
+        values = result.measure(name)
+        defined = values[np.isfinite(values)]
+        if len(defined) == 0:
+            table.append((label, str(len(values)), "0", *["-"] * 4))
+            continue
+        d = describe(defined)
+        between = "-" if d.interval is None else f"{d.interval[0]:.4g} to {d.interval[1]:.4g}"
+        sd = "-" if d.sd is None else f"{d.sd:.4g}"
+        table.append((label, str(len(values)), str(len(defined)), f"{d.mean:.4g}", between, sd, f"{d.median:.4g}"))
+    return table
+
+
+COMPARED = ("condition", "A12", "p", "p after Holm", "seeds to tell apart")
+
+
+def compared(results: dict[str, Result], against: str) -> list[tuple[str, ...]]:
+    """Every other condition against one, one line each, under COMPARED; unfinished runs rank last."""
+    groups = {name: ranked(r.times, r.finished) for name, r in results.items() if len(r.rows) > 1}
+    table: list[tuple[str, ...]] = []
+    for found in compare(groups, against) if against in groups else ():
+        first, second = results[found.first].times, results[found.second].times
+        difference, sd = first.mean() - second.mean(), np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 2)
+        needed = str(runs_needed(difference, sd, test="mann-whitney")) if difference and sd else "-"
+        table.append((found.first, f"{found.a12:.2f}", f"{found.p:.2g}", f"{found.adjusted:.2g}", needed))
+    return table

@@ -1,0 +1,116 @@
+"""What a study has found so far: SQLite, one row per run, written as the run ends."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+
+FORMAT = 1
+TABLES = """
+create table if not exists runs (
+    identity text primary key,
+    condition text not null,
+    seed integer not null,
+    status text not null check (status in ('finished', 'not finished', 'failed')),
+    iterations integer,
+    summary text not null,
+    curve blob,
+    digest text,
+    versions text not null,
+    seconds real not null,
+    message text
+) without rowid;
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One run that has ended."""
+
+    identity: str  # of everything that the run depends on
+    condition: str
+    seed: int
+    status: str  # finished, not finished or failed
+    iterations: int | None  # None where it failed
+    summary: dict[str, Any]  # measures by name
+    curve: NDArray[np.float32] | None  # (t,): coverage share after each iteration
+    digest: str | None
+    versions: dict[str, str]
+    seconds: float  # of wall clock
+    message: str | None  # of a failure, with the command that repeats it
+
+
+class Store:
+    """The rows of one study in one file; every `add` is on disk when it returns."""
+
+    def __init__(self, path: Path) -> None:
+        """Open or make the file. Raises InputError."""
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._base = sqlite3.connect(path)
+            self._base.execute("pragma journal_mode = wal")
+            found = self._base.execute("pragma user_version").fetchone()[0]
+            if found not in (0, FORMAT):
+                raise InputError(f"{path}: a store of format {found}; this swarmsim reads format {FORMAT}")
+            self._base.executescript(TABLES)
+            self._base.execute(f"pragma user_version = {FORMAT}")
+        except (sqlite3.Error, OSError) as problem:
+            raise InputError(f"{path}: no store of results ({problem}); expected an SQLite file of ours") from problem
+
+    def add(self, row: Row) -> None:
+        """Keep a run; one that is here already stays as it is, unless it had failed."""
+        curve = None if row.curve is None else row.curve.astype("<f4").tobytes()
+        values = (
+            row.identity, row.condition, row.seed, row.status, row.iterations, json.dumps(row.summary), curve,
+            row.digest, json.dumps(row.versions), row.seconds, row.message,
+        )  # fmt: skip
+        with self._base:
+            self._base.execute("delete from runs where identity = ? and status = 'failed'", (row.identity,))
+            marks = ", ".join("?" * len(values))
+            self._base.execute(f"insert or ignore into runs values ({marks})", values)
+
+    def rows(self, identities: Iterable[str]) -> dict[str, Row]:
+        """Those of the runs asked for that are here, by identity."""
+        wanted = set(identities)
+        found = (_row(values) for values in self._base.execute("select * from runs order by identity"))
+        return {row.identity: row for row in found if row.identity in wanted}
+
+    def close(self) -> None:
+        """Close the file."""
+        self._base.close()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _row(values: tuple[Any, ...]) -> Row:
+    identity, condition, seed, status, iterations, summary, curve, digest, versions, seconds, message = values
+    return Row(
+        identity,
+        condition,
+        seed,
+        status,
+        iterations,
+        json.loads(summary),
+        None if curve is None else np.frombuffer(curve, "<f4"),
+        digest,
+        json.loads(versions),
+        seconds,
+        message,
+    )

@@ -1,0 +1,65 @@
+"""Sets of cells, as boolean arrays: which hang together, which are neighbours, which lie between others."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Cells = NDArray[np.bool_]  # (rows, columns)
+
+
+def flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
+    """Steps (rows, columns) between 4-neighbours in `open_cells` from the nearest seed; -1 where there is no way."""
+    width = open_cells.shape[1] + 2
+    free = np.pad(open_cells, 1).ravel()
+    front = np.flatnonzero(np.pad(seeds & open_cells, 1))
+    hops = np.full(free.size, -1, dtype=np.int32)
+    step = 0
+    while front.size:
+        hops[front] = step
+        free[front] = False
+        around = (front[:, None] + (-width, -1, 1, width)).ravel()
+        front = np.unique(around[free[around]])
+        step += 1
+    return hops.reshape(-1, width)[1:-1, 1:-1]
+
+
+def richest_piece(open_cells: Cells, seeds: Cells) -> Cells:
+    """The 4-connected piece of `open_cells` that holds most of `seeds`; the lowest row and column break a tie."""
+    best, most = np.zeros_like(seeds), 0
+    left = seeds & open_cells
+    while left.any():
+        first = np.zeros_like(left)
+        first.flat[left.argmax()] = True
+        piece = flood(open_cells, first) >= 0
+        held = int((piece & left).sum())
+        if held > most:
+            best, most = piece, held
+        left &= ~piece
+        if left.sum() <= most:
+            break
+    return best
+
+
+def grown(cells: Cells) -> Cells:
+    """The 4-neighbours of `cells`."""
+    padded = np.pad(cells, 1)
+    beside: Cells = padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
+    return beside
+
+
+def rim(cells: Cells) -> Cells:
+    """Those of `cells` that lie on the border of the lattice."""
+    outer = cells.copy()
+    outer[1:-1, 1:-1] = False
+    return outer
+
+
+def between(occupied: Cells) -> Cells:
+    """The free cells with walls both left and right, or both above and below, at any distance."""
+    enclosed = np.zeros_like(occupied)
+    for axis in (0, 1):
+        before = np.logical_or.accumulate(occupied, axis=axis)
+        after = np.flip(np.logical_or.accumulate(np.flip(occupied, axis), axis=axis), axis)
+        enclosed |= before & after
+    return enclosed & ~occupied

@@ -1,0 +1,118 @@
+"""The outlines of SVG shapes, with chords in place of curves."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import numpy as np
+import svgelements
+from numpy.typing import NDArray
+
+from swarmsim.world.elements import NUMBER, Element, ElementError, numbers, quoted
+from swarmsim.world.page import Page
+
+FLATNESS = 1e-3  #: m, the largest distance between a curve and the chords that replace it
+SHAPES = frozenset({"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"})  #: tags that have outlines
+Points = NDArray[np.float64]  # (n, 2): x, y
+Outlines = list[tuple[Points, bool]]  # each with whether it closes itself
+
+_PATH_TOKENS = re.compile(rf"{NUMBER}|[MmZzLlHhVvCcSsQqTtAa]|[\s,]+")
+_MOST_CHORDS = 10_000  # of one curve; more are needed only beyond the largest coordinate
+
+
+def outlines(element: Element, page: Page, flatness: float) -> Outlines:
+    """The outlines of a shape in its own user units, with chords at most `flatness` away from its curves."""
+    match element.tag:
+        case "path":
+            return _flattened(_segments(element.attributes.get("d", "")), flatness)
+        case "polygon" | "polyline":
+            values = numbers(element.attributes.get("points", ""), "points")
+            if len(values) % 2 or len(values) < 4:
+                raise ElementError(
+                    f"points has {len(values)} numbers; it should have two for each of two or more points"
+                )
+            return [(np.array(values).reshape(-1, 2), element.tag == "polygon")]
+        case "line":
+            x1, y1, x2, y2 = (page.length(element, key) for key in ("x1", "y1", "x2", "y2"))
+            return [(np.array([[x1, y1], [x2, y2]]), False)]
+        case "circle" | "ellipse":
+            centre = page.length(element, "cx"), page.length(element, "cy")
+            radii = [page.extent(element, key) for key in (("r", "r") if element.tag == "circle" else ("rx", "ry"))]
+            curve = svgelements.Ellipse(*centre, *radii)
+        case _:
+            corner = page.length(element, "x"), page.length(element, "y")
+            size = page.extent(element, "width"), page.extent(element, "height")
+            given = [key for key in ("rx", "ry") if element.attributes.get(key, "auto") != "auto"]
+            radii = [page.length(element, key) for key in given] * (3 - len(given)) or [0.0, 0.0]
+            if min(radii) < 0.0:
+                raise ElementError("rx or ry is negative; a radius should be 0 or larger")
+            curve = svgelements.Rect(*corner, *size, *radii)
+    return _flattened(curve.segments(), flatness)
+
+
+def _segments(data: str) -> list[Any]:
+    """The segments of path data; svgelements drops without a word what it cannot read, so that is looked for first."""
+    left = _PATH_TOKENS.sub("", data)
+    if left:
+        raise ElementError(f"d has {quoted(left[0])}, which is no path command; only MLHVCSQTAZ and numbers are")
+    try:
+        segments = list(svgelements.Path(data))
+    except Exception as error:  # svgelements has no exception type of its own
+        raise ElementError(f"d is {quoted(data)}, in which a command has too few or too many numbers") from error
+    if not segments or not isinstance(segments[0], svgelements.Move):
+        raise ElementError(f"d is {quoted(data) if data else 'empty'}; it should start with M and a point")
+    return segments
+
+
+def _flattened(segments: list[Any], flatness: float) -> Outlines:
+    """The outlines that `segments` draw, without those that are a single point."""
+    drawn: list[tuple[list[Points], bool]] = []
+    points: list[Points] = []
+    for segment in segments:
+        if isinstance(segment, (svgelements.Move, svgelements.Close)):
+            closed = isinstance(segment, svgelements.Close)
+            drawn.append((points, closed))
+            points = points[:1] if closed else [_corner(segment.end)]
+        else:
+            points.extend(_chords(segment, flatness))
+    drawn.append((points, False))
+    found = [(np.array(points), closed) for points, closed in drawn if len(points) > 1]
+    if not found:
+        raise ElementError("it has no line in it; it should have two points or more")
+    return found
+
+
+def _corner(point: Any) -> Points:
+    """A point of svgelements as an array of two finite numbers."""
+    try:
+        corner = np.array([float(point.x), float(point.y)])
+    except (AttributeError, TypeError):
+        raise ElementError("d has a command with too few numbers") from None
+    if not np.isfinite(corner).all():
+        raise ElementError("d has a number that is too large")
+    return corner
+
+
+def _chords(segment: Any, flatness: float) -> list[Points]:
+    """The ends of the chords of one segment; a start is the end of the segment before."""
+    if isinstance(segment, svgelements.Arc) and segment.sweep and segment.rx and segment.ry:
+        # An ellipse is a stretched circle, and its chords stray at most as far as those of the larger circle.
+        pieces = abs(float(segment.sweep)) / chord_angle(max(segment.rx, segment.ry), flatness)
+    elif isinstance(segment, (svgelements.QuadraticBezier, svgelements.CubicBezier)):
+        corners = np.array([_corner(corner) for corner in segment])
+        degree = len(corners) - 1
+        bend = degree * (degree - 1) * np.linalg.norm(np.diff(corners, 2, axis=0), axis=1).max()
+        pieces = math.sqrt(bend / (8.0 * flatness))  # a chord strays by at most bend dt^2 / 8
+    else:
+        return [_corner(segment.end)]
+    if not math.isfinite(pieces):
+        raise ElementError("d has a number that is too large")
+    count = max(1, min(math.ceil(pieces), _MOST_CHORDS))
+    return list(segment.npoint(np.linspace(0.0, 1.0, count + 1))[1:])
+
+
+def chord_angle(radius: float, flatness: float) -> float:
+    """The angle of an arc of `radius`, a quarter at most, that strays `flatness` from its chord."""
+    return max(4.0 * math.asin(math.sqrt(min(0.5 * flatness / radius, 0.5 - math.sqrt(0.125)))), 1e-9)

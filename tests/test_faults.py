@@ -1,0 +1,133 @@
+from __future__ import annotations
+
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+import pytest
+from conftest import made
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.state import Moment
+from swarmsim.recording import Recording
+
+SHRINKING = 'faults=[{use="remove", at=20, every=10, count=3, keep=4}]'
+
+
+def watch(*overrides: str, iterations: int = 60) -> tuple[list[Moment], object]:
+    run = made(f"stop.iterations={iterations}", *overrides, scenario="basilica")
+    moments: list[Moment] = []
+
+    class Keep:
+        def sample(self, moment: Moment) -> None:
+            moments.append(moment)
+
+    run.simulation.run([Keep()])
+    return moments, run
+
+
+@pytest.fixture(scope="module")
+def shrunk() -> tuple[list[Moment], object]:
+    return watch(SHRINKING)
+
+
+def test_robots_are_removed_when_asked_down_to_those_kept(shrunk) -> None:
+    moments, _ = shrunk
+    alive = [int(moment.state.alive.sum()) for moment in moments]
+    assert alive == [15] * 20 + [12] * 10 + [9] * 10 + [6] * 10 + [4] * 10
+
+
+def test_every_removal_is_an_event_with_its_robot_and_cause(shrunk) -> None:
+    moments, _ = shrunk
+    events = [event for moment in moments for event in moment.events if event.kind == "removed"]
+    assert [event.iteration for event in events] == [20] * 3 + [30] * 3 + [40] * 3 + [50] * 2
+    assert all("remove at=20 every=10" in event.cause for event in events)
+    gone = {event.robot for event in events}
+    assert gone == set(np.flatnonzero(~moments[-1].state.alive))
+    assert len(gone) == len(events) == 11
+
+
+def test_the_removed_neither_sense_nor_hear_nor_speak_nor_move(shrunk) -> None:
+    moments, _ = shrunk
+    for moment, following in pairwise(moments[50:]):
+        dead = np.flatnonzero(~moment.state.alive)
+        assert not np.isin(moment.links, dead).any()
+        assert not moment.tiles.values[dead].any()
+        assert (moment.intents.counts[dead] == 0).all()
+        np.testing.assert_array_equal(following.state.pose[dead], moment.state.pose[dead])
+
+
+def test_nobody_meets_the_body_of_a_removed_robot() -> None:
+    run = made("robots.count=2", 'faults=[{use="remove", at=1, count=1}]', "stop.iterations=5", scenario="room")
+    space = run.simulation.parts.bodies._inner.space
+    before = len(space.shapes)
+    run.simulation.run()
+    assert len(space.shapes) == before - 1
+
+
+def test_what_happened_before_the_first_removal_is_untouched(shrunk) -> None:
+    plain, _ = watch(iterations=20)
+    for ours, theirs in zip(shrunk[0][:20], plain, strict=True):
+        np.testing.assert_array_equal(ours.state.pose, theirs.state.pose)
+        np.testing.assert_array_equal(ours.tiles.values, theirs.tiles.values)
+        np.testing.assert_array_equal(ours.intents.goals, theirs.intents.goals)
+
+
+def test_a_lost_map_leaves_the_union_and_a_kept_one_stays() -> None:
+    kept, _ = watch('faults=[{use="remove", at=20, count=10, keep=1, map="kept"}]', iterations=21)
+    lost, _ = watch('faults=[{use="remove", at=20, count=10, keep=1, map="lost"}]', iterations=21)
+    assert kept[20].coverage.union >= kept[19].coverage.union
+    assert lost[20].coverage.union < lost[19].coverage.union
+    dead = np.flatnonzero(~lost[20].state.alive)
+    assert (lost[20].coverage.each[dead] == 0).all()
+    assert (kept[20].coverage.each[dead] > 0).all()
+
+
+def test_the_choice_depends_on_the_seed_alone() -> None:
+    def gone(seed: int) -> list[int]:
+        moments, _ = watch(f"seed={seed}", 'faults=[{use="remove", at=2, count=5}]', iterations=4)
+        return np.flatnonzero(~moments[-1].state.alive).tolist()
+
+    assert gone(1) == gone(1)
+    assert gone(1) != gone(2)
+
+
+def test_two_faults_each_take_their_own() -> None:
+    faults = 'faults=[{use="remove", at=2, count=2}, {use="remove", at=4, count=3}]'
+    moments, _ = watch(faults, iterations=6)
+    assert [int(moment.state.alive.sum()) for moment in moments] == [15, 15, 13, 13, 10, 10]
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ('{use="remove", at=0}', r"faults\[0\]\.at.*>= 1"),
+        ('{use="remove"}', r"faults\[0\]\.at: required key is missing"),
+        ('{use="remove", at=5, cuont=3}', r"faults\[0\]\.cuont: unknown key; did you mean 'count'"),
+        ('{use="remove", at=5, keep=15}', r"faults\[0\]\.keep: 15 of 15 robots"),
+        ('{use="remove", at=5, map="burnt"}', r"faults\[0\]\.map"),
+        ('{use="remvoe", at=5}', r"faults\[0\]\.use.*'remvoe'.*'remove'"),
+        ("{at=5}", r"faults\[0\]\.use"),
+    ],
+)
+def test_a_fault_that_cannot_work_is_refused(fault: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        made(f"faults=[{fault}]", scenario="basilica")
+
+
+def test_a_recording_tells_who_was_removed_and_verifies(tmp_path) -> None:
+    from swarmsim.recording import Digests, Recorder
+
+    run = made("stop.iterations=30", 'faults=[{use="remove", at=10, count=5}]', scenario="basilica")
+    path = tmp_path / "recording.h5"
+    with Recorder(path, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied) as recorder:
+        run.simulation.run([recorder])
+    recording = Recording(path)
+    assert [event.kind for event in recording.events()] == ["removed"] * 5 + ["not finished"]
+    assert recording["alive"].sum(axis=1).tolist() == [15] * 10 + [10] * 20
+    assert recording.scenario == msgspec.structs.replace(run.scenario)
+    from swarmsim.build import build
+
+    digests = Digests()
+    build(recording.scenario, "again", recording.world).simulation.run([digests])
+    assert digests.total() == recording.digest()

@@ -1,0 +1,285 @@
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from swarmsim.core.errors import InputError
+from swarmsim.study import results as res
+from swarmsim.study.engine import execute, perform
+from swarmsim.study.plan import open_study
+from swarmsim.study.selection import best
+from swarmsim.study.store import Row, Store
+
+STUDY = f"""
+title = "Small"
+scenario = "{ROOT}/scenarios/room.toml"
+seeds = 3
+[set]
+"stop.iterations" = 60
+[[vary]]
+key = "network.topology.k"
+values = [0, 1, 2]
+[[condition]]
+name = "chain"
+set = {{"network.topology" = {{use = "chain"}}}}
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    path = tmp_path / "small.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def swarmsim(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "swarmsim", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
+
+
+def test_a_plan_crosses_axes_and_adds_named_conditions(study: Path) -> None:
+    plan = open_study(study)
+    assert [condition.name for condition in plan.conditions] == ["k=0", "k=1", "k=2", "chain"]
+    assert plan.conditions[2].scenario.network.topology == {"use": "knn", "k": 2}
+    assert all(condition.scenario.stop.iterations == 60 for condition in plan.conditions)
+    assert len(plan.runs) == 12
+    assert len({plan.identity(condition, seed) for condition, seed in plan.runs}) == 12
+    assert len(open_study(study, 5).seeds) == 5
+
+
+def test_axes_cross_or_step_together(study: Path) -> None:
+    more = '\n[[vary]]\nkey = "robots.count"\nvalues = [4, 5]\n'
+    study.write_text(STUDY + more)
+    assert len(open_study(study).conditions) == 3 * 2 + 1
+    together = STUDY.replace('topology.k"', 'topology.k"\ntogether = "both"').replace("[0, 1, 2]", "[1, 2]")
+    study.write_text(together + more.replace("values", 'together = "both"\nvalues'))
+    assert [c.name for c in open_study(study).conditions] == ["k=1, count=4", "k=2, count=5", "chain"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("topology.k", "topology.kk", r"small\.toml: condition 'kk=0': network\.topology\.kk: unknown key"),
+        ("[0, 1, 2]", "[0, 7]", r"condition 'k=7': network\.topology\.k: 7 neighbours"),
+        ("seeds = 3", "seeds = 0", r"small\.toml: seeds"),
+        ("seeds = 3", "seeds = [1, 1]", "listed twice"),
+        ("[[vary]]", "[[varry]]", r"varry: unknown key; did you mean 'vary'"),
+        ('name = "chain"', 'name = "k=1"', "stands twice"),
+        ("room.toml", "none.toml", "none.toml: cannot be read"),
+        ("[0, 1, 2]", "[]", "vary"),
+        ("title", "= title", "not valid TOML"),
+    ],
+)
+def test_a_study_that_cannot_work_is_refused_before_any_run(study: Path, old: str, new: str, words: str) -> None:
+    study.write_text(STUDY.replace(old, new))
+    with pytest.raises(InputError, match=words):
+        open_study(study)
+
+
+def run_all(study: Path, store: Path, workers: int = 2, scheduler: str | None = None) -> str:
+    plan = open_study(study)
+    with Store(store) as kept:
+        for row in execute(res.missing(plan, kept), workers, scheduler):
+            kept.add(row)
+        return res.digest(list(res.gather(plan, kept).values()))
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
+    folder = tmp_path_factory.mktemp("study")
+    study = folder / "small.toml"
+    study.write_text(STUDY)
+    return study, folder / "small.sqlite", run_all(study, folder / "small.sqlite")
+
+
+def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(done, tmp_path: Path) -> None:
+    study, _, digest = done
+    assert run_all(study, tmp_path / "one.sqlite", 1) == digest
+    address = "tcp://127.0.0.1:18786"
+    script = Path(sys.executable).parent / "dask"
+    dask = [str(script), "scheduler", "--host", "127.0.0.1", "--port", "18786", "--no-dashboard"]
+    worker = [str(script), "worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
+    processes = [
+        subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        for command in (dask, worker, worker)
+    ]
+    try:
+        assert run_all(study, tmp_path / "own.sqlite", 1, address) == digest
+    finally:
+        for process in processes:
+            process.terminate()
+        for process in processes:
+            process.wait(20)
+
+
+def test_an_unanswered_scheduler_is_refused(done, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("swarmsim.study.engine.ANSWER", 1.0)
+    study, _, _ = done
+    plan = open_study(study)
+    with Store(Path(":memory:")) as empty, pytest.raises(InputError, match="does not answer"):
+        list(execute(res.missing(plan, empty), 1, "tcp://127.0.0.1:1"))
+
+
+def test_results_are_those_of_single_runs(done) -> None:
+    study, store, _ = done
+    plan = open_study(study)
+    with Store(store) as kept:
+        found = res.gather(plan, kept)
+        assert res.missing(plan, kept) == []
+    assert all(result.missing == 0 and len(result.rows) == 3 for result in found.values())
+    with Store(Path(":memory:")) as empty:
+        task = next(t for t in res.missing(plan, empty) if t.condition == "k=2" and t.seed == 2)
+    alone, kept_row = perform(task), found["k=2"].rows[1]
+    assert (alone.digest, alone.iterations, alone.summary) == (kept_row.digest, kept_row.iterations, kept_row.summary)
+    np.testing.assert_array_equal(alone.curve, kept_row.curve)
+    assert len(kept_row.curve) == kept_row.iterations
+    words = shlex.split(task.command)
+    repeated = swarmsim(*words[1:], "--out", "again", "--quiet", cwd=study.parent)
+    assert repeated.returncode in (0, 1), repeated.stderr
+    assert json.loads((study.parent / "again" / "summary.json").read_text())["digest"] == alone.digest
+
+
+def test_unfinished_runs_are_neither_dropped_nor_counted_as_their_limit(done) -> None:
+    study, store, _ = done
+    with Store(store) as kept:
+        found = res.gather(open_study(study), kept)
+    unfinished = [result for result in found.values() if not result.finished.all()]
+    for result in unfinished:
+        described = result.describe()
+        assert described.mean is None
+        assert described.n == 3
+        assert described.restricted.horizon == 60
+
+
+def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, tmp_path: Path) -> None:
+    (tmp_path / "broken_part.py").write_text(
+        "import msgspec\n"
+        "class Broken(msgspec.Struct, frozen=True, forbid_unknown_fields=True):\n"
+        "    def build(self, setting, walls):\n        return self\n"
+        "    def links(self, state):\n        raise RuntimeError('the mast broke')\n"
+    )
+    study.write_text(
+        STUDY + '[[condition]]\nname = "broken"\nset = {"network.topology" = {use = "broken_part:Broken"}}\n'
+    )
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    command = [sys.executable, "-m", "swarmsim", "study", "run", study, "--store", tmp_path / "s.sqlite", "--quiet"]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 1, done.stderr
+    assert done.stdout.count("RuntimeError: the mast broke; to repeat: swarmsim run") == 3
+    with Store(tmp_path / "s.sqlite") as kept:
+        rows = kept._base.execute("select status, count(*) from runs group by status").fetchall()
+    assert dict(rows)["failed"] == 3
+    assert sum(count for _, count in rows) == 15
+
+
+def test_a_killed_study_is_finished_by_running_it_again(done, tmp_path: Path) -> None:
+    study, _, digest = done
+    store = tmp_path / "killed.sqlite"
+    command = [sys.executable, "-m", "swarmsim", "study", "run", str(study), "--store", str(store), "--quiet"]
+    rng = np.random.default_rng(3)
+    for _ in range(2):
+        process = subprocess.Popen(command, start_new_session=True)
+        time.sleep(float(rng.uniform(3.0, 6.0)))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert subprocess.run(command, check=False).returncode == 0
+    with Store(store) as kept:
+        plan = open_study(study)
+        assert res.digest(list(res.gather(plan, kept).values())) == digest
+        assert kept._base.execute("select count(*) from runs").fetchone() == (12,)
+
+
+def test_a_store_keeps_the_first_of_equal_runs_and_replaces_failures(tmp_path: Path) -> None:
+    def row(status: str, seconds: float) -> Row:
+        return Row("id", "c", 1, status, 5, {"t50": None}, None, "d", {}, seconds, None)
+
+    with Store(tmp_path / "s.sqlite") as store:
+        for status, seconds in (("failed", 1.0), ("finished", 2.0), ("finished", 3.0)):
+            store.add(row(status, seconds))
+        assert store.rows(["id", "other"]) == {"id": row("finished", 2.0)}
+
+
+def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "s.sqlite").write_text("certainly no database, but rather long prose " * 40)
+    with pytest.raises(InputError, match=r"s\.sqlite: no store of results"):
+        Store(tmp_path / "s.sqlite")
+    with Store(tmp_path / "t.sqlite") as store:
+        store._base.execute("pragma user_version = 9")
+    with pytest.raises(InputError, match="format 9"):
+        Store(tmp_path / "t.sqlite")
+
+
+def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
+    study, store, digest = done
+    at = ["--store", store]
+    planned = swarmsim("study", "plan", study, *at, cwd=tmp_path)
+    assert "4 conditions x 3 seeds = 12 runs, 0 still to do" in planned.stdout.replace("\n", " ")
+    assert swarmsim("study", "status", study, *at, cwd=tmp_path).returncode == 0
+    table = swarmsim("study", "table", study, *at, "--compare", "k=0", cwd=tmp_path)
+    assert digest in table.stdout
+    assert "A12" in table.stdout
+    assert "path_sum" in swarmsim("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
+    wrong = swarmsim("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
+    assert (wrong.returncode, "'paths' is no measure" in wrong.stderr) == (2, True)
+    exported = swarmsim("study", "export", study, *at, "--csv", "runs.csv", cwd=tmp_path)
+    assert exported.returncode == 0, exported.stderr
+    with (tmp_path / "runs.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    assert {row["network.topology.k"] for row in rows} == {"0", "1", "2", ""}
+    drawn = swarmsim("study", "plot", study, "figures", *at, cwd=tmp_path)
+    assert drawn.returncode == 0, drawn.stderr
+    assert {path.name for path in (tmp_path / "figures").iterdir()} >= {"iterations.png", "coverage.svg", "table.png"}
+
+
+def test_the_race_finds_the_better_condition_with_few_runs(tmp_path: Path) -> None:
+    study = tmp_path / "race.toml"
+    text = STUDY.replace("[0, 1, 2]", "[0, 1]").replace('"stop.iterations" = 60', '"robots.count" = 3')
+    study.write_text(text[: text.index("[[condition]]")])
+    plan = open_study(study, 1)
+    generator = np.random.default_rng(0)
+    with Store(tmp_path / "race.sqlite") as store:
+
+        def invent(tasks) -> None:
+            for task in tasks:
+                mean = {"k=0": 200, "k=1": 100}[task.condition]
+                times = int(generator.normal(mean, 15))
+                store.add(
+                    Row(task.identity, task.condition, task.seed, "finished", times, {}, None, "d", {}, 0.1, None)
+                )
+
+        answer = best(plan, store, invent, 0.95, 500, 0.03)
+    assert (answer.best, answer.decided, answer.runs) == ("k=1", True, 20)
+    assert "k=1 is best: with 95% confidence" in answer.sentence
+
+
+def test_a_race_between_equals_ends_with_the_budget(tmp_path: Path) -> None:
+    study = tmp_path / "race.toml"
+    text = STUDY.replace("[0, 1, 2]", "[0, 1]")
+    study.write_text(text[: text.index("[[condition]]")])
+    plan = open_study(study, 1)
+    generator = np.random.default_rng(0)
+    with Store(tmp_path / "race.sqlite") as store:
+
+        def invent(tasks) -> None:
+            for task in tasks:
+                times = int(generator.normal(100, 30))
+                store.add(
+                    Row(task.identity, task.condition, task.seed, "finished", times, {}, None, "d", {}, 0.1, None)
+                )
+
+        answer = best(plan, store, invent, 0.95, 60, 0.0)
+    assert not answer.decided
+    assert answer.runs <= 60
+    assert "not decided within the budget" in answer.sentence
