@@ -21,6 +21,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+WIDE = 160  # characters
 FAILED = 1  # exit code: some run failed, or some claim does not hold
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
@@ -300,9 +301,12 @@ def _print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]])
     from rich.console import Console
     from rich.table import Table
 
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDE)  # files and pipes have no width to keep to
     shown = Table(title=title, title_justify="left")
     for number, name in enumerate(head):
         shown.add_column(name, justify="left" if number == 0 else "right", overflow="fold")
     for row in rows:
         shown.add_row(*row)
-    Console().print(shown)
+    console.print(shown)

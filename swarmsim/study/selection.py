@@ -98,7 +98,7 @@ def _said(arms: Sequence[Arm], leader: str, decided: bool, confidence: float, to
     runs = sum(len(arm.times) for arm in arms)
     level = [arm.name for arm in arms if arm.dropped is None and arm.name != leader]
     if decided:
-        beside = f"; as good within that are {', '.join(level)}" if level else ""
+        beside = f"; not shown to be slower: {', '.join(level)}" if level else ""
         return (
             f"{leader} is best: with {confidence:.0%} confidence no other needs fewer iterations by more than "
             f"{tolerance:.0%}{beside} ({runs} runs)"
