@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import platform
 import tomllib
@@ -19,6 +18,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from swarmsim.core import hdf5
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario import Scenario, decode
@@ -215,7 +215,7 @@ class Recording:
         if not self.path.is_file():
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
         try:
-            with open_for_reading(self.path) as file:
+            with hdf5.open_for_reading(self.path) as file:
                 found = file.attrs.get("swarmsim-recording")
                 if found != FORMAT:
                     raise InputError(
@@ -304,38 +304,3 @@ class Recording:
             "digest": self.digest(),
             "versions": self.versions,
         }
-
-
-def open_for_reading(path: Path) -> h5py.File:
-    """The file at `path`, also if its writer was killed.
-
-    HDF5 marks a file that is being written and opens a marked one only by waiting for its writer. Where no
-    writer is left, the mark is taken off a copy in memory.
-    """
-    with path.open("rb") as file:
-        superblock = bytearray(file.read(48))
-    if len(superblock) < 48 or superblock[8] != 3 or superblock[11] == 0:
-        return h5py.File(path, "r")
-    superblock[11] = 0
-    superblock[28:36] = path.stat().st_size.to_bytes(8, "little")  # the end of the file
-    superblock[44:48] = lookup3(superblock[:44]).to_bytes(4, "little")
-    return h5py.File(io.BytesIO(superblock + path.read_bytes()[48:]), "r")
-
-
-def lookup3(data: bytes | bytearray) -> int:
-    """Jenkins' lookup3 hash, HDF5's checksum of metadata; of whole 32-bit words, for which it is shortest."""
-    words = [int.from_bytes(data[at : at + 4], "little") for at in range(0, len(data), 4)]
-    a = b = c = 0xDEADBEEF + len(data)
-
-    def turned(x: int, bits: int) -> int:
-        x &= 0xFFFFFFFF
-        return x << bits | x >> (32 - bits)
-
-    while len(words) > 3:
-        a, b, c, words = a + words[0], b + words[1], c + words[2], words[3:]
-        for bits in (4, 6, 8, 16, 19, 4):
-            a, b, c = b, c + b, (a - c) ^ turned(c, bits)
-    a, b, c = (x + word for x, word in zip((a, b, c), [*words, 0, 0], strict=False))
-    for bits in (14, 11, 25, 16, 4, 14, 24):
-        a, b, c = b, (c ^ b) - turned(b, bits), a
-    return b & 0xFFFFFFFF

@@ -15,15 +15,13 @@ from swarmsim.study.statistics import (
     describe,
     fit_scaling,
     holm,
-    kaplan_meier,
-    log_rank,
     prediction_interval,
     ranked,
-    restricted_mean,
     runs_needed,
     speed_up,
     trend,
 )
+from swarmsim.study.survival import kaplan_meier, log_rank, restricted_mean
 
 # Weeks of remission of 42 children (Freireich et al. 1963), the textbooks' example of censored times.
 DRUG = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmsim.cli.progress import RunBar, progress_bar
+
 if TYPE_CHECKING:
-    from rich.progress import Progress, TaskID
+    from rich.progress import Progress
     from rich.table import Table
 
     from swarmsim.build import Run
-    from swarmsim.core.state import Moment
     from swarmsim.recording import Recording
 
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
@@ -175,29 +175,7 @@ def _simulate(made: Run, path: Path, progress: Progress) -> bool:
 
     task = progress.add_task("simulating", total=made.scenario.stop.coverage, text="")
     with Recorder(path, made.scenario, made.world, made.arena.lattice, made.domain, made.arena.occupied) as recorder:
-        return made.simulation.run([recorder, _Bar(progress, task, made)])
-
-
-class _Bar:
-    """A probe that moves the progress bar, every tenth iteration and at the end.
-
-    Its clock starts with the first iteration done, which on a new machine includes compiling.
-    """
-
-    def __init__(self, progress: Progress, task: TaskID, made: Run) -> None:
-        self._progress, self._task, self._made = progress, task, made
-        self._begun: float | None = None
-
-    def sample(self, moment: Moment) -> None:
-        self._begun = self._begun or time.perf_counter()
-        done = moment.state.iteration + 1
-        if done % 10 and not self._made.simulation.over:
-            return
-        seconds = max(time.perf_counter() - self._begun, 1e-9)
-        faster = moment.state.iteration * self._made.scenario.period / seconds
-        alive = f"{moment.state.alive.sum()}/{moment.state.robots} alive"
-        text = f"iteration {done}, {moment.coverage.share:.1%} mapped, {alive}, {faster:.0f} x real time"
-        self._progress.update(self._task, completed=moment.coverage.share, text=text)
+        return made.simulation.run([recorder, RunBar(progress, task, made)])
 
 
 def _film(
@@ -217,19 +195,6 @@ def _film(
 
     write_film(recording, out, fps, speed, size, at)
     progress.console.print(f"film: {out}")
-
-
-def progress_bar(quiet: bool) -> Progress:
-    """A bar of rich's with a text of ours behind it."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %  {task.fields[text]}"),
-    )
-    return Progress(*columns, console=Console(quiet=quiet))
 
 
 def _table(summary: dict[str, Any], folder: Path) -> Table:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swarmsim.cli.progress import perform_all
+
 if TYPE_CHECKING:
     from swarmsim.study.engine import Task
     from swarmsim.study.plan import Plan
@@ -251,28 +253,6 @@ def reproduce(
         if not quiet:
             print(path)
     raise typer.Exit(0 if all(claim.holds for claim in found.claims) else FAILED)
-
-
-def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
-    """Do all tasks and keep each row as it comes, with a bar of rate, time left and failures."""
-    import os
-
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from swarmsim.study.engine import execute
-
-    if not tasks:
-        return
-    columns = (TextColumn("running"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
-    with Progress(*columns, TimeRemainingColumn(), console=Console(quiet=quiet)) as progress:
-        bar = progress.add_task("", total=len(tasks), text="")
-        begun, failed = time.perf_counter(), 0
-        for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
-            store.add(row)
-            failed += row.status == "failed"
-            rate = count / (time.perf_counter() - begun)
-            progress.update(bar, completed=count, text=f"{rate:.1f} runs/s, {failed} failed")
 
 
 def _trial(opened: Plan) -> float:

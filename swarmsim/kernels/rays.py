@@ -151,6 +151,41 @@ def _mark(tile, row0, column0, u, v, du, dv, length, reached_wall):
 
 
 @njit(cache=True, error_model="numpy")
+def _facing(x, y, walls, start, members, coarse, near):
+    """Write the walls that a robot at (x, y) may see from their front into `near`; gives their number."""
+    row = int(math.floor((y - coarse[1]) / coarse[2]))
+    column = int(math.floor((x - coarse[0]) / coarse[2]))
+    if not (0 <= row < coarse[3] and 0 <= column < coarse[4]):
+        return 0
+    square = row * int(coarse[4]) + column
+    count = 0
+    for m in range(start[square], start[square + 1]):
+        s = members[m]
+        ex = walls[s, 2] - walls[s, 0]
+        ey = walls[s, 3] - walls[s, 1]
+        if (walls[s, 0] - x) * ey - (walls[s, 1] - y) * ex <= 0.0:  # backs of walls are hidden by fronts
+            near[count] = s
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _behind(walls, s, px, py):
+    """The point just behind the surface of wall s at (px, py), and just off the wall's ends.
+
+    Walls on the edges of cells so keep to their own cells.
+    """
+    ex = walls[s, 2] - walls[s, 0]
+    ey = walls[s, 3] - walls[s, 1]
+    size = math.hypot(ex, ey)
+    ex /= size
+    ey /= size
+    middle = (0.5 * (walls[s, 0] + walls[s, 2]) - px) * ex + (0.5 * (walls[s, 1] + walls[s, 3]) - py) * ey
+    slide = INSIDE if middle > 0.0 else -INSIDE
+    return px - ey * INSIDE + ex * slide, py + ex * INSIDE + ey * slide
+
+
+@njit(cache=True, error_model="numpy")
 def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radius, occlude, obstacle, tiles, origins):
     """Fill every robot's tile from its ring of beams.
 
@@ -182,18 +217,7 @@ def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radi
         tiles[i] = 0
         if not alive[i]:
             continue
-        facing = 0
-        r = int(math.floor((y - coarse[1]) / coarse[2]))
-        c = int(math.floor((x - coarse[0]) / coarse[2]))
-        if 0 <= r < coarse[3] and 0 <= c < coarse[4]:
-            square = r * int(coarse[4]) + c
-            for m in range(start[square], start[square + 1]):
-                s = members[m]
-                ex = walls[s, 2] - walls[s, 0]
-                ey = walls[s, 3] - walls[s, 1]
-                if (walls[s, 0] - x) * ey - (walls[s, 1] - y) * ex <= 0.0:  # backs of walls are hidden by fronts
-                    near[facing] = s
-                    facing += 1
+        facing = _facing(x, y, walls, start, members, coarse, near)
         others = 0
         if occlude:
             for j in range(robots):
@@ -218,16 +242,7 @@ def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radi
             px = x + distance[b] * cosines[b]
             py = y + distance[b] * sines[b]
             if s < len(walls):
-                # Behind the surface, and off the segment's ends: walls on cell edges keep to their own cells.
-                ex = walls[s, 2] - walls[s, 0]
-                ey = walls[s, 3] - walls[s, 1]
-                size = math.hypot(ex, ey)
-                ex /= size
-                ey /= size
-                middle = (0.5 * (walls[s, 0] + walls[s, 2]) - px) * ex + (0.5 * (walls[s, 1] + walls[s, 3]) - py) * ey
-                slide = INSIDE if middle > 0.0 else -INSIDE
-                px += -ey * INSIDE + ex * slide
-                py += ex * INSIDE + ey * slide
+                px, py = _behind(walls, s, px, py)
             else:
                 px += INSIDE * cosines[b]
                 py += INSIDE * sines[b]

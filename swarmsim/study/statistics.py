@@ -12,34 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
+from swarmsim.study.survival import Interval, Outcome, RestrictedMean, kaplan_meier, restricted_mean, sample_of
+
 RESAMPLES: Final = 9999  # of the bootstrap
-Interval = tuple[float, float]  # low, high
 EFFICIENCY: Final = 3.0 / math.pi  # of Mann-Whitney's test relative to Student's, for normal data
-
-
-@dataclass(frozen=True, slots=True)
-class Survival:
-    """Kaplan and Meier's estimate of the share of runs not yet finished; row j is the j-th time of an end."""
-
-    times: NDArray[np.float64]  # (j,): times at which runs finished, rising
-    shares: NDArray[np.float64]  # (j,): the share of runs unfinished after each
-    at_risk: NDArray[np.int64]  # (j,): runs that had neither finished nor been cut off before
-    events: NDArray[np.int64]  # (j,): runs that finished then
-
-    def quantile(self, share: float) -> float | None:
-        """The first time by which this share (0 to 1) of the runs had finished, or None if it never had."""
-        hits = np.flatnonzero(self.shares <= 1.0 - share + 1e-12)  # shares are products, exact up to rounding
-        return float(self.times[hits[0]]) if len(hits) else None
-
-
-@dataclass(frozen=True, slots=True)
-class RestrictedMean:
-    """The mean of min(time, horizon): what a run takes on average when it is cut off at the horizon."""
-
-    mean: float
-    error: float | None  # standard error; None for fewer than two runs or if none finished by then
-    interval: Interval | None
-    horizon: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +49,6 @@ class Comparison:
     a12: float  # the chance that a run of the first takes longer than one of the second
 
 
-class Outcome(NamedTuple):
-    """The outcome of a test."""
-
-    statistic: float
-    p: float  # two-sided
-
-
 @dataclass(frozen=True, slots=True)
 class Scaling:
     """The fit T(N) = serial + parallel / N: what more robots cannot shorten, and what they share out."""
@@ -99,16 +68,6 @@ class SpeedUp(NamedTuple):
     serial_share: float | None  # Karp and Flatt's e; None for p = 1
 
 
-def _sample(times: ArrayLike, finished: ArrayLike | None = None) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    values = np.asarray(times, np.float64)
-    ended = np.ones(values.shape, np.bool_) if finished is None else np.asarray(finished, np.bool_)
-    if values.ndim != 1 or len(values) == 0 or values.shape != ended.shape:
-        raise ValueError(f"expected times (n,) and as many flags, n > 0, got shapes {values.shape} and {ended.shape}")
-    if not np.isfinite(values).all():
-        raise ValueError("times: expected finite numbers; an unfinished run's time is that at which it was cut off")
-    return values, ended
-
-
 def describe(
     times: ArrayLike, finished: ArrayLike | None = None, horizon: float | None = None, seed: int = 0
 ) -> Description:
@@ -116,7 +75,7 @@ def describe(
 
     Raises ValueError for no runs, and as `restricted_mean`.
     """
-    values, ended = _sample(times, finished)
+    values, ended = sample_of(times, finished)
     whole = bool(ended.all())
     survival = kaplan_meier(values, ended)
     quartiles = [float(np.quantile(values, q)) if whole else survival.quantile(q) for q in (0.25, 0.5, 0.75)]
@@ -139,7 +98,7 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -
 
     The same values and seed give the same interval. One value is no sample: None; equal ones have no width.
     """
-    sample, _ = _sample(values)
+    sample, _ = sample_of(values)
     if len(sample) < 2:
         return None
     if np.ptp(sample) == 0.0:
@@ -157,7 +116,7 @@ def prediction_interval(
     On the "log" scale it is taken of the logarithms, for positive data with a long upper tail. None for
     fewer than two values. Raises ValueError for values that have no logarithm.
     """
-    sample, _ = _sample(values)
+    sample, _ = sample_of(values)
     if scale == "log" and sample.min() <= 0.0:
         raise ValueError(f"values: expected positive numbers for the log scale, got {sample.min():g}")
     if len(sample) < 2:
@@ -169,63 +128,9 @@ def prediction_interval(
     return float(low), float(high)
 
 
-def kaplan_meier(times: ArrayLike, finished: ArrayLike | None = None) -> Survival:
-    """The product-limit estimate S(t) = prod over t_j <= t of 1 - d_j / n_j (Kaplan and Meier 1958).
-
-    A run cut off at the very time at which another finishes still counts as at risk then.
-    """
-    values, ended = _sample(times, finished)
-    when, events = np.unique(values[ended], return_counts=True)
-    at_risk = len(values) - np.searchsorted(np.sort(values), when, side="left")
-    return Survival(when, np.cumprod(1.0 - events / at_risk, dtype=np.float64), at_risk, events)
-
-
-def restricted_mean(
-    times: ArrayLike, finished: ArrayLike | None = None, horizon: float | None = None, confidence: float = 0.95
-) -> RestrictedMean:
-    """The area under Kaplan and Meier's curve up to `horizon` (default: the longest time); Irwin 1949.
-
-    Its variance is the sum over ends of A_j^2 d_j / (n_j (n_j - d_j)), A_j being the area right of the end
-    (Klein and Moeschberger 2003, section 4.5); the interval is the normal one, within 0 and the horizon.
-    Raises ValueError if the horizon lies beyond the last time of a run that did not finish.
-    """
-    values, ended = _sample(times, finished)
-    survival = kaplan_meier(values, ended)
-    limit = float(values.max()) if horizon is None else float(horizon)
-    last = survival.shares[-1] if len(survival.shares) else 1.0
-    if limit > values.max() and last > 0.0:
-        raise ValueError(f"horizon: expected at most {values.max():g}, where the last run was cut off, got {limit:g}")
-    inside = survival.times < limit
-    steps = np.diff(np.concatenate([[0.0], survival.times[inside], [limit]]))
-    areas = steps * np.concatenate([[1.0], survival.shares[inside]])
-    mean = float(areas.sum())
-    if len(values) < 2 or not (survival.times <= limit).any():
-        return RestrictedMean(mean, None, None, limit)
-    right = areas[::-1].cumsum()[::-1][1:]
-    events, at_risk = survival.events[inside], survival.at_risk[inside]
-    error = math.sqrt(float((right**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum()))
-    reach = float(stats.norm.ppf(0.5 + confidence / 2.0)) * error
-    return RestrictedMean(mean, error, (max(0.0, mean - reach), min(limit, mean + reach)), limit)
-
-
-def log_rank(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> Outcome:
-    """Whether two conditions, each given as its times and whether each finished, finish alike (Mantel 1966).
-
-    The statistic is a standard normal deviate, positive where the first has finished more often than
-    expected; its square is the chi-squared one. Where nothing can differ, as when no run finished, it is 0.
-    """
-    samples = [_sample(*first), _sample(*second)]
-    if not any(ended.any() for _, ended in samples):
-        return Outcome(0.0, 1.0)
-    censored = [stats.CensoredData(uncensored=times[ended], right=times[~ended]) for times, ended in samples]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        found = stats.logrank(censored[0], censored[1])
-    return Outcome(float(found.statistic), float(found.pvalue)) if np.isfinite(found.statistic) else Outcome(0.0, 1.0)
-
-
 def ranked(times: ArrayLike, finished: ArrayLike) -> NDArray[np.float64]:
     """Times (n,) for tests by rank: inf for a run that did not finish, which supposes one limit for all."""
-    values, ended = _sample(times, finished)
+    values, ended = sample_of(times, finished)
     return np.where(ended, values, np.inf)
 
 

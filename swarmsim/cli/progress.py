@@ -1,0 +1,72 @@
+"""Progress bars: of a run by its coverage, of a study by its runs."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from swarmsim.build import Run
+    from swarmsim.core.state import Moment
+    from swarmsim.study.engine import Task
+    from swarmsim.study.store import Store
+
+
+def progress_bar(quiet: bool) -> Progress:
+    """A bar of rich's with a text of ours behind it."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %  {task.fields[text]}"),
+    )
+    return Progress(*columns, console=Console(quiet=quiet))
+
+
+class RunBar:
+    """A probe that moves the progress bar, every tenth iteration and at the end.
+
+    Its clock starts with the first iteration done, which on a new machine includes compiling.
+    """
+
+    def __init__(self, progress: Progress, task: TaskID, made: Run) -> None:
+        self._progress, self._task, self._made = progress, task, made
+        self._begun: float | None = None
+
+    def sample(self, moment: Moment) -> None:
+        """Move the bar."""
+        self._begun = self._begun or time.perf_counter()
+        done = moment.state.iteration + 1
+        if done % 10 and not self._made.simulation.over:
+            return
+        seconds = max(time.perf_counter() - self._begun, 1e-9)
+        faster = moment.state.iteration * self._made.scenario.period / seconds
+        alive = f"{moment.state.alive.sum()}/{moment.state.robots} alive"
+        text = f"iteration {done}, {moment.coverage.share:.1%} mapped, {alive}, {faster:.0f} x real time"
+        self._progress.update(self._task, completed=moment.coverage.share, text=text)
+
+
+def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
+    """Do all tasks and keep each row as it comes, with a bar of rate, time left and failures."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from swarmsim.study.engine import execute
+
+    if not tasks:
+        return
+    columns = (TextColumn("running"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(quiet=quiet)) as progress:
+        bar = progress.add_task("", total=len(tasks), text="")
+        begun, failed = time.perf_counter(), 0
+        for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
+            store.add(row)
+            failed += row.status == "failed"
+            rate = count / (time.perf_counter() - begun)
+            progress.update(bar, completed=count, text=f"{rate:.1f} runs/s, {failed} failed")
