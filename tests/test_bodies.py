@@ -31,9 +31,6 @@ class Steady:
     def __init__(self, *wanted):
         self.wanted = np.array(wanted, float).reshape(-1, 2)
 
-    def follow(self, intents):
-        raise NotImplementedError
-
     def command(self, pose):
         return self.wanted
 
