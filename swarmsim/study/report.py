@@ -99,6 +99,7 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
         rep.scaling_fit(found),
         {r.condition.scenario.robots.count: n.published for r, n in zip(size, numbers, strict=False)},
         "Scaling, k = 1",
+        [len(result.rows) for result in size],
     )
     plots.save(figure, folder / "scaling")
     return {

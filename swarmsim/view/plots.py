@@ -84,7 +84,7 @@ def coverage(curves: Mapping[str, Sequence[Reals]], title: str, marks: Mapping[s
     handles += _faults(axes, list(curves), marks)
     ends = [*(len(run) for runs in curves.values() for run in runs), *(at for times in marks.values() for at in times)]
     axes.set(xlabel="iteration", ylabel="coverage, %", xlim=(0.0, 1.02 * max(ends)), ylim=(0.0, 102.0))
-    figure.legend(handles=handles, loc="outside right upper")
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     return _settled(figure)
 
 
@@ -114,7 +114,7 @@ def distributions(
         handles += [_key("unfinished, at its limit", VERMILLION, "^", face="none")]
     handles += [_key("mean, 95 % interval", BLACK, "o", "-")] if estimates else []
     handles += [_key("published", PURPLE, "D", edge=BLACK)] if published else []
-    _conditions(axes, list(times), [len(taken) for taken in times.values()])
+    _conditions(figure, axes, list(times), [len(taken) for taken in times.values()])
     return _settled(figure, handles)
 
 
@@ -135,9 +135,9 @@ def comparison(
     _estimates(axes, places - 0.14, ours_mean, interval, BLUE, 4.0)
     axes.plot(places + 0.16, published, "D", color=PURPLE, mec=BLACK, ms=7)
     _span(axes, np.concatenate([ours_mean, np.ravel(interval), np.ravel(prediction), published]), "log")
-    ours = _key(f"our mean, 95 % interval{_n(runs)}", BLUE, "o", "-")
-    expected = _key("95 % of single runs expected", BLUE, "", "-")
-    _conditions(axes, labels, runs)
+    ours = _key(f"our mean, 95 % interval{_n(runs)}", BLUE, "o", "-", width=4.0)
+    expected = _key("95 % of single runs expected", BLUE, "", "-", width=1.2)
+    _conditions(figure, axes, labels, runs)
     return _settled(figure, [ours, expected, _key("published", PURPLE, "D", edge=BLACK)])
 
 
@@ -157,7 +157,7 @@ def scaling(
     line = fit[0] + fit[1] / finer
     left.plot(finer, line, "--", color=VERMILLION, lw=1.6)
     _estimates(left, robots, means, intervals)
-    left.plot(list(published), list(published.values()), "D", color=PURPLE, mec=BLACK, ms=7)
+    left.plot(list(published), list(published.values()), "D", color=PURPLE, mec=BLACK, ms=9, zorder=1.5)
     _span(left, np.concatenate([means, np.ravel(intervals), line, list(published.values())]))
     first = int(np.argmin(robots))
     right.plot(finer, finer / robots[first], ":", color=GREY, lw=1.6)
@@ -165,8 +165,8 @@ def scaling(
     right.plot(robots, means[first] / means, "o", color=BLUE, ms=6)
     right.set(xlabel="robots", ylabel=f"speed-up over {robots[first]} robots, times", ylim=(0.0, None))
     left.set(xlabel="robots", ylabel=TIME)
-    _values(left, numbers)
-    _values(right, numbers)
+    _values(figure, left, numbers)
+    _values(figure, right, numbers)
     formula = f"T = {fit[0]:.4g} {'-' if fit[1] < 0 else '+'} {abs(fit[1]):.4g} / N"
     handles = [_key(f"mean, 95 % interval{_n(runs)}", BLUE, "o", "-"), _key(formula, VERMILLION, "", "--")]
     handles += [_key("published", PURPLE, "D", edge=BLACK)] if published else []
@@ -192,7 +192,7 @@ def degradation(
     gap = np.diff(np.unique(lost)).min(initial=10.0)
     lower.bar(lost, 100.0 * np.asarray(unfinished_share), 0.5 * gap, color=VERMILLION)
     lower.set(xlabel="robots lost, %", ylabel="unfinished\nruns, %", ylim=(0.0, 105.0), yticks=(0, 50, 100))
-    _values(lower, lost)
+    _values(figure, lower, lost)
     handles = [_key("mean of finished runs, 95 % interval", BLUE, "o", "-")]
     return _settled(figure, [*handles, _patch(f"unfinished runs{_n(runs)}", VERMILLION, "none")])
 
@@ -204,8 +204,8 @@ def sweep(
 ) -> Figure:  # fmt: skip
     """A measure along one axis, and where it is best.
 
-    `values` (m,) of what is varied, `means` (m,) and `intervals` (m, 2), 95 %, of the measure; `best` one of the
-    values or None; `runs`: how many were made at each value. The labels name the units.
+    `values` (m,), ascending, of what is varied, `means` (m,) and `intervals` (m, 2), 95 %, of the measure; `best` is
+    where it is marked, or None; `runs`: how many were made at each value. The labels name the units.
     """
     figure = _sheet(7.2, 4.6, title)
     axes = figure.subplots()
@@ -214,11 +214,11 @@ def sweep(
     handles = [_key(f"mean, 95 % interval{_n(runs)}", BLUE, "o", "-")]
     if best is not None:
         axes.axvline(best, color=GREEN, lw=14, alpha=0.16)
-        axes.plot([best], means[np.flatnonzero(np.isclose(values, best))[:1]], "*", color=GREEN, mec=BLACK, ms=16)
+        axes.plot([best], [np.interp(best, values, means)], "*", color=GREEN, mec=BLACK, ms=16)
         handles += [_key(f"best: {best:g}", GREEN, "*", edge=BLACK, size=12)]
     _span(axes, np.concatenate([means, np.ravel(intervals)]))
     axes.set(xlabel=xlabel, ylabel=ylabel)
-    _values(axes, values)
+    _values(figure, axes, values)
     return _settled(figure, handles)
 
 
@@ -261,18 +261,20 @@ def padded(runs: Sequence[Reals]) -> Reals:
 
 def _sheet(width: float, height: float, title: str) -> Figure:
     """An empty figure in inches, which no window and no global list of figures knows."""
-    figure = Figure((width, height), dpi=DPI, layout="constrained")
+    figure = Figure((width, height), dpi=DPI)
     FigureCanvasAgg(figure)
+    figure.set_layout_engine("constrained", w_pad=0.1, h_pad=0.08, wspace=0.05)
     figure.suptitle(title, x=0.02, ha="left", wrap=True)
     return figure
 
 
 def _settled(figure: Figure, handles: Sequence[Artist] = ()) -> Figure:
     """The figure with a legend below it, laid out once and for all: drawing it again moves nothing."""
-    if handles:
-        broadest = 0.75 + 0.075 * max(len(str(handle.get_label())) for handle in handles)
-        columns = max(1, min(len(handles), int(figure.get_figwidth() / broadest)))
-        figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+    for rows in range(1, len(handles) + 1):  # as few rows as the width allows
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=-(-len(handles) // rows))
+        if rows == len(handles) or legend.get_window_extent().width < 0.96 * figure.bbox.width:
+            break
+        legend.remove()
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure
@@ -286,15 +288,16 @@ def _n(runs: Sequence[int]) -> str:
 def _described(label: str, runs: Sequence[Reals]) -> str:
     """A condition with the number of its runs, and of those that did not get to 100 %."""
     below = sum(run[-1] < 1.0 for run in runs)
-    return f"{label} (n = {len(runs)}{f', {below} unfinished' if below else ''})"
+    return f"{label} (n = {len(runs)}{f', {below} below 100 %' if below else ''})"
 
 
 def _key(
-    label: str, colour: str, marker: str, line: Line = "", face: str = "", edge: str = "", size: float = 6.0
-) -> Line2D:
+    label: str, colour: str, marker: str, line: Line = "", face: str = "", edge: str = "", size: float = 6.0,
+    width: float = 1.8,
+) -> Line2D:  # fmt: skip
     """A line or a point in a legend."""
     return Line2D(
-        [], [], color=colour, linestyle=line, linewidth=1.8, marker=marker, markersize=size, label=label,
+        [], [], color=colour, linestyle=line, linewidth=width, marker=marker, markersize=size, label=label,
         markerfacecolor=face or colour, markeredgecolor=edge or colour,
     )  # fmt: skip
 
@@ -343,7 +346,8 @@ def _estimates(
     if np.shape(spans) != (len(at), 2) or len(means) != len(at):
         raise ValueError(f"{len(at)} places, means of shape {np.shape(means)} and spans of shape {np.shape(spans)}")
     axes.vlines(at, spans[:, 0], spans[:, 1], color=colour, linewidth=width, alpha=0.75)
-    axes.plot(at, means, "o", color=colour, markeredgecolor="white", markersize=7)
+    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # seen even where a point hides the bar
+    axes.plot(at, means, "o", color=colour, markersize=5)
 
 
 def _span(axes: Axes, numbers: Reals, scale: Literal["linear", "log"] = "linear") -> None:
@@ -353,36 +357,37 @@ def _span(axes: Axes, numbers: Reals, scale: Literal["linear", "log"] = "linear"
     axes.set_yscale(scale)
     if scale == "log":
         axes.set_ylim(low / 1.2, high * 1.2)
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0) if high > 8.0 * low else (1.0, 1.5, *range(2, 10)))
+        )
         axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
         axes.yaxis.set_minor_locator(NullLocator())
     else:
         axes.set_ylim(min(0.0, 1.06 * low), 1.06 * max(0.0, high))
 
 
-def _crowded(axes: Axes) -> bool:
+def _crowded(figure: Figure, axes: Axes) -> bool:
     """Whether labels of neighbouring ticks along x touch."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
     figure.draw_without_rendering()
     boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
     return any(right.x0 - left.x1 < 0.04 * DPI for left, right in pairwise(boxes))
 
 
-def _conditions(axes: Axes, labels: Sequence[str], runs: Sequence[int]) -> None:
+def _conditions(figure: Figure, axes: Axes, labels: Sequence[str], runs: Sequence[int]) -> None:
     """The names of conditions along x, with the number of their runs; turned where they would overlap."""
     counts = [f"n = {count}" for count in runs] or [""] * len(labels)
     both = list(zip(labels, counts, strict=True))
     axes.set(ylabel=TIME, xlim=(-0.6, len(labels) - 0.4))
     axes.grid(False, axis="x")
     axes.set_xticks(range(len(labels)), [f"{label}\n{count}".strip() for label, count in both])
-    if _crowded(axes):
+    if _crowded(figure, axes):
         turned = [f"{label} ({count})" if count else label for label, count in both]
         axes.set_xticks(range(len(labels)), turned, rotation=40, ha="right", rotation_mode="anchor")
+        figure.set_figheight(figure.get_figheight() + 0.045 * max(map(len, turned)))
 
 
-def _values(axes: Axes, values: NDArray[Any]) -> None:
+def _values(figure: Figure, axes: Axes, values: NDArray[Any]) -> None:
     """Ticks along x at the values themselves, or at round numbers where those would overlap."""
     axes.set_xticks(np.unique(values))
-    if _crowded(axes):
+    if _crowded(figure, axes):
         axes.xaxis.set_major_locator(AutoLocator())

@@ -1,0 +1,234 @@
+import subprocess
+import sys
+from collections.abc import Iterator
+from itertools import pairwise
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from swarmsim.view import plots
+
+LONG = [f"robustness, {20 + row} robots, kind {row}" for row in range(15)]
+SHORT = [f"{row}NN" for row in range(4)]
+LOST = np.array([0.0, 0.25, 0.5, 0.75])
+MEANS = np.array([400.0, 500.0, 700.0, np.nan])
+SPANS = np.column_stack([0.9 * MEANS, 1.1 * MEANS])
+
+
+def runs(labels):
+    """Thirty synthetic runs for each condition, of which the first condition leaves two unfinished at 3000."""
+    random = np.random.default_rng(3)
+    times = {label: np.round(300.0 + 60 * row + random.normal(0, 40, 30)) for row, label in enumerate(labels)}
+    finished = {label: np.ones(30, dtype=bool) for label in labels}
+    times[labels[0]][:2], finished[labels[0]][:2] = 3000.0, False
+    return times, finished
+
+
+def coverage(labels=("chain", "2NN")):
+    curves = {label: [np.linspace(0, 1, 80 + 9 * run + row) for run in range(6)] for row, label in enumerate(labels)}
+    return plots.coverage(curves, "Coverage", {labels[0]: (20, 40), labels[1]: (40,)})
+
+
+def distributions(labels=SHORT):
+    times, finished = runs(labels)
+    estimates = {label: (taken.mean(), taken.mean() - 30, taken.mean() + 30) for label, taken in times.items()}
+    return plots.distributions(times, finished, "Times", dict.fromkeys(labels[1:], 430.0), estimates)
+
+
+def comparison(labels=SHORT):
+    means = np.linspace(300, 1200, len(labels))
+    near, far = (np.outer(means, (1 - part, 1 + part)) for part in (0.05, 0.3))
+    published = np.where(np.arange(len(labels)) == 1, np.nan, 1.1 * means)
+    return plots.comparison(labels, means, near, far, published, "Ours and theirs", [30] * len(labels))
+
+
+def scaling():
+    robots = np.array([5, 10, 20])
+    spans = np.array([[1000.0, 1200], [700, 800], [480, 520]])
+    return plots.scaling(
+        robots, spans.mean(axis=1), spans, (300.0, 4000.0), {5: 1273, 15: 583}, "More robots", [30] * 3
+    )
+
+
+def degradation():
+    return plots.degradation(LOST, MEANS, SPANS, np.array([0, 0, 0.1, 1.0]), "Loss", [30, 28, 30, 30])
+
+
+def sweep():
+    return plots.sweep(np.arange(4.0), MEANS, SPANS, "neighbours, k", "Neighbours", 1.0, "time, s", [30] * 4)
+
+
+def table():
+    return plots.table(
+        ["condition", "mean, iterations"], [["a condition with a long name", "583"], ["b", "1"]], "Table"
+    )
+
+
+FIGURES = [coverage, distributions, comparison, scaling, degradation, sweep, table]
+CROWDED = [lambda: coverage(LONG), lambda: distributions(LONG), lambda: comparison(LONG)]
+
+
+def words(figure: Figure) -> Iterator[str]:
+    return (text.get_text() for text in figure.findobj(Text) if text.get_text())
+
+
+def ticks_in_view(axis: Axis) -> list[Text]:
+    low, high = axis.get_view_interval()
+    within = [tick.label1 for tick in axis.get_major_ticks() if axis.axes.axison and low <= tick.get_loc() <= high]
+    return [label for label in within if label.get_visible()]
+
+
+@pytest.mark.parametrize(
+    ("draw", "said"),
+    [
+        (coverage, ["iteration", "coverage, %", "chain (n = 6)", "2NN (n = 6)", "95 % of the runs"]),
+        (distributions, ["iterations to 100 %", "0NN\nn = 30", "unfinished, at its limit", "published"]),
+        (comparison, ["iterations to 100 %", "0NN\nn = 30", "our mean, 95 % interval, n = 30", "published"]),
+        (scaling, ["robots", "iterations to 100 %", "T = 300 + 4000 / N", "mean, 95 % interval, n = 30"]),
+        (
+            degradation,
+            ["robots lost, %", "iterations to 100 %", "unfinished\nruns, %", "unfinished runs, n = 28 to 30"],
+        ),
+        (sweep, ["neighbours, k", "time, s", "mean, 95 % interval, n = 30", "best: 1"]),
+        (table, ["Table", "condition", "mean, iterations", "a condition with a long name", "583"]),
+    ],
+)
+def test_figures_say_what_they_show_in_which_unit_and_from_how_many_runs(draw, said):
+    assert set(said) <= set(words(draw()))
+
+
+def test_a_run_that_is_over_keeps_its_last_value():
+    curves = [np.array([0.2, 1.0]), np.array([0.1, 0.3, 0.5, 0.6])]
+    figure = plots.coverage({"a": curves}, "Coverage")
+    (line,) = figure.axes[0].lines
+    np.testing.assert_array_equal(line.get_xdata(), [1, 2, 3, 4])
+    np.testing.assert_allclose(line.get_ydata(), [15.0, 65.0, 75.0, 80.0])
+    band = figure.axes[0].collections[0].get_paths()[0].vertices
+    assert band[band[:, 0] == 4][:, 1].min() == pytest.approx(60.0 + 0.025 * 40.0)
+    assert band[band[:, 0] == 4][:, 1].max() == pytest.approx(100.0 - 0.025 * 40.0)
+    assert "a (n = 2, 1 below 100 %)" in words(figure)
+
+
+def test_long_curves_are_thinned_but_keep_their_ends():
+    (line,) = plots.coverage({"a": [np.linspace(0, 1, 5000)]}, "Coverage").axes[0].lines
+    assert len(line.get_xdata()) == plots.FINEST
+    assert line.get_xdata()[[0, -1]].tolist() == [1, 5000]
+
+
+def test_faults_that_share_an_iteration_are_dashed_in_turns():
+    upright = [line for line in coverage().axes[0].lines if np.ptp(line.get_xdata()) == 0]
+    assert [(line.get_xdata()[0], line.get_color()) for line in upright] == [
+        (20, plots.COLOURS[0]),
+        (40, plots.COLOURS[0]),
+        (40, plots.COLOURS[1]),
+    ]
+
+
+def test_conditions_without_runs_and_unknown_conditions_are_refused():
+    with pytest.raises(ValueError, match="at least one run"):
+        plots.coverage({"a": []}, "Coverage")
+    with pytest.raises(ValueError, match="no such condition: b; there are a"):
+        plots.coverage({"a": [np.ones(2)]}, "Coverage", {"b": (1,)})
+    with pytest.raises(ValueError, match=r"spans of shape \(2, 4\)"):
+        plots.sweep(np.arange(4.0), MEANS, SPANS.T, "k", "Neighbours", None)
+
+
+def test_unfinished_runs_are_hollow_triangles_at_their_limit():
+    hollow = [line for line in distributions().axes[0].lines if line.get_marker() == "^"]
+    assert all(line.get_markerfacecolor() == "none" for line in hollow)
+    assert [line.get_ydata().tolist() for line in hollow] == [[3000.0, 3000.0], [], [], []]
+    times, finished = runs(SHORT)
+    assert "unfinished, at its limit" not in words(plots.distributions({"a": times["1NN"]}, {"a": finished["1NN"]}, ""))
+
+
+def test_the_box_spans_the_quartiles():
+    figure = plots.distributions({"a": np.arange(1.0, 6)}, {"a": np.ones(5, dtype=bool)}, "Times")
+    (box,) = figure.axes[0].patches
+    assert (box.get_y(), box.get_height()) == (2.0, 2.0)
+
+
+@pytest.mark.parametrize("draw", [*FIGURES, *CROWDED])
+def test_nothing_drawn_lies_outside_its_axes_or_the_figure(draw):
+    figure = draw()
+    for axes in figure.axes:
+        box = axes.bbox.padded(1.0)
+        for line in axes.lines:
+            if line.get_transform() == axes.transData:
+                spots = axes.transData.transform(line.get_xydata())
+                assert all(box.contains(*spot) for spot in spots if np.isfinite(spot).all())
+        for lines in axes.collections:
+            for path in lines.get_paths():
+                assert all(
+                    box.contains(*spot) for spot in axes.transData.transform(path.vertices) if spot[1] == spot[1]
+                )
+    ticks = {axis: ticks_in_view(axis) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)}
+    unseen = {label for axis, seen in ticks.items() for label in axis.get_ticklabels() if label not in seen}
+    inside = figure.bbox.padded(1.0)
+    for text in set(figure.findobj(Text)) - unseen:
+        if text.get_text():
+            assert all(inside.contains(*corner) for corner in text.get_window_extent().corners()), text
+
+
+@pytest.mark.parametrize("draw", [*FIGURES, *CROWDED, lambda: plots.sweep(
+    np.arange(90.0), np.arange(90.0), np.ones((90, 2)), "k", "", None)])  # fmt: skip
+def test_tick_labels_do_not_overlap(draw):
+    for axes in draw().axes:
+        for along, axis in enumerate((axes.xaxis, axes.yaxis)):
+            labels = [label for label in ticks_in_view(axis) if label.get_text()]
+            if labels and labels[0].get_rotation():
+                # Parallel slanted lines of text are clear of each other when their anchors are, across the text.
+                slant = np.radians(labels[0].get_rotation())
+                places = [axes.transData.transform((label.get_position()[0], 0))[0] for label in labels]
+                for label in labels:
+                    label.set_rotation(0)
+                height = max(label.get_window_extent().height for label in labels)
+                assert np.diff(places).min() * np.sin(slant) > height
+            else:
+                boxes = [label.get_window_extent() for label in labels]
+                assert all(second.min[along] > first.max[along] for first, second in pairwise(boxes))
+
+
+def test_crowded_labels_are_turned_and_others_are_not():
+    assert {label.get_rotation() for label in distributions(LONG).axes[0].get_xticklabels()} == {40.0}
+    assert {label.get_rotation() for label in distributions(SHORT).axes[0].get_xticklabels()} == {0.0}
+
+
+def test_cells_of_a_table_do_not_overlap():
+    figure = plots.table(
+        ["c", "a very wide heading"], [["a condition with a very long name " * 3, "1"], ["x", "9" * 60]], ""
+    )
+    boxes = [text.get_window_extent() for text in figure.texts if text.get_text()]
+    assert not any(one.overlaps(two) for at, one in enumerate(boxes) for two in boxes[:at])
+
+
+def test_legends_lie_clear_of_the_axes():
+    for draw in (*FIGURES, *CROWDED):
+        figure = draw()
+        legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+        assert not any(legend.get_window_extent().overlaps(axes.bbox) for legend in legends for axes in figure.axes)
+
+
+@pytest.mark.parametrize("draw", FIGURES)
+def test_saved_bytes_are_always_the_same(draw, tmp_path):
+    figure = draw()
+    first, second = plots.save(figure, tmp_path / "new" / "fig.1"), plots.save(figure, tmp_path / "again")
+    with mpl.rc_context({"font.size": 20, "svg.fonttype": "none", "axes.grid": False}):
+        third = plots.save(draw(), tmp_path / "third")
+        assert mpl.rcParams["font.size"] == 20
+    assert [path.name for path in first] == ["fig.1.png", "fig.1.svg"]
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in third]
+    assert b"Date" not in first[1].read_bytes() + first[0].read_bytes()
+
+
+def test_labels_are_no_formulae():
+    assert "a $x_1$ (n = 1)" in words(plots.coverage({"a $x_1$": [np.ones(3)]}, "costs $5 and $6"))
+
+
+def test_neither_pyplot_nor_pygame_is_imported():
+    code = "import sys, swarmsim.view.plots; print({'matplotlib.pyplot', 'pygame'} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
