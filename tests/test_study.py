@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as parquet
 import pytest
 from conftest import ROOT
 
@@ -232,11 +233,14 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     assert "path_sum" in swarmsim("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
     wrong = swarmsim("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
     assert (wrong.returncode, "'paths' is no measure" in wrong.stderr) == (2, True)
-    exported = swarmsim("study", "export", study, *at, "--csv", "runs.csv", cwd=tmp_path)
+    exported = swarmsim("study", "export", study, *at, "--csv", "runs.csv", "--parquet", "runs.parquet", cwd=tmp_path)
     assert exported.returncode == 0, exported.stderr
     with (tmp_path / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 12
+    columns = parquet.read_table(tmp_path / "runs.parquet").to_pydict()
+    assert columns["digest"] == [row["digest"] for row in rows]
+    assert columns["iterations"] == [int(row["iterations"]) for row in rows]
     assert {row["network.topology.k"] for row in rows} == {"0", "1", "2", ""}
     drawn = swarmsim("study", "plot", study, "figures", *at, cwd=tmp_path)
     assert drawn.returncode == 0, drawn.stderr
