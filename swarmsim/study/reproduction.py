@@ -18,7 +18,7 @@ from swarmsim.study.statistics import Description, compare, fit_scaling, ranked,
 from swarmsim.study.store import Store
 
 STUDIES = ("scalability", "network", "robustness")
-CALIBRATED = ("1NN", "5NN")  # the numbers that the start area was chosen by, and N=15, which is 1NN again
+CALIBRATED = ("1NN", "5NN")  # the numbers that the scale was checked on, and N=15, which is 1NN again
 ALPHA = 0.05
 
 
@@ -142,7 +142,7 @@ def lines(found: Reproduction) -> list[tuple[str, ...]]:
                 "-" if number.ratio is None else f"{number.ratio:.2f}",
                 "-" if d.prediction is None else f"{d.prediction[0]:.0f} to {d.prediction[1]:.0f}",
                 "yes" if number.inside else "no",
-                "calibrated" if number.calibrated else "predicted",
+                "calibrated" if number.calibrated else "compared",
             )
         )
     return rows
