@@ -9,7 +9,7 @@ import pymunk
 from numpy.typing import NDArray
 from pymunk import batch
 
-from swarmsim.core.parts import Motion, Walls
+from swarmsim.core.parts import Building, Motion
 from swarmsim.core.scenario import Physics, Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
@@ -28,7 +28,7 @@ class DifferentialDrive:
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
     """
 
-    def __init__(self, robots: Robots, physics: Physics, walls: Walls, pose: NDArray[np.float64]) -> None:
+    def __init__(self, robots: Robots, physics: Physics, building: Building, pose: NDArray[np.float64]) -> None:
         self._robots = robots
         self._substep = physics.substep
         self._moment = pymunk.moment_for_circle(robots.mass, 0.0, robots.radius)
@@ -37,10 +37,10 @@ class DifferentialDrive:
         self.space.iterations = 10
         self.space.collision_slop = 0.001 * robots.radius  # Chipmunk's default is made for pixels
         self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
-        for x1, y1, x2, y2 in walls:
-            wall = pymunk.Segment(self.space.static_body, (x1, y1), (x2, y2), 0.0)
-            wall.friction = physics.friction
-            self.space.add(wall)
+        self._friction = physics.friction
+        self._building = building
+        self._walls: list[pymunk.Segment] = []
+        self._build_walls()
         self._discs: list[pymunk.Shape] = []
         for x, y, yaw in pose:
             body = pymunk.Body(robots.mass, self._moment)
@@ -53,6 +53,16 @@ class DifferentialDrive:
         self._alive = np.ones(len(pose), np.bool_)
         self._iteration = 0
         self._open_buffers()
+
+    def _build_walls(self) -> None:
+        """Put up the walls of this moment in the place of those that stood before."""
+        self.space.remove(*self._walls)
+        ground = self.space.static_body
+        self._walls = [pymunk.Segment(ground, (x1, y1), (x2, y2), 0.0) for x1, y1, x2, y2 in self._building.walls]
+        for wall in self._walls:
+            wall.friction = self._friction
+        self.space.add(*self._walls)
+        self._version = self._building.version
 
     def _open_buffers(self) -> None:
         """Map the arrays that pymunk's batch calls read and write.
@@ -83,14 +93,32 @@ class DifferentialDrive:
         )
 
     def remove(self, robots: NDArray[np.int64]) -> None:
-        """Take live robots (r,) out of the world: nothing meets them any more, and their bodies rest."""
+        """Take robots (r,) out of the world: nothing meets them any more, and their bodies rest."""
         for robot in robots:
             disc = self._discs[robot]
-            self.space.remove(disc)
+            if disc.space is not None:
+                self.space.remove(disc)
             disc.body.velocity, disc.body.angular_velocity = (0.0, 0.0), 0.0
+        self._moving[robots, 3:] = 0.0
+        self.crash(robots)
+
+    def crash(self, robots: NDArray[np.int64]) -> None:
+        """Brake live robots (r,) for good; their bodies stay in the way and can be pushed."""
         self._alive[robots] = False
         self._wheels[robots] = 0.0
+
+    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
+        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again."""
+        for robot, (x, y, yaw) in zip(robots, pose, strict=True):
+            disc = self._discs[robot]
+            if disc.space is None:
+                self.space.add(disc)
+            disc.body.position, disc.body.angle = (x, y), yaw
+            disc.body.velocity, disc.body.angular_velocity = (0.0, 0.0), 0.0
+        self._moving[robots, :3] = pose
         self._moving[robots, 3:] = 0.0
+        self._wheels[robots] = 0.0
+        self._alive[robots] = True
 
     def drive(self, motion: Motion, period: float) -> State:
         """The state one period (s) later, with `motion` asked for wheel speeds at every sub-step."""
@@ -98,6 +126,8 @@ class DifferentialDrive:
         dt = period / substeps
         robots, space, clear = self._robots, self.space, self._reading.clear
         limits = (dt, robots.wheel_base, robots.mass, self._moment, robots.acceleration, self._grip)
+        if self._version != self._building.version:
+            self._build_walls()
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
         for _ in range(substeps):

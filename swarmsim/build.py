@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from swarmsim.bodies import DifferentialDrive
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Fault, Parts, Sensor, Setting
+from swarmsim.core.parts import Box, Building, Fault, Parts, Sensor, Setting, Survey
 from swarmsim.core.scenario import Robots, Scenario, Table, World
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
+from swarmsim.recording import Recorder
 from swarmsim.simulation import Simulation
 from swarmsim.world.arena import Arena
 from swarmsim.world.svg import read_floor_plan
@@ -31,8 +33,13 @@ class Run:
     scenario: Scenario
     world: str  # the floor plan's SVG text
     arena: Arena
-    domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 %
+    domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 % at the start
     simulation: Simulation
+
+    def recorder(self, path: Path) -> Recorder:
+        """A probe that records the run in a new file."""
+        arena, behaviour = self.arena, self.simulation.parts.behaviour
+        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, behaviour)
 
 
 def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
@@ -44,28 +51,38 @@ def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
     if world is None:
         world = read_world(scenario, name)
     robots, stop, network = scenario.robots, scenario.stop, scenario.network
-    ground = _open(world, scenario.world, scenario.grid.cell, robots, msgspec.json.encode(scenario.sensor), name)
+    sensor = msgspec.json.encode(scenario.sensor)
+
+    def survey(boxes: tuple[Box, ...]) -> Survey:
+        found = _open(world, scenario.world, scenario.grid.cell, robots, sensor, boxes, name)
+        return Survey(found.arena.segments, found.arena.occupied, found.domain)
+
+    ground = _open(world, scenario.world, scenario.grid.cell, robots, sensor, (), name)
     arena, domain = ground.arena, ground.domain
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed))
-    walls = arena.segments
+    entrance = arena.lattice.centres(np.argwhere(ground.reachable & arena.spawn_cells(robots.spawn)))
+    building = Building(arena.segments, arena.occupied, domain, entrance, survey)
 
     def make(seam: str, place: str, table: Table, *more: Any) -> Any:
         return _make(name, seam, place, table, setting, *more)
 
-    pose = _place(setting, arena, ground.reachable, name)
-    bodies = DifferentialDrive(robots, scenario.physics, walls, pose)
+    bodies = DifferentialDrive(robots, scenario.physics, building, _place(setting, arena, entrance, name))
+    behaviour = make("behaviour", "behaviour", scenario.behaviour)
     parts = Parts(
-        sensor=make("sensor", "sensor", scenario.sensor, walls),
-        topology=make("topology", "network.topology", network.topology, walls),
-        channel=make("channel", "network.channel", network.channel, walls),
-        behaviour=make("behaviour", "behaviour", scenario.behaviour),
+        sensor=make("sensor", "sensor", scenario.sensor, building),
+        localisation=make("localisation", "localisation", scenario.localisation),
+        sharing=make("sharing", "network.sharing", network.sharing, behaviour),
+        topology=make("topology", "network.topology", network.topology, building),
+        channel=make("channel", "network.channel", network.channel, building),
+        behaviour=behaviour,
         motion=make("motion", "motion", scenario.motion),
         bodies=bodies,
+        building=building,
     )
     for number, table in enumerate(scenario.faults):
         fault: Fault = make("fault", f"faults[{number}]", table, number)
         parts = fault.install(parts)
-    simulation = Simulation(parts, domain, bodies.state(), scenario.period, stop.coverage, stop.iterations)
+    simulation = Simulation(parts, scenario.period, stop.coverage, stop.iterations)
     return Run(scenario, world, arena, domain, simulation)
 
 
@@ -77,18 +94,32 @@ class _Ground:
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes, name: str) -> _Ground:
-    """The world as these robots can explore it; cached, since a study's runs differ in other things mostly."""
+def _open(
+    text: str, world: World, cell: float, robots: Robots, sensor: bytes, boxes: tuple[Box, ...], name: str
+) -> _Ground:
+    """The world, with boxes standing in it, as these robots can explore it; cached for a study's other runs."""
     table: Table = msgspec.json.decode(sensor)
     plan = read_floor_plan(text, world.file, world.scale)
+    if boxes:
+        plan = replace(plan, walls=shapely.union_all([plan.walls, *(shapely.box(*box) for box in boxes)]))
     arena = Arena.open(plan, cell, max(table.get("tile", (1, 1))) + 1, world.file)
     reachable = arena.reachable(robots.spawn, robots.radius)
     setting = Setting(robots, arena.lattice, 1.0, Streams(0))
-    eyes: Sensor = _make(name, "sensor", "sensor", table, setting, arena.segments)
+    eyes: Sensor = _make(name, "sensor", "sensor", table, setting, _walls_alone(arena))
     domain = arena.coverage_domain(reachable, _observable(eyes, arena.lattice, reachable))
     for shared in (reachable, domain):
         shared.flags.writeable = False
     return _Ground(arena, reachable, domain)
+
+
+def _walls_alone(arena: Arena) -> Building:
+    """The building before anybody has found out what can be explored in it."""
+
+    def survey(boxes: tuple[Box, ...]) -> Survey:
+        raise RuntimeError("a building that is being surveyed does not change")
+
+    nothing = np.zeros_like(arena.occupied)
+    return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
 def _make(name: str, seam: str, place: str, table: Table, *more: Any) -> Any:
@@ -124,15 +155,13 @@ def _observable(sensor: Sensor, lattice: Lattice, reachable: NDArray[np.bool_]) 
     return observed
 
 
-def _place(setting: Setting, arena: Arena, reachable: NDArray[np.bool_], name: str) -> NDArray[np.float64]:
+def _place(setting: Setting, arena: Arena, centres: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Start poses (n, 3): each robot at the centre of a free cell of the spawn area, heading anywhere.
 
     Every robot draws from its own stream, after those with lower ids have taken their places, so that one
     more robot moves none of the others. Raises InputError if the area holds fewer robots.
     """
     robots = setting.robots
-    cells = np.argwhere(reachable & arena.spawn_cells(robots.spawn))
-    centres = setting.lattice.centres(cells)
     open_ = np.ones(len(centres), np.bool_)
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -40,8 +41,8 @@ class Removal:
 
     def install(self, parts: Parts) -> Parts:
         """The parts with the bodies wrapped."""
-        bodies = RemovingBodies(parts.bodies, parts.behaviour, parts.events, self._parameters, self._stream)
-        return Parts(parts.sensor, parts.topology, parts.channel, parts.behaviour, parts.motion, bodies, parts.events)
+        bodies = RemovingBodies(parts.bodies, parts.behaviour, parts.report.events, self._parameters, self._stream)
+        return replace(parts, bodies=bodies)
 
 
 class RemovingBodies:
@@ -68,6 +69,14 @@ class RemovingBodies:
     def remove(self, robots: NDArray[np.int64]) -> None:
         """Take robots out of the world."""
         self._inner.remove(robots)
+
+    def crash(self, robots: NDArray[np.int64]) -> None:
+        """Let robots stand as obstacles."""
+        self._inner.crash(robots)
+
+    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
+        """Put robots back into the world."""
+        self._inner.place(robots, pose)
 
     def drive(self, motion: Motion, period: float) -> State:
         """The state one period later, without those whose time has come."""

@@ -13,7 +13,6 @@ from swarmsim.core.parts import Behaviour
 from swarmsim.core.state import UNKNOWN, Moment, State
 
 SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of the domain whose times are measured
-HEADER: Final = 10  # bytes: sender (2), iteration (4), the tile's origin as row and column (2 each)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,11 +125,6 @@ def jain(shares: NDArray[np.float64]) -> float | None:
     return float(shares.sum() ** 2) / squares if squares > 0.0 else None
 
 
-def message_bytes(rows: int, columns: int) -> int:
-    """The size of a message with a tile of so many cells: a HEADER, then 2 bits for each, filled up to a byte."""
-    return HEADER + -(-2 * rows * columns // 8)
-
-
 def _inside(origins: NDArray[np.int32], tiles: tuple[int, ...], grid: tuple[int, ...]) -> NDArray[np.bool_]:
     """Which cells of `tiles` (k, rows, columns) at `origins` (k, 2) lie on the grid (rows, columns)."""
     row, column = origins[:, :1] + np.arange(tiles[1]), origins[:, 1:] + np.arange(tiles[2])
@@ -170,7 +164,8 @@ class Measures:
         self._union: list[int] = []
         self._each: list[NDArray[np.int32]] = []  # -1 for the dead
         self._finished = False
-        self._readings = self._links = self._messages = self._bytes = self._carried = self._fresh = 0
+        self._readings = self._carried = self._fresh = self._heard = self._age = 0
+        self._links = self._messages = self._bytes = self._lost = 0
 
     def sample(self, moment: Moment) -> None:
         """Take note of one iteration."""
@@ -205,8 +200,11 @@ class Measures:
         self._known[fresh] = True
         self._readings += int(np.count_nonzero(self._counted[sensed]))
         self._links += len(moment.links)
-        self._messages += len(inbox.receivers)
-        self._bytes += len(inbox.receivers) * message_bytes(values.shape[1], values.shape[2])
+        self._messages += len(moment.delivery.heard)
+        self._bytes += int(moment.delivery.heard[:, 3].sum())
+        self._lost += sum(len(letters) for _, letters in moment.delivery.lost)
+        self._heard += len(inbox.receivers)
+        self._age += len(inbox.receivers) * moment.state.iteration - int(inbox.sensed.sum(dtype=np.int64))
         self._carried += len(heard)
         self._fresh += len(set(fresh.tolist()))  # a cell in two messages is new once
 
@@ -295,5 +293,7 @@ class Measures:
             "messages": self._messages,
             "bytes": self._bytes,
             "delivered_share": _share(self._messages, self._links),
+            "lost": self._lost,
+            "age": _share(self._age, self._heard),
             "fresh_share": _share(self._fresh, self._carried),
         }

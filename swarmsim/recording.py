@@ -21,17 +21,22 @@ from numpy.typing import NDArray
 from swarmsim.core import hdf5
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.parts import Behaviour
 from swarmsim.core.scenario import Scenario, decode
-from swarmsim.core.state import Event, Moment
+from swarmsim.core.state import Delivery, Event, Letters, Moment
+from swarmsim.kernels import grid
 
-FORMAT: Final = 1  # raised whenever an older reader would misread a newer file
+FORMAT: Final = 2  # raised whenever an older reader would misread a newer file
 BLOCK: Final = 64  # iterations held back between two flushes, and the length of a chunk
 DIGESTED: Final = (
     "pose", "velocity", "wheels", "alive", "tiles", "links", "heard", "goals", "waypoints", "coverage",
 )  # fmt: skip
 PER_ITERATION: Final = (
-    "pose", "alive", "tiles", "origins", "goals", "coverage", "covered", "messages", "links_end", "digests",
+    "pose", "alive", "tiles", "origins", "goals", "coverage", "covered", "messages",
+    "links_end", "letters_end", "changes_end", "digests",
 )  # fmt: skip
+FATE: Final = np.dtype("S32")
+CHANGE: Final = np.dtype([("robot", "<i4"), ("cell", "<i4"), ("state", "u1")])
 EVENT: Final = np.dtype([("iteration", "<i4"), ("robot", "<i4"), ("kind", "S32"), ("cause", "S96")])
 
 
@@ -60,7 +65,7 @@ def _digested(moment: Moment) -> tuple[tuple[NDArray[Any], ...], ...]:
         (state.alive,),
         (tiles.values, tiles.origins),
         (moment.links,),
-        (inbox.receivers, inbox.senders, inbox.values, inbox.origins),
+        (inbox.receivers, inbox.senders, inbox.values, inbox.origins, inbox.sources, inbox.sensed),
         (intents.goals,),
         (intents.counts, intents.waypoints),
         (np.array([coverage.union, coverage.domain]), coverage.each),
@@ -100,12 +105,15 @@ class Recorder:
         lattice: Lattice,
         domain: NDArray[np.bool_],
         truth: NDArray[np.bool_],
+        behaviour: Behaviour,
     ) -> None:
-        """`world` is the floor plan's SVG text; `domain` and `truth` (occupied) are (rows, columns)."""
+        """`world` is the floor plan's SVG text; `domain` and `truth` (occupied) are (rows, columns) at the start."""
         self._digests = Digests()
         self._held: list[Moment] = []
-        self._totals = {"links": 0, "waypoints": 0}
+        self._totals = {"links": 0, "waypoints": 0, "letters": 0, "changes": 0}
+        self._fates = ["heard"]
         count = scenario.robots.count
+        self._maps = MapChanges(behaviour, count, lattice)
         tile = tuple(scenario.sensor.get("tile", (6, 7)))
         self._file = h5py.File(path, "x", libver="latest")
         self._file.attrs.update(
@@ -130,6 +138,12 @@ class Recorder:
         self._table("messages", (), np.int32)
         self._table("links", (2,), np.int32)
         self._table("links_end", (), np.int64)  # links of iteration t: links[links_end[t - 1]:links_end[t]]
+        self._table("letters", (5,), np.int32)  # receiver, sender, iteration sent, bytes, fate; ends as of links
+        self._table("letters_end", (), np.int64)
+        self._table("fates", (), FATE)  # what became of a letter: 0 is heard, all others why it was lost
+        self._table("changes", (), CHANGE)  # of maps; ends as of links
+        self._table("changes_end", (), np.int64)
+        self._append("fates", np.array(self._fates, FATE))
         self._table("waypoints", (2,), np.float32)
         self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
         self._table("events", (), EVENT)
@@ -145,6 +159,7 @@ class Recorder:
     def sample(self, moment: Moment) -> None:
         """Keep one iteration; every BLOCK iterations they are written and flushed."""
         self._digests.sample(moment)
+        self._maps.sample(moment)
         self._held.append(moment)
         if len(self._held) == BLOCK:
             self.flush()
@@ -161,11 +176,12 @@ class Recorder:
         self._append("goals", [moment.intents.goals for moment in held])
         self._append("coverage", [moment.coverage.share for moment in held])
         self._append("covered", [moment.coverage.each for moment in held])
-        self._append("messages", [len(moment.inbox.receivers) for moment in held])
-        self._append("links", np.concatenate([moment.links for moment in held]))
-        ends = self._totals["links"] + np.cumsum([len(moment.links) for moment in held])
-        self._append("links_end", ends)
-        self._totals["links"] = int(ends[-1])
+        self._append("messages", [len(moment.delivery.heard) for moment in held])
+        self._append_each("links", [moment.links for moment in held])
+        known = len(self._fates)
+        self._append_each("letters", [self._with_fates(moment.delivery) for moment in held])
+        self._append("fates", np.array(self._fates[known:], FATE))
+        self._append_each("changes", self._maps.taken())
         planned = [(moment, robot) for moment in held for robot in np.flatnonzero(moment.intents.planned)]
         ways = [moment.intents.waypoints[robot, : moment.intents.counts[robot]] for moment, robot in planned]
         ends = self._totals["waypoints"] + np.cumsum([len(way) for way in ways], dtype=np.int64)
@@ -191,6 +207,22 @@ class Recorder:
             table.resize(len(table) + len(rows), axis=0)
             table[-len(rows) :] = np.asarray(rows, table.dtype)
 
+    def _append_each(self, name: str, pieces: list[NDArray[Any]]) -> None:
+        """Append one piece for each iteration, and where it ends to the table NAME_end."""
+        self._append(name, np.concatenate(pieces))
+        ends = self._totals[name] + np.cumsum([len(piece) for piece in pieces])
+        self._append(f"{name}_end", ends)
+        self._totals[name] = int(ends[-1])
+
+    def _with_fates(self, delivery: Delivery) -> NDArray[np.int32]:
+        """The messages heard or lost in an iteration (m, 5), each with the number of its fate."""
+        rows = [_with_column(delivery.heard, 0)]
+        for reason, letters in delivery.lost:
+            if reason not in self._fates:
+                self._fates.append(reason)
+            rows.append(_with_column(letters, self._fates.index(reason)))
+        return np.concatenate(rows)
+
     def close(self) -> None:
         """Write the rest and close the file."""
         if self._file:
@@ -204,6 +236,44 @@ class Recorder:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _with_column(letters: Letters, fate: int) -> NDArray[np.int32]:
+    return np.column_stack([letters, np.full(len(letters), fate, np.int32)])
+
+
+class MapChanges:
+    """A probe that notes which cells of the robots' maps have become unknown, free or occupied."""
+
+    def __init__(self, behaviour: Behaviour, robots: int, lattice: Lattice) -> None:
+        self._behaviour = behaviour
+        self._columns = lattice.columns
+        self._robots = np.arange(robots, dtype=np.int32)
+        self._shown = np.zeros((robots, lattice.rows * lattice.columns), np.uint8)
+        self._noted: list[NDArray[Any]] = []
+
+    def sample(self, moment: Moment) -> None:
+        """Compare the maps with those of the iteration before: under its tiles or, if need be, everywhere."""
+        shown, tiles, inbox = self._shown, moment.tiles, moment.inbox
+        log_odds = self._behaviour.log_odds.reshape(shown.shape)
+        observed = self._behaviour.observed.reshape(shown.shape)
+        if self._behaviour.forgets or moment.events:
+            found = np.empty((shown.size, 3), np.int32)
+            count = grid.changes_anywhere(log_odds, observed, shown, found)
+        else:
+            owners = np.concatenate([self._robots, inbox.receivers])
+            origins = np.concatenate([tiles.origins, inbox.origins])
+            shape = tiles.values.shape[1:]
+            found = np.empty((len(owners) * shape[0] * shape[1] + 1, 3), np.int32)
+            count = grid.changes_under(log_odds, observed, shown, owners, origins, shape, self._columns, found)
+        noted = np.empty(count, CHANGE)
+        noted["robot"], noted["cell"], noted["state"] = found[:count].T
+        self._noted.append(noted)
+
+    def taken(self) -> list[NDArray[Any]]:
+        """The changes (CHANGE) of each iteration since this was last asked."""
+        noted, self._noted = self._noted, []
+        return noted
 
 
 class Recording:
@@ -248,9 +318,25 @@ class Recording:
 
     def links(self, iteration: int) -> NDArray[np.int32]:
         """The links (m, 2) of one iteration: receiver, sender."""
-        ends = self._arrays["links_end"]
-        links: NDArray[np.int32] = self._arrays["links"][ends[iteration - 1] if iteration else 0 : ends[iteration]]
-        return links
+        return self._of("links", iteration)
+
+    def letters(self, iteration: int) -> NDArray[np.int32]:
+        """What became of messages in one iteration (m, 5): receiver, sender, iteration sent, bytes, fate."""
+        return self._of("letters", iteration)
+
+    def changes(self, iteration: int) -> NDArray[Any]:
+        """The cells (CHANGE) of the robots' maps that became unknown, free or occupied in one iteration."""
+        return self._of("changes", iteration)
+
+    @cached_property
+    def fates(self) -> list[str]:
+        """What the numbers of fates mean: 0 is heard, all others why a message was lost."""
+        return [name.decode() for name in self._arrays["fates"]]
+
+    def _of(self, name: str, iteration: int) -> NDArray[Any]:
+        ends = self._arrays[f"{name}_end"]
+        rows: NDArray[Any] = self._arrays[name][ends[iteration - 1] if iteration else 0 : ends[iteration]]
+        return rows
 
     def paths(self) -> list[tuple[int, int, NDArray[np.float32]]]:
         """Every path when it was new: iteration, robot, and its waypoints (w, 2) in m."""
@@ -280,6 +366,11 @@ class Recording:
                 return f"iteration {iteration}, field {name!r}"
         return None
 
+    def _lost(self) -> dict[str, int]:
+        """How many messages were lost, by reason."""
+        counts = np.bincount(self._arrays["letters"][:, 4], minlength=len(self.fates))
+        return {name: int(count) for name, count in zip(self.fates[1:], counts[1:], strict=True)}
+
     def reached(self, share: float) -> int | None:
         """The number of iterations after which the union covered this share, or None."""
         hits = np.flatnonzero(self["coverage"] >= share)
@@ -300,6 +391,8 @@ class Recording:
             "alive": int(self["alive"][-1].sum()) if self.iterations else self.scenario.robots.count,
             "domain cells": int(self._arrays["domain"].sum()),
             "messages": int(self["messages"].sum()),
+            "bytes": int(self._arrays["letters"][:, 3].sum(where=self._arrays["letters"][:, 4] == 0)),
+            "lost": self._lost(),
             "seed": self.scenario.seed,
             "digest": self.digest(),
             "versions": self.versions,

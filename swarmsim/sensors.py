@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Setting, Walls
+from swarmsim.core.parts import Building, Setting
 from swarmsim.core.state import State, Tiles
 from swarmsim.kernels import rays
 
@@ -22,7 +22,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     reach: Annotated[float, Meta(gt=0.0)] = 1.0  # m
     robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
 
-    def build(self, setting: Setting, walls: Walls) -> IrRingSensor:
+    def build(self, setting: Setting, building: Building) -> IrRingSensor:
         """The sensor for a swarm among these walls."""
         lattice = setting.lattice
         corner = lattice.cell * math.hypot((self.tile[0] + 1) / 2, (self.tile[1] + 1) / 2)
@@ -33,13 +33,13 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"beams: {self.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
                 f"cells of {lattice.cell:g} m; at least {needed} are needed"
             )
-        return IrRingSensor(self, setting, walls)
+        return IrRingSensor(self, setting, building)
 
 
 class IrRingSensor:
     """Senses the tiles of the whole swarm in one call."""
 
-    def __init__(self, parameters: IrRing, setting: Setting, walls: Walls) -> None:
+    def __init__(self, parameters: IrRing, setting: Setting, building: Building) -> None:
         lattice = setting.lattice
         corner = lattice.cell * math.hypot((parameters.tile[0] + 1) / 2, (parameters.tile[1] + 1) / 2)
         self._reach = min(parameters.reach, corner)  # what lies beyond the tile is not looked for
@@ -47,17 +47,24 @@ class IrRingSensor:
         rows = math.ceil(lattice.rows * lattice.cell / side)
         columns = math.ceil(lattice.columns * lattice.cell / side)
         self._coarse = (lattice.x0, lattice.y0, side, rows, columns)
-        self._near = rays.bins(walls, self._reach, lattice.x0, lattice.y0, side, rows, columns)
-        self._walls = walls
+        self._building = building
+        self._prepare()
         angles = np.arange(parameters.beams) * (2.0 * np.pi / parameters.beams)
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
         self._radius = setting.robots.radius
         self._parameters = parameters
 
+    def _prepare(self) -> None:
+        """Sort the walls of this moment by place."""
+        self._walls, self._version = self._building.walls, self._building.version
+        self._near = rays.bins(self._walls, self._reach, *self._coarse)
+
     def sense(self, state: State) -> Tiles:
         """The tiles of all robots, each around its own cell; those of dead robots are all UNKNOWN."""
         parameters = self._parameters
+        if self._version != self._building.version:
+            self._prepare()
         values = np.empty((state.robots, *parameters.tile), np.uint8)
         origins = np.empty((state.robots, 2), np.int32)
         rays.sense(

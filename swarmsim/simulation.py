@@ -5,30 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmsim.core.parts import Parts, Probe
-from swarmsim.core.state import Coverage, Event, Moment, Observations, State
+from swarmsim.core.state import Coverage, Event, Moment, Observations
 from swarmsim.kernels import grid
 
 
 class Simulation:
     """A swarm in a building, advanced one iteration at a time until it has mapped enough."""
 
-    def __init__(
-        self, parts: Parts, domain: NDArray[np.bool_], state: State, period: float, coverage: float, limit: int
-    ) -> None:
-        """`domain` (rows, columns) is what can be mapped, `coverage` the share of it that ends the run,
-        `limit` the number of iterations after which it ends unfinished.
+    def __init__(self, parts: Parts, period: float, coverage: float, limit: int) -> None:
+        """`coverage` is the share of the building's domain that ends the run, `limit` the number of iterations
+        after which it ends unfinished, `period` the duration of one in s.
         """
         self.parts = parts
-        self._domain = domain.reshape(-1).view(np.uint64)
-        self._cells = int(domain.sum())
-        self._union = np.zeros_like(self._domain)
+        self._domain = np.empty(0, np.uint64)
+        self._version = -1  # of the building whose domain that is
         self._wanted = coverage
         self._limit = limit
         self._period = period
-        self.state = state
+        self.state = parts.bodies.state()
         self.finished = False
 
     @property
@@ -46,16 +42,20 @@ class Simulation:
         """One iteration: everybody senses, shares, maps and decides; then everybody moves."""
         parts, state = self.parts, self.state
         tiles = parts.sensor.sense(state)
+        pose, tiles = parts.localisation.locate(state, tiles)
+        said = parts.sharing.say(state, tiles)
         links = parts.topology.links(state)
-        inbox = parts.channel.deliver(state.iteration, links, tiles)
-        intents = parts.behaviour.step(Observations(state.iteration, state.pose, state.alive, tiles, inbox))
+        delivery = parts.channel.deliver(state, links, said.sizes)
+        inbox = parts.sharing.hear(delivery)
+        intents = parts.behaviour.step(Observations(state.iteration, pose, state.alive, tiles, inbox))
         coverage = self._measure()
+        parts.report.coverage = coverage.share
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
         self.finished = coverage.share >= self._wanted
-        events = (*parts.events, *self._ending())
-        parts.events.clear()
-        moment = Moment(state, tiles, links, inbox, intents, coverage, events)
+        events = (*parts.report.events, *self._ending())
+        parts.report.events.clear()
+        moment = Moment(state, tiles, links, delivery, inbox, intents, coverage, events)
         for probe in probes:
             probe.sample(moment)
 
@@ -66,6 +66,12 @@ class Simulation:
         return (Event(self.state.iteration - 1, -1, "finished" if self.finished else "not finished", cause),)
 
     def _measure(self) -> Coverage:
+        building = self.parts.building
+        if self._version != building.version:
+            self._version = building.version
+            self._domain = building.domain.reshape(-1).view(np.uint64)
+            self._union = np.zeros_like(self._domain)
+            self._cells = int(building.domain.sum())
         observed = self.parts.behaviour.observed.reshape(self.state.robots, -1).view(np.uint64)
         each, union = grid.count_observed(observed, self._domain, self._union)
         return Coverage(union, each, self._cells)

@@ -1,8 +1,11 @@
 """What a robot decides, and on what alone: maps, goals, ways, and the wheels that follow them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
+from conftest import building, inbox_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -12,19 +15,21 @@ from swarmsim.behaviours.mapping import OccupancyGrids
 from swarmsim.bodies import DifferentialDrive
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting
+from swarmsim.core.parts import Parts, Setting
 from swarmsim.core.scenario import Physics, Robots
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Inbox, Intents, Observations, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents, Observations, Tiles
 from swarmsim.core.streams import Streams
+from swarmsim.localisation import PerfectLocalisation
+from swarmsim.measures import probability
 from swarmsim.motion import PurePursuit
 from swarmsim.network.channel import Perfect
+from swarmsim.network.sharing import CurrentTile
 from swarmsim.network.topology import Isolated
 from swarmsim.sensors import IrRing
-from swarmsim.simulation import Parts, Simulation
+from swarmsim.simulation import Simulation
 
 CELL = 0.15
 PATIENCE = 4
-NO_WALLS = np.empty((0, 4))
 SIGNS = {"?": UNKNOWN, ".": FREE, "#": OCCUPIED}
 CORRIDOR = "?..............?"
 LOOP = """
@@ -47,7 +52,7 @@ def setting(count=1, shape=(16, 16), seed=5, **robots):
 
 def silence(window):
     nobody = np.empty(0, np.int32)
-    return Inbox(nobody, nobody, np.empty((0, *window), np.uint8), np.empty((0, 2), np.int32))
+    return inbox_of(nobody, nobody, np.empty((0, *window), np.uint8), np.empty((0, 2), np.int32))
 
 
 class Alone:
@@ -336,7 +341,7 @@ def random_observations(rng, iteration):
     origins = np.floor(pose[:, 1::-1] / CELL).astype(np.int32) - 3
     heard = (rng.random((SWARM, SWARM)) < 0.4) & alive & alive[:, None] & ~np.eye(SWARM, dtype=bool)
     receivers, senders = (ids.astype(np.int32) for ids in np.nonzero(heard))
-    inbox = Inbox(receivers, senders, values[senders], origins[senders])
+    inbox = inbox_of(receivers, senders, values[senders], origins[senders])
     return Observations(iteration, pose, alive, Tiles(values, origins), inbox)
 
 
@@ -352,7 +357,9 @@ def transplanted(mine, others, robot):
         for field in ("receivers", "senders", "values", "origins")
     ]
     order = np.lexsort((fields[1], fields[0]))
-    return Observations(mine.iteration, pose, alive, Tiles(values, origins), Inbox(*(field[order] for field in fields)))
+    return Observations(
+        mine.iteration, pose, alive, Tiles(values, origins), inbox_of(*(field[order] for field in fields))
+    )
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)
@@ -416,9 +423,9 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
         seen = random_observations(rng, iteration)
         inbox = seen.inbox
         first = np.unique(inbox.receivers, return_index=True)[1]  # one message each: their order would matter
-        inbox = Inbox(*(field[first] for field in (inbox.receivers, inbox.senders, inbox.values, inbox.origins)))
+        inbox = inbox_of(*(field[first] for field in (inbox.receivers, inbox.senders, inbox.values, inbox.origins)))
         again = np.argsort(rows[inbox.receivers])
-        renamed = Inbox(
+        renamed = inbox_of(
             rows[inbox.receivers][again].astype(np.int32), rows[inbox.senders][again].astype(np.int32),
             inbox.values[again], inbox.origins[again],
         )  # fmt: skip
@@ -454,11 +461,11 @@ def test_dead_robots_neither_map_nor_move():
 
 def test_probabilities_are_those_of_the_increments_and_stay_within_the_limits():
     grids = OccupancyGrids(1, Lattice(0.0, 0.0, CELL, 1, 3), hit=0.8, miss=0.3, lowest=0.1, highest=0.9)
-    assert grids.probability(0).tolist() == [[0.5, 0.5, 0.5]]
+    assert probability(grids.log_odds)[0].tolist() == [[0.5, 0.5, 0.5]]
     tiles = Tiles(np.array([[[OCCUPIED, FREE, UNKNOWN]]], np.uint8), np.zeros((1, 2), np.int32))
     for occupied, free in [(0.8, 0.3), (0.9, 9 / 58), (0.9, 0.1), (0.9, 0.1)]:
         grids.update(np.ones(1, bool), tiles, silence((1, 3)))
-        assert grids.probability(0)[0] == pytest.approx([occupied, free, 0.5], rel=1e-6)
+        assert probability(grids.log_odds)[0][0] == pytest.approx([occupied, free, 0.5], rel=1e-6)
     assert grids.observed.tolist() == [[[True, True, False]]]
 
 
@@ -466,7 +473,7 @@ def test_updating_tells_how_many_cells_each_tile_was_the_first_to_show():
     grids = OccupancyGrids(2, Lattice(0.0, 0.0, CELL, 2, 4), 0.9, 0.4, 0.12, 0.97)
     tiles = Tiles(np.full((2, 1, 2), FREE, np.uint8), np.array([[0, 0], [1, 2]], np.int32))
     ids = np.array([0, 1], np.int32)
-    inbox = Inbox(ids, ids[::-1].copy(), tiles.values[::-1].copy(), np.array([[1, 2], [1, 1]], np.int32))
+    inbox = inbox_of(ids, ids[::-1].copy(), tiles.values[::-1].copy(), np.array([[1, 2], [1, 1]], np.int32))
     assert grids.update(np.array([True, True]), tiles, inbox).tolist() == [2, 2, 2, 1]
     assert grids.update(np.array([True, False]), tiles, inbox).tolist() == [0, 0, 0, 0]
 
@@ -489,7 +496,7 @@ class Follow:
         none = np.full((len(paths), 2), -1, np.int32)
         self.motion.follow(Intents(none, waypoints, counts, np.ones(len(paths), bool)))
         self.poses, self.wanted = [], []
-        self.end = DifferentialDrive(place.robots, Physics(), NO_WALLS, start).drive(self, seconds)
+        self.end = DifferentialDrive(place.robots, Physics(), building(), start).drive(self, seconds)
         self.poses, self.wanted = np.array(self.poses), np.array(self.wanted)
 
     def command(self, pose):
@@ -627,15 +634,18 @@ def world_of(picture, margin=8):
 def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(seed):
     """Nobody hears anybody, so each has to see the far room itself, and the corridor holds one robot at a time."""
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
+    hall = replace(building(walls), domain=floor)
     place = Setting(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed))
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
-    bodies = DifferentialDrive(place.robots, Physics(), walls, np.column_stack([starts, [0.0, np.pi]]))
+    bodies = DifferentialDrive(place.robots, Physics(), hall, np.column_stack([starts, [0.0, np.pi]]))
     mind = CollectiveMapping().build(place)
     parts = Parts(
-        sensor=IrRing().build(place, walls), topology=Isolated().build(place, walls),
-        channel=Perfect().build(place, walls), behaviour=mind, motion=PurePursuit().build(place), bodies=bodies,
+        sensor=IrRing().build(place, hall), localisation=PerfectLocalisation(),
+        sharing=CurrentTile().build(place, mind), topology=Isolated().build(place, hall),
+        channel=Perfect().build(place, hall), behaviour=mind, motion=PurePursuit().build(place), bodies=bodies,
+        building=hall,
     )  # fmt: skip
-    simulation = Simulation(parts, floor, bodies.state(), 1.0, 1.0, 10**6)
+    simulation = Simulation(parts, 1.0, 1.0, 10**6)
     blocked = 0
     for _ in range(2000):
         simulation.tick()

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import building
 from numpy.testing import assert_array_equal
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
@@ -22,7 +23,7 @@ def robots(count=1, **changes):
 
 def bodies(pose, walls=OPEN, substep=SUBSTEP, **changes):
     pose = np.array(pose, float).reshape(-1, 3)
-    return DifferentialDrive(robots(len(pose), **changes), Physics(substep=substep), np.array(walls, float), pose)
+    return DifferentialDrive(robots(len(pose), **changes), Physics(substep=substep), building(walls), pose)
 
 
 class Steady:

@@ -116,11 +116,11 @@ def test_a_fault_that_cannot_work_is_refused(fault: str, words: str) -> None:
 
 
 def test_a_recording_tells_who_was_removed_and_verifies(tmp_path) -> None:
-    from swarmsim.recording import Digests, Recorder
+    from swarmsim.recording import Digests
 
     run = made("stop.iterations=30", 'faults=[{use="remove", at=10, count=5}]', scenario="basilica")
     path = tmp_path / "recording.h5"
-    with Recorder(path, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied) as recorder:
+    with run.recorder(path) as recorder:
         run.simulation.run([recorder])
     recording = Recording(path)
     assert [event.kind for event in recording.events()] == ["removed"] * 5 + ["not finished"]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import building
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
@@ -19,7 +20,6 @@ from swarmsim.kernels import graph
 
 NEEDED = {"knn": {"k": 3}}  # parameters without a default
 TOPOLOGIES = sorted(registry.known("topology"))
-NO_WALLS = np.empty((0, 4))
 
 
 def sorted_nearest(positions, alive, k):
@@ -33,7 +33,7 @@ def sorted_nearest(positions, alive, k):
 def topology(use, count, **parameters):
     setting = Setting(Robots(count=count, spawn="room"), Lattice(0.0, 0.0, 0.15, 30, 30), 1.0, Streams(1))
     table = {"use": use, **NEEDED.get(use, {}), **parameters}
-    return registry.part("topology", table).build(setting, NO_WALLS)
+    return registry.part("topology", table).build(setting, building())
 
 
 def swarm(positions, alive=None, iteration=0):

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import inbox_of, made
 from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmsim.behaviours.mapping import OccupancyGrids
-from swarmsim.core.state import Coverage, Event, Inbox, Intents, Moment, State, Tiles
+from swarmsim.core.state import Coverage, Delivery, Event, Intents, Moment, State, Tiles
 from swarmsim.measures import (
     Measures,
     Quality,
@@ -22,14 +22,16 @@ from swarmsim.measures import (
     entropy,
     jain,
     mean_coverage,
-    message_bytes,
     overlap,
+    probability,
     quality,
     reached,
     union_occupied,
     union_probability,
 )
-from swarmsim.recording import Recorder, Recording
+from swarmsim.network.channel import letters
+from swarmsim.network.message import current_tile_bytes
+from swarmsim.recording import Recording
 from swarmsim.replay import MapReplay
 
 LOG4 = math.log(4.0)  # the log-odds of p = 0.8
@@ -68,10 +70,12 @@ def moment(iteration, xy, alive, tiles, origins, links, heard, covered, events=(
     senders = arrived[:, 1]
     pose = np.column_stack([np.array(xy, np.float64), np.zeros(2)])
     state = State(iteration, pose, np.zeros((2, 3)), np.zeros((2, 2)), np.array(alive))
-    inbox = Inbox(arrived[:, 0], senders, values[senders], origins[senders])
+    inbox = inbox_of(arrived[:, 0], senders, values[senders], origins[senders], iteration)
+    sizes = np.full(2, current_tile_bytes(2, 3), np.int32)
+    delivery = Delivery(letters(iteration, arrived, sizes), (), iteration)
     intents = Intents(np.zeros((2, 2), np.int32), np.zeros((2, 1, 2)), np.zeros(2, np.int32), np.zeros(2, np.bool_))
     coverage = Coverage(covered[0], np.array(covered[1:], np.int64), 20)
-    return Moment(state, Tiles(values, origins), links, inbox, intents, coverage, tuple(events))
+    return Moment(state, Tiles(values, origins), links, delivery, inbox, intents, coverage, tuple(events))
 
 
 def story(last_events=()) -> list[Moment]:
@@ -104,7 +108,7 @@ def test_curve_without_survivors_has_no_own_maps():
     measures = Measures(DOMAIN, TRUTH, 2, 0.5, believer())
     last = story()[3]
     dead = State(3, last.state.pose, last.state.velocity, last.state.wheels, np.zeros(2, np.bool_))
-    measures.sample(Moment(dead, last.tiles, last.links, last.inbox, last.intents, last.coverage, ()))
+    measures.sample(Moment(dead, last.tiles, last.links, last.delivery, last.inbox, last.intents, last.coverage, ()))
     np.testing.assert_array_equal(measures.curve(), [[0.7, np.nan, np.nan, np.nan]])
 
 
@@ -216,9 +220,9 @@ def test_overlap_and_fairness():
 
 
 def test_size_of_a_message():
-    assert message_bytes(6, 7) == 10 + 11  # 84 bits
-    assert message_bytes(2, 2) == 10 + 1
-    assert message_bytes(3, 3) == 10 + 3  # 18 bits
+    assert current_tile_bytes(6, 7) == 10 + 11  # 84 bits
+    assert current_tile_bytes(2, 2) == 10 + 1
+    assert current_tile_bytes(3, 3) == 10 + 3  # 18 bits
 
 
 cells = st.lists(st.lists(st.integers(0, 2), min_size=6, max_size=6), min_size=1, max_size=4)
@@ -236,8 +240,8 @@ def test_disagreement_is_the_mean_over_pairs(maps):
     assert found == (pytest.approx(np.mean(shares)) if shares else None)
 
 
-def entropy_of(grids: OccupancyGrids, robot: int, domain: np.ndarray) -> float:
-    p = grids.probability(robot)[domain]
+def entropy_of(log_odds: np.ndarray, domain: np.ndarray) -> float:
+    p = probability(log_odds)[domain]
     return float(-(p * np.log2(p) + (1 - p) * np.log2(1 - p)).sum())
 
 
@@ -271,7 +275,7 @@ def heard(recording: Recording) -> tuple[int, int, int]:
     messages = carried = fresh = 0
     for t in range(recording.iterations):
         values, origins, links = recording["tiles"][t], recording["origins"][t], recording.links(t)
-        inbox = Inbox(links[:, 0], links[:, 1], values[links[:, 1]], origins[links[:, 1]])
+        inbox = inbox_of(links[:, 0], links[:, 1], values[links[:, 1]], origins[links[:, 1]])
         fresh += int(grids.update(recording["alive"][t], Tiles(values, origins), inbox)[robots:].sum())
         messages += len(links)
         carried += int((inbox.values != 0).sum())
@@ -283,7 +287,7 @@ def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     domain, truth, robots = run.domain, run.arena.occupied, run.scenario.robots.count
     probe = Measures(domain, truth, robots, run.scenario.period, run.simulation.parts.behaviour)
     path = tmp_path / "recording.h5"
-    with Recorder(path, run.scenario, run.world, run.arena.lattice, domain, truth) as recorder:
+    with run.recorder(path) as recorder:
         run.simulation.run([recorder, probe])
     found, recording = probe.summary(), Recording(path)
 
@@ -300,9 +304,9 @@ def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     hits = int(((union == 2) & truth[domain]).sum())
     assert found["union_precision"] == hits / int((union == 2).sum())
     assert found["union_recall"] == hits / int(truth[domain].sum())  # all of the domain is observed
-    entropies = [entropy_of(replay.grids, robot, domain) for robot in range(robots)]
+    entropies = [entropy_of(row, domain) for row in run.simulation.parts.behaviour.log_odds]
     assert found["robot_entropy"] == pytest.approx(np.mean(entropies))
-    held = replay.grids.observed & domain
+    held = (replay.maps > 0) & domain
     assert found["overlap_maps"] == pytest.approx(held.sum() / held.any(axis=0).sum() - 1)
 
     seen, readings = sensed(recording)

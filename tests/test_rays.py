@@ -6,6 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import shapely
+from conftest import building
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -66,7 +67,7 @@ def swarm(pose, alive=None):
 
 def sensor(walls=NO_WALLS, grid=None, radius=0.055, **parameters):
     robots = Robots(count=1, spawn="anywhere", radius=radius)
-    return IrRing(**parameters).build(Setting(robots, grid or lattice(), 1.0, Streams(1)), np.asarray(walls, float))
+    return IrRing(**parameters).build(Setting(robots, grid or lattice(), 1.0, Streams(1)), building(walls))
 
 
 def outline(solid):

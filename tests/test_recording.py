@@ -14,8 +14,8 @@ import pytest
 from conftest import made
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.state import Moment
-from swarmsim.recording import BLOCK, DIGESTED, Digests, Recorder, Recording
+from swarmsim.core.state import FREE, OCCUPIED, Moment
+from swarmsim.recording import BLOCK, DIGESTED, Digests, Recording
 from swarmsim.replay import MapReplay
 
 
@@ -37,7 +37,7 @@ def watched(tmp_path_factory: pytest.TempPathFactory):
     run = made("robots.count=4", "network.topology.k=2")
     path = tmp_path_factory.mktemp("watched") / "recording.h5"
     snapshots = Snapshots(run)
-    with Recorder(path, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied) as recorder:
+    with run.recorder(path) as recorder:
         run.simulation.run([recorder, snapshots])
     return run, Recording(path), snapshots
 
@@ -54,6 +54,7 @@ def test_everything_that_happened_reads_back(watched) -> None:
         np.testing.assert_array_equal(recording["goals"][t], moment.intents.goals)
         np.testing.assert_array_equal(recording["covered"][t], moment.coverage.each)
         np.testing.assert_array_equal(recording.links(t), moment.links)
+        np.testing.assert_array_equal(recording.letters(t)[:, :4], moment.delivery.heard)
         assert recording["coverage"][t] == moment.coverage.share
         assert recording["messages"][t] == len(moment.inbox.receivers)
         for robot in np.flatnonzero(moment.intents.planned):
@@ -68,13 +69,12 @@ def test_everything_that_happened_reads_back(watched) -> None:
     assert [event.kind for event in recording.events()] == ["finished"]
 
 
-def test_every_map_at_every_iteration_is_rebuilt_from_tiles_and_links(watched) -> None:
+def test_every_map_at_every_iteration_is_rebuilt_from_its_changes(watched) -> None:
     _, recording, snapshots = watched
     replay = MapReplay(recording)
     for t, (observed, log_odds) in enumerate(snapshots.maps):
         replay.advance(t)
-        np.testing.assert_array_equal(replay.grids.observed, observed)
-        np.testing.assert_array_equal(replay.grids.log_odds, log_odds)
+        np.testing.assert_array_equal(replay.maps, np.where(observed, np.where(log_odds > 0, OCCUPIED, FREE), 0))
     with pytest.raises(ValueError, match="behind"):
         replay.advance(0)
 
@@ -123,9 +123,8 @@ KILLED = """
 import sys, os, signal
 sys.path.insert(0, {tests!r})
 from conftest import made
-from swarmsim.recording import Recorder
 run = made("robots.count=2", "stop.coverage=1.0", "network.topology={{use='none'}}", "robots.speed=0.01")
-recorder = Recorder({path!r}, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied)
+recorder = run.recorder({path!r})
 for _ in range({ticks}):
     run.simulation.tick([recorder])
 print("ticked", flush=True)
@@ -194,7 +193,7 @@ def test_another_format_or_another_file_is_refused(room: Path, tmp_path: Path) -
     other.write_bytes(room.read_bytes())
     with h5py.File(other, "r+") as file:
         file.attrs["swarmsim-recording"] = 99
-    with pytest.raises(InputError, match=r"format 99.*reads format 1"):
+    with pytest.raises(InputError, match=r"format 99.*reads format 2"):
         Recording(other)
     plain = tmp_path / "plain.h5"
     with h5py.File(plain, "w") as file:
@@ -210,4 +209,4 @@ def test_another_format_or_another_file_is_refused(room: Path, tmp_path: Path) -
 def test_a_recording_never_overwrites_another(room: Path) -> None:
     run = made()
     with pytest.raises(FileExistsError):
-        Recorder(room, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied)
+        run.recorder(room)

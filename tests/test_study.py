@@ -167,7 +167,7 @@ def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, t
     (tmp_path / "broken_part.py").write_text(
         "import msgspec\n"
         "class Broken(msgspec.Struct, frozen=True, forbid_unknown_fields=True):\n"
-        "    def build(self, setting, walls):\n        return self\n"
+        "    def build(self, setting, building):\n        return self\n"
         "    def links(self, state):\n        raise RuntimeError('the mast broke')\n"
     )
     study.write_text(

@@ -52,7 +52,7 @@ class Doctor:
 def doctored(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     path = tmp_path_factory.mktemp("doctored") / "recording.h5"
     run = made("stop.iterations=12")
-    with Recorder(path, run.scenario, run.world, run.arena.lattice, run.domain, run.arena.occupied) as recorder:
+    with run.recorder(path) as recorder:
         run.simulation.run([Doctor(recorder)])
     return Recording(path)
 

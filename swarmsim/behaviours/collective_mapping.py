@@ -105,6 +105,11 @@ class CollectiveMappers:
         """Each robot's occupancy grid (n, rows, columns); a live view."""
         return self._grids.log_odds
 
+    @property
+    def forgets(self) -> bool:
+        """Maps change under the tiles sensed and heard alone."""
+        return False
+
     def step(self, observations: Observations) -> Intents:
         """Map what was sensed and heard, then choose goals and paths."""
         fresh = self._grids.update(observations.alive, observations.tiles, observations.inbox)

@@ -43,8 +43,3 @@ class OccupancyGrids:
             fresh,
         )
         return fresh
-
-    def probability(self, robot: int) -> NDArray[np.float64]:
-        """The probability (rows, columns) that each cell is occupied; 0.5 where nothing was observed."""
-        odds: NDArray[np.float64] = 1.0 / (1.0 + np.exp(-self.log_odds[robot].astype(np.float64)))
-        return odds

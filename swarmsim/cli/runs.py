@@ -171,10 +171,8 @@ def _new_folder(asked: Path | None, stem: str) -> Path:
 
 def _simulate(made: Run, path: Path, progress: Progress) -> bool:
     """Run to the end with a recording and a progress bar; an interrupted run keeps what it has recorded."""
-    from swarmsim.recording import Recorder
-
     task = progress.add_task("simulating", total=made.scenario.stop.coverage, text="")
-    with Recorder(path, made.scenario, made.world, made.arena.lattice, made.domain, made.arena.occupied) as recorder:
+    with made.recorder(path) as recorder:
         return made.simulation.run([recorder, RunBar(progress, task, made)])
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Event, Inbox, Intents, Moment, Observations, State, Tiles
+from swarmsim.core.state import Delivery, Event, Inbox, Intents, Moment, Observations, Said, State, Tiles
 from swarmsim.core.streams import Streams
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
@@ -26,6 +27,39 @@ class Setting:
     lattice: Lattice
     period: float  # s, one iteration
     streams: Streams
+
+
+Box = tuple[float, float, float, float]  # left, lower, right, upper edge in m
+
+
+@dataclass(slots=True, eq=False)
+class Building:
+    """What stands where at this moment; parts that prepare anything from it do so again when `version` rises.
+
+    Faults alone change it, by `rebuild`. Parts of robots may know its walls through what they measure only.
+    """
+
+    walls: Walls
+    occupied: NDArray[np.bool_]  # (rows, columns): the truth
+    domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 %
+    entrance: NDArray[np.float64]  # (c, 2): x, y in m of the cells of the spawn area in which a robot can stand
+    survey: Callable[[tuple[Box, ...]], Survey]
+    version: int = 0
+
+    def rebuild(self, boxes: tuple[Box, ...]) -> None:
+        """Let these boxes, and no others, stand in the building besides its plan. Raises InputError."""
+        found = self.survey(boxes)
+        self.walls, self.occupied, self.domain = found.walls, found.occupied, found.domain
+        self.version += 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """The walls, the truth (rows, columns) and the coverage domain (rows, columns) of a building."""
+
+    walls: Walls
+    occupied: NDArray[np.bool_]
+    domain: NDArray[np.bool_]
 
 
 class Sensor(Protocol):
@@ -44,11 +78,34 @@ class Topology(Protocol):
         ...
 
 
+class Localisation(Protocol):
+    """Tells each robot where it is."""
+
+    def locate(self, state: State, tiles: Tiles) -> tuple[NDArray[np.float64], Tiles]:
+        """Each robot's estimate (n, 3) of its pose, and its tile where that estimate puts it."""
+        ...
+
+
+class Sharing(Protocol):
+    """Says what robots tell, and what they take in of what they hear."""
+
+    def say(self, state: State, tiles: Tiles) -> Said:
+        """The message of every robot in this iteration; a dead robot's holds no tile."""
+        ...
+
+    def hear(self, delivery: Delivery) -> Inbox:
+        """The tiles in the messages delivered, whenever they were said."""
+        ...
+
+
 class Channel(Protocol):
     """Says what arrives of what was said."""
 
-    def deliver(self, iteration: int, links: Links, said: Tiles) -> Inbox:
-        """The messages heard in this iteration."""
+    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
+        """What becomes of one new message for each link, of its sender's size (n,) in bytes, and of those under way.
+
+        Each message is, in some iteration, heard or lost exactly once, unless the run ends before.
+        """
         ...
 
 
@@ -62,7 +119,12 @@ class Behaviour(Protocol):
 
     @property
     def log_odds(self) -> NDArray[np.float32]:
-        """Each robot's occupancy grid (n, rows, columns); a live view, to be read only."""
+        """Each robot's occupancy grid (n, rows, columns); a live view, for faults alone to write."""
+        ...
+
+    @property
+    def forgets(self) -> bool:
+        """Whether cells of a map can change although no tile of this iteration shows them."""
         ...
 
     def step(self, observations: Observations) -> Intents:
@@ -94,21 +156,40 @@ class Bodies(Protocol):
         ...
 
     def remove(self, robots: NDArray[np.int64]) -> None:
-        """Take live robots (r,) out of the world for good; their rows stay, no longer alive."""
+        """Take robots (r,) out of the world; their rows stay, no longer alive."""
         ...
+
+    def crash(self, robots: NDArray[np.int64]) -> None:
+        """Let live robots (r,) stand where they are, no longer alive, as obstacles that can be pushed."""
+        ...
+
+    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
+        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again."""
+        ...
+
+
+@dataclass(slots=True)
+class Report:
+    """What faults tell of the iteration, and what they may know of the run."""
+
+    events: list[Event] = field(default_factory=list)  # since the last iteration
+    coverage: float = 0.0  # share of the domain mapped, 0 to 1
 
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """The parts of a swarm, one per seam, and what they have to report since the last iteration."""
+    """The parts of a swarm, one per seam, in their building."""
 
     sensor: Sensor
+    localisation: Localisation
+    sharing: Sharing
     topology: Topology
     channel: Channel
     behaviour: Behaviour
     motion: Motion
     bodies: Bodies
-    events: list[Event] = field(default_factory=list)
+    building: Building
+    report: Report = field(default_factory=Report)
 
 
 class Fault(Protocol):

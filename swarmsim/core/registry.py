@@ -19,6 +19,8 @@ T = TypeVar("T", bound=msgspec.Struct)
 #: The seams of a scenario, each with the part that is used where the file names none.
 SEAMS = {
     "sensor": "ir-ring",
+    "localisation": "perfect",
+    "sharing": "current-tile",
     "topology": None,
     "channel": "perfect",
     "behaviour": "collective-mapping",

@@ -53,10 +53,11 @@ class Physics(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Who hears whom, and what arrives."""
+    """Who hears whom, what arrives, and what is said."""
 
     topology: Table
     channel: Table = field(default_factory=dict)
+    sharing: Table = field(default_factory=dict)
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -77,6 +78,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     robots: Robots
     physics: Physics = Physics()
     sensor: Table = field(default_factory=dict)
+    localisation: Table = field(default_factory=dict)
     network: Network
     behaviour: Table = field(default_factory=dict)
     motion: Table = field(default_factory=dict)
@@ -137,9 +139,11 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         scenario,
         world=world,
         sensor=complete("sensor", "sensor", scenario.sensor),
+        localisation=complete("localisation", "localisation", scenario.localisation),
         network=Network(
             topology=complete("topology", "network.topology", network.topology),
             channel=complete("channel", "network.channel", network.channel),
+            sharing=complete("sharing", "network.sharing", network.sharing),
         ),
         behaviour=complete("behaviour", "behaviour", scenario.behaviour),
         motion=complete("motion", "motion", scenario.motion),
@@ -198,7 +202,7 @@ def schema() -> dict[str, Any]:
         if seam == "fault":
             root["properties"]["faults"] = {"type": "array", "items": {"anyOf": choices}}
         else:
-            place = defs["Network"] if seam in ("topology", "channel") else root
+            place = defs["Network"] if seam in ("topology", "channel", "sharing") else root
             place["properties"][seam] = {"anyOf": choices}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -37,13 +37,39 @@ class Tiles:
 
 
 @dataclass(frozen=True, slots=True)
-class Inbox:
-    """The messages heard in one iteration, sorted by receiver, then by sender."""
+class Said:
+    """What every robot says in one iteration: one message each, of any number of tiles."""
 
-    receivers: NDArray[np.int32]  # (m,)
-    senders: NDArray[np.int32]  # (m,)
-    values: NDArray[np.uint8]  # (m, rows, columns): the tile each message carries
-    origins: NDArray[np.int32]  # (m, 2)
+    values: NDArray[np.uint8]  # (t, rows, columns)
+    origins: NDArray[np.int32]  # (t, 2)
+    sources: NDArray[np.int32]  # (t,): the robot that sensed each tile; -1 for a piece of somebody's map
+    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
+    ends: NDArray[np.int64]  # (n,): robot i says the tiles ends[i - 1] to ends[i]
+    sizes: NDArray[np.int32]  # (n,): bytes of each robot's message
+
+
+Letters = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """What became, in one iteration, of messages: some are heard, some lost, and others still under way."""
+
+    heard: Letters  # sorted by receiver, sender, iteration sent
+    lost: tuple[tuple[str, Letters], ...]  # by reason
+    oldest: int  # no message still under way was sent before this iteration
+
+
+@dataclass(frozen=True, slots=True)
+class Inbox:
+    """The tiles heard in one iteration, sorted by receiver, then by sender."""
+
+    receivers: NDArray[np.int32]  # (t,)
+    senders: NDArray[np.int32]  # (t,): who said it
+    values: NDArray[np.uint8]  # (t, rows, columns)
+    origins: NDArray[np.int32]  # (t, 2)
+    sources: NDArray[np.int32]  # (t,): who sensed it; -1 for a piece of the sender's map
+    sensed: NDArray[np.int32]  # (t,): when
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +122,9 @@ class Moment:
     """Everything that happened in one iteration, as probes see it: measured, never fed back."""
 
     state: State  # at the start of the iteration, when everybody sensed
-    tiles: Tiles
+    tiles: Tiles  # where the robots believe them to be
     links: NDArray[np.int32]  # (m, 2): receiver, sender
+    delivery: Delivery
     inbox: Inbox
     intents: Intents
     coverage: Coverage  # after mapping

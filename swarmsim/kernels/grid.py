@@ -117,6 +117,45 @@ def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_orig
 
 
 @njit(cache=True)
+def _note(log_odds, observed, held, robot, cell, found):
+    """Append the cell's state (0 unknown, 1 free, 2 occupied) to `found` (c, 3) if it is not the one `held`."""
+    state = (1 + (log_odds[robot, cell] > 0.0)) * observed[robot, cell]
+    if held[robot, cell] == state:
+        return 0
+    held[robot, cell] = state
+    found[0] = robot
+    found[1] = cell
+    found[2] = state
+    return 1
+
+
+@njit(cache=True)
+def changes_under(log_odds, observed, held, owners, origins, shape, columns, found):
+    """Which cells of the maps differ from `held` (n, cells), looked for under tiles alone; brings `held` up to date.
+
+    `log_odds` and `observed` (n, cells) are row-major with so many columns; tile t of `shape` (rows, columns) lies
+    at `origins` (t, 2) of the map of `owners` (t,). Writes robot, cell and state to `found` (c, 3); gives their number.
+    """
+    count = 0
+    rows = observed.shape[1] // columns
+    for t in range(len(owners)):
+        for r in range(max(0, origins[t, 0]), min(rows, origins[t, 0] + shape[0])):
+            for c in range(max(0, origins[t, 1]), min(columns, origins[t, 1] + shape[1])):
+                count += _note(log_odds, observed, held, owners[t], r * columns + c, found[count])
+    return count
+
+
+@njit(cache=True)
+def changes_anywhere(log_odds, observed, held, found):
+    """As `changes_under`, but looked for in every cell; `found` has room for all of them."""
+    count = 0
+    for robot in range(len(observed)):
+        for cell in range(observed.shape[1]):
+            count += _note(log_odds, observed, held, robot, cell, found[min(count, len(found) - 1)])
+    return count
+
+
+@njit(cache=True)
 def count_observed(observed, domain, union):
     """How many cells of the domain each robot has observed, and how many any has.
 

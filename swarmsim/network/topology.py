@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Links, Setting, Walls
+from swarmsim.core.parts import Building, Links, Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 
@@ -18,7 +18,7 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     k: Annotated[int, Meta(ge=0)]
 
-    def build(self, setting: Setting, walls: Walls) -> NearestNeighbourLinks:
+    def build(self, setting: Setting, building: Building) -> NearestNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
         count = setting.robots.count
         if self.k >= count:
@@ -41,7 +41,7 @@ class NearestNeighbourLinks:
 class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Nobody hears anybody."""
 
-    def build(self, setting: Setting, walls: Walls) -> FixedLinks:
+    def build(self, setting: Setting, building: Building) -> FixedLinks:
         """The topology without links."""
         return FixedLinks(setting.robots.count, (), closed=False)
 
@@ -49,7 +49,7 @@ class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: each robot hears those with the next lower and the next higher id; the two ends hear one."""
 
-    def build(self, setting: Setting, walls: Walls) -> FixedLinks:
+    def build(self, setting: Setting, building: Building) -> FixedLinks:
         """The open chain."""
         return FixedLinks(setting.robots.count, (-1, 1), closed=False)
 
@@ -57,7 +57,7 @@ class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the chain with its two ends linked."""
 
-    def build(self, setting: Setting, walls: Walls) -> FixedLinks:
+    def build(self, setting: Setting, building: Building) -> FixedLinks:
         """The closed chain."""
         return FixedLinks(setting.robots.count, (-1, 1), closed=True)
 

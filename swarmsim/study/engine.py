@@ -17,7 +17,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Probe
 from swarmsim.core.scenario import Scenario
 from swarmsim.measures import Measures
-from swarmsim.recording import Digests, Recorder, versions
+from swarmsim.recording import Digests, versions
 from swarmsim.study.store import Row
 
 ANSWER = 20.0  # s, in which a scheduler of the user's own has to answer
@@ -64,8 +64,7 @@ def _simulate(task: Task) -> Row:
         if task.recording is not None:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
             task.recording.unlink(missing_ok=True)  # of a try that was killed
-            recorder = Recorder(task.recording, task.scenario, made.world, made.arena.lattice, made.domain, truth)
-            probes.append(stack.enter_context(recorder))
+            probes.append(stack.enter_context(made.recorder(task.recording)))
         finished = simulation.run(probes)
     return Row(
         identity=task.identity,
