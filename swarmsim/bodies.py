@@ -92,6 +92,11 @@ class DifferentialDrive:
             self._alive.copy(),
         )
 
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """Whose bodies (n,) are in the world, alive or crashed."""
+        return np.array([disc.space is not None for disc in self._discs], np.bool_)
+
     def remove(self, robots: NDArray[np.int64]) -> None:
         """Take robots (r,) out of the world: nothing meets them any more, and their bodies rest."""
         for robot in robots:

@@ -37,7 +37,7 @@ PER_ITERATION: Final = (
 )  # fmt: skip
 FATE: Final = np.dtype("S32")
 CHANGE: Final = np.dtype([("robot", "<i4"), ("cell", "<i4"), ("state", "u1")])
-EVENT: Final = np.dtype([("iteration", "<i4"), ("robot", "<i4"), ("kind", "S32"), ("cause", "S96")])
+EVENT: Final = np.dtype([("iteration", "<i4"), ("robot", "<i4"), ("kind", "S32"), ("cause", "S192")])
 
 
 class Digests:

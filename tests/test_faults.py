@@ -101,7 +101,7 @@ def test_two_faults_each_take_their_own() -> None:
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        ('{use="remove", at=0}', r"faults\[0\]\.at.*>= 1"),
+        ('{use="remove", at=-1}', r"faults\[0\]\.at.*>= 0"),
         ('{use="remove"}', r"faults\[0\]\.at: required key is missing"),
         ('{use="remove", at=5, cuont=3}', r"faults\[0\]\.cuont: unknown key; did you mean 'count'"),
         ('{use="remove", at=5, keep=15}', r"faults\[0\]\.keep: 15 of 15 robots"),

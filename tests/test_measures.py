@@ -137,6 +137,8 @@ def test_summary_of_a_hand_made_run():
         "path_sum": 9.0, "path_longest": 7.0, "path_mean": 4.5,  # robot 1 still walked 1 m in its last iteration
         "jain_path": 81 / (2 * 53), "jain_sensed": 1.0,
         "messages": 3, "bytes": 3 * 12, "delivered_share": 3 / 4,
+        "lost": 0,
+        "age": 0.0,
         "fresh_share": (5 + 2 + 4) / (5 + 4 + 6),
     }  # fmt: skip
     found = told().summary()

@@ -155,6 +155,11 @@ class Bodies(Protocol):
         """The state now."""
         ...
 
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """Whose bodies (n,) are in the world, alive or crashed."""
+        ...
+
     def remove(self, robots: NDArray[np.int64]) -> None:
         """Take robots (r,) out of the world; their rows stay, no longer alive."""
         ...

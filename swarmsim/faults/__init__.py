@@ -1,0 +1,1 @@
+"""Faults: wrappers that make a part misbehave, with whom, when, how long and how much."""

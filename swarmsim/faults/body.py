@@ -1,0 +1,171 @@
+"""Faults of bodies: robots that vanish, crash, come back or come late."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Behaviour, Parts, Setting
+from swarmsim.core.state import State
+from swarmsim.faults.effect import TimedFault
+from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline, described
+
+
+class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots vanish from the building and the network; when it ends, they return to the spawn area."""
+
+    map: Literal["kept", "lost"] = "kept"  # whether what they mapped stays, in the collective map and with them
+
+    def build(self, setting: Setting, number: int) -> TimedFault:
+        """The fault."""
+        effect = Removal(setting, self.map, number)
+        return TimedFault(Timeline(self, setting, number), effect, described(self, "remove"))
+
+
+class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots die where they are and stay in the way; when it ends, they go on from there."""
+
+    map: Literal["kept", "lost"] = "kept"  # whether what they mapped stays, in the collective map and with them
+
+    def build(self, setting: Setting, number: int) -> TimedFault:
+        """The fault."""
+        return TimedFault(Timeline(self, setting, number), Crashing(self.map), described(self, "crash"))
+
+
+class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The robots with the highest ids are not there at the start; they enter at the spawn area, with an empty map."""
+
+    at: Annotated[int, Meta(ge=1)]  # the first iteration with the first of them
+    every: Duration | None = None  # iterations until the next enter; default: all at once
+    count: Annotated[int, Meta(ge=1)] = 1  # robots at a time
+    times: Annotated[int, Meta(ge=1)] = 1  # how often robots enter
+    map: Literal["empty", "copied"] = "empty"  # copied: from the live robot that has mapped most
+
+    def build(self, setting: Setting, number: int) -> TimedFault:
+        """The fault; raises InputError unless somebody is there at the start."""
+        late = self.count * self.times
+        if late >= setting.robots.count:
+            raise InputError(
+                f"count: {late} of {setting.robots.count} robots are late; expected one at the start at least"
+            )
+        if self.times > 1 and self.every is None:
+            raise InputError(f"every: required key is missing; expected iterations between {self.times} times")
+        effect = Joining(setting, self.map, number)
+        return TimedFault(Lateness(self, setting.robots.count), effect, described(self, "join"))
+
+
+class Lateness:
+    """Who has not come yet: the highest ids, of which the lowest come first."""
+
+    def __init__(self, fault: Join, robots: int) -> None:
+        late = fault.count * fault.times
+        self._due = np.zeros(robots, np.int64)
+        self._due[robots - late :] = fault.at + np.arange(late) // fault.count * (fault.every or 0)
+        #: Who is not there (n,); a live view.
+        self.active: NDArray[np.bool_] = np.zeros(robots, np.bool_)
+
+    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
+        """Move on to the iteration of `state`; gives those who are late from now on, and those who come."""
+        late = self._due > state.iteration
+        begins, ends = np.flatnonzero(late & ~self.active), np.flatnonzero(self.active & ~late)
+        self.active[:] = late
+        return begins, ends
+
+
+class Removal:
+    """Takes bodies out of the world, and puts them back at its entrance."""
+
+    words = ("removed", "returned")
+
+    def __init__(self, setting: Setting, memory: Literal["kept", "lost"], number: int) -> None:
+        self._setting, self._memory = setting, memory
+        self._stream = setting.streams.open("fault entrance", number)
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The same parts: bodies can be taken out as they are."""
+        self._bodies, self._behaviour, self._building = parts.bodies, parts.behaviour, parts.building
+        return parts
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """They vanish."""
+        self._bodies.remove(robots)
+        if self._memory == "lost":
+            forget(self._behaviour, robots)
+
+    def end(self, robots: Robots, state: State) -> Robots:
+        """They return to places of the spawn area drawn at random; those who find it full wait."""
+        centres, entered = self._building.entrance, []
+        for robot in robots:
+            state = self._bodies.state()
+            apart = centres[:, None] - state.pose[self._bodies.solid, :2]
+            free = np.flatnonzero(
+                (np.hypot(*apart.transpose(2, 0, 1)) >= 2.0 * self._setting.robots.radius).all(axis=1)
+            )
+            if len(free):
+                pose = np.array([[*centres[self._stream.choice(free)], self._stream.uniform(-np.pi, np.pi)]])
+                self._bodies.place(np.array([robot]), pose)
+                entered.append(robot)
+        return np.array(entered, np.int64)
+
+
+class Joining:
+    """Keeps latecomers out of the world until they enter, with the map they are given."""
+
+    words = ("late", "joined")
+
+    def __init__(self, setting: Setting, memory: Literal["empty", "copied"], number: int) -> None:
+        self._absence = Removal(setting, "kept", number)
+        self._memory = memory
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The same parts: bodies can be taken out as they are."""
+        self._behaviour = parts.behaviour
+        return self._absence.wrap(parts, active)
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """They are not there yet."""
+        self._absence.begin(robots, state)
+
+    def end(self, robots: Robots, state: State) -> Robots:
+        """They enter, as far as there is room."""
+        entered = self._absence.end(robots, state)
+        if self._memory == "copied" and len(entered):
+            observed, log_odds = self._behaviour.observed, self._behaviour.log_odds
+            known = np.where(state.alive, observed.reshape(len(observed), -1).sum(axis=1), -1)
+            observed[entered], log_odds[entered] = observed[known.argmax()], log_odds[known.argmax()]
+        return entered
+
+
+class Crashing:
+    """Stops bodies for good, or until they are repaired."""
+
+    words = ("crashed", "repaired")
+
+    def __init__(self, memory: Literal["kept", "lost"]) -> None:
+        self._memory = memory
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The same parts: bodies can be stopped as they are."""
+        self._bodies, self._behaviour = parts.bodies, parts.behaviour
+        return parts
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """They stand still."""
+        self._bodies.crash(robots)
+        if self._memory == "lost":
+            forget(self._behaviour, robots)
+
+    def end(self, robots: Robots, state: State) -> Robots:
+        """They go on from where they are by now."""
+        self._bodies.place(robots, state.pose[robots])
+        return robots
+
+
+def forget(behaviour: Behaviour, robots: Robots) -> None:
+    """Empty the maps of these robots."""
+    behaviour.observed[robots] = False
+    behaviour.log_odds[robots] = 0.0

@@ -1,0 +1,78 @@
+"""Faults of motors: wheels that stand, drag, run away or pull to one side."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Motion, Parts, Setting, WheelSpeeds
+from swarmsim.core.state import Intents
+from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.timeline import Timed, Timeline, described
+
+SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
+
+
+class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The wheels do not turn as they are told; the robot still senses, talks and decides.
+
+    `off`: they stand. `slow`: they turn at `factor` of the speed wanted, alike or, with `wheel`, one of them only,
+    so that the robot pulls to one side. `stuck`: they turn at `speed` whatever is wanted.
+    """
+
+    failure: Literal["off", "slow", "stuck"]
+    wheel: Literal["both", "left", "right"] = "both"
+    factor: Annotated[float, Meta(ge=0.0)] | None = None  # for slow; default 0.5
+    speed: float | None = None  # for stuck: m/s at the rim, backwards if negative; default: the robots' top speed
+
+    def build(self, setting: Setting, number: int) -> TimedFault:
+        """The fault; raises InputError for a key that its failure does not have."""
+        for key, failure in (("factor", "slow"), ("speed", "stuck")):
+            if getattr(self, key) is not None and self.failure != failure:
+                raise InputError(f"{key}: a motor that is {self.failure!r} has none; expected failure = {failure!r}")
+        top = setting.robots.speed
+        if self.speed is not None and abs(self.speed) > top:
+            raise InputError(f"speed: {self.speed:g} m/s is more than the motors give; expected at most {top:g}")
+        gain = (0.5 if self.factor is None else self.factor) if self.failure == "slow" else 0.0
+        bias = (top if self.speed is None else self.speed) if self.failure == "stuck" else 0.0
+        effect = MotorFailure(self.failure, SIDES[self.wheel], gain, bias)
+        return TimedFault(Timeline(self, setting, number), effect, described(self, "motor"))
+
+
+class MotorFailure(Lasting):
+    """Wraps the motion: what the wheels do is a gain times what is wanted, plus a bias."""
+
+    def __init__(self, failure: str, wheels: tuple[bool, bool], gain: float, bias: float) -> None:
+        self.words = (f"motor {failure}", f"motor {failure} over")
+        self._wheels, self._gain, self._bias = np.array(wheels), gain, bias
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The parts with the motion wrapped."""
+        motion = FailingMotion(parts.motion, active, self._wheels, self._gain, self._bias)
+        return replace(parts, motion=motion)
+
+
+class FailingMotion:
+    """Motion of which some wheels do something else."""
+
+    def __init__(
+        self, inner: Motion, active: NDArray[np.bool_], wheels: NDArray[np.bool_], gain: float, bias: float
+    ) -> None:
+        self._inner, self._active, self._wheels, self._gain, self._bias = inner, active, wheels, gain, bias
+        self._failing = np.zeros((len(active), 2), np.bool_)
+
+    def follow(self, intents: Intents) -> None:
+        """Take up new intents."""
+        self._failing = self._active[:, None] & self._wheels
+        self._inner.follow(intents)
+
+    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
+        """The wheel speeds wanted, but for those that fail."""
+        wanted = self._inner.command(pose)
+        np.copyto(wanted, wanted * self._gain + self._bias, where=self._failing)
+        return wanted

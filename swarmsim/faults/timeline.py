@@ -1,0 +1,178 @@
+"""The timeline of a fault: when it strikes, which robots, and for how long."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.state import State
+
+Iteration = Annotated[int, Meta(ge=0)]
+Duration = Annotated[int, Meta(ge=1)]  # iterations
+Share = Annotated[float, Meta(gt=0.0, le=1.0)]
+Robots = NDArray[np.int64]  # (r,): ids, sorted
+
+
+class Life(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How long robots last: a Weibull law (Weibull 1951); shape 1 is the exponential one, more is wear."""
+
+    mean: Annotated[float, Meta(gt=0.0)]  # iterations
+    shape: Annotated[float, Meta(gt=0.0)] = 1.0
+
+
+class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The keys that every kind of fault has. One of `at`, `between`, `coverage`, `rate` and `life` says when."""
+
+    at: Iteration | None = None  # the first iteration with the fault
+    every: Duration | None = None  # after `at`: iterations until it strikes again; default: never
+    between: tuple[Iteration, Iteration] | None = None  # the first iteration with, and the first without it
+    coverage: Share | None = None  # strikes once the swarm has mapped this share of the domain
+    rate: Annotated[float, Meta(gt=0.0)] | None = None  # strikes so often in an iteration, as a Poisson process
+    life: Life | None = None  # strikes each robot once, at the end of a life of its own
+    lasts: Duration | None = None  # iterations with the fault; default: for good
+    duty: tuple[Duration, Duration] | None = None  # intermittent: iterations with and then without it, in turn
+    robots: list[Annotated[int, Meta(ge=0)]] | None = None  # these
+    count: Annotated[int, Meta(ge=1)] | None = None  # so many at a time; default: 1, or all in `region`
+    share: Share | None = None  # so large a part of those alive, rounded, but one at least
+    choose: Literal["random", "nearest", "farthest", "hub"] = "random"  # the hub is heard by most
+    point: tuple[float, float] | None = None  # m: what nearest and farthest are measured from
+    region: tuple[float, float, float, float] | None = None  # m: only robots with centres in left, lower, right, upper
+    keep: Annotated[int, Meta(ge=0)] = 1  # live robots that are never struck
+
+
+def described(fault: Struct, name: str) -> str:
+    """The fault as on the command line: its name and the keys that are not at their defaults."""
+    defaults = dict(zip(fault.__struct_fields__[::-1], fault.__struct_defaults__[::-1], strict=False))
+    given = {key: getattr(fault, key) for key in fault.__struct_fields__}
+    return " ".join([name, *(f"{key}={value}" for key, value in given.items() if value != defaults.get(key))])
+
+
+class Timeline:
+    """Which robots have the fault in the coming iteration.
+
+    It is moved forward between two iterations, so that a fault `at` an iteration is there from its first beam on.
+    """
+
+    def __init__(self, fault: Timed, setting: Setting, number: int) -> None:
+        """`number` is the fault's place in the scenario, which names its streams. Raises InputError."""
+        _check(fault, setting.robots.count)
+        self._fault = fault
+        self._stream = setting.streams.open("fault", number)
+        self._since = np.full(setting.robots.count, -1, np.int64)  # the iteration in which it struck; -1 for not
+        self._spent = np.zeros(setting.robots.count, np.bool_)  # whose life has ended already
+        self._reached = False
+        self._lives = np.full(setting.robots.count, np.inf)
+        if fault.life is not None:
+            scale = fault.life.mean / math.gamma(1.0 + 1.0 / fault.life.shape)
+            for robot in range(setting.robots.count):
+                stream = setting.streams.open(f"fault {number} life", robot)
+                self._lives[robot] = math.ceil(scale * stream.weibull(fault.life.shape))
+        #: Who has the fault in this iteration (n,); a live view.
+        self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
+
+    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
+        """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends."""
+        now, fault = state.iteration, self._fault
+        if fault.between is not None:
+            lasts: int | None = fault.between[1] - fault.between[0]
+        else:
+            lasts = fault.lasts
+        if lasts is not None:
+            self._since[(self._since >= 0) & (now - self._since >= lasts)] = -1
+        for _ in range(self._strikes(now, parts)):
+            self._since[self._struck(state, parts)] = now
+        active = self._since >= 0
+        if fault.duty is not None:
+            active &= (now - self._since) % sum(fault.duty) < fault.duty[0]
+        begins, ends = np.flatnonzero(active & ~self.active), np.flatnonzero(self.active & ~active)
+        self.active[:] = active
+        return begins, ends
+
+    def _strikes(self, now: int, parts: Parts) -> int:
+        """How often the fault strikes at the start of iteration `now`."""
+        fault = self._fault
+        first = fault.at if fault.between is None else fault.between[0]
+        if first is not None:
+            since = now - first
+            return int(since == 0 or (fault.every is not None and since > 0 and since % fault.every == 0))
+        if fault.coverage is not None:
+            before, self._reached = self._reached, self._reached or parts.report.coverage >= fault.coverage
+            return int(self._reached and not before)
+        if fault.rate is not None:
+            return int(self._stream.poisson(fault.rate)) if now > 0 else 0
+        return int((self._lives <= now).any())
+
+    def _struck(self, state: State, parts: Parts) -> Robots:
+        """Whom it strikes now, down to those kept."""
+        fault = self._fault
+        open_ = state.alive & (self._since < 0)
+        room = int(open_.sum()) - fault.keep
+        if fault.robots is not None:
+            chosen = np.zeros_like(open_)
+            chosen[fault.robots] = True
+            open_ = open_ & chosen
+        if fault.life is not None:
+            open_ = open_ & (self._lives <= state.iteration) & ~self._spent
+        if fault.region is not None:
+            left, low, right, high = fault.region
+            x, y = state.pose[:, 0], state.pose[:, 1]
+            open_ = open_ & (x >= left) & (x <= right) & (y >= low) & (y <= high)
+        candidates = np.flatnonzero(open_)
+        count = min(self._wanted(candidates, state), len(candidates), room)
+        if count <= 0:
+            return candidates[:0]
+        if fault.choose == "random":
+            struck = self._stream.choice(candidates, count, replace=False)
+        else:
+            struck = candidates[np.argsort(self._order(state, parts)[candidates], kind="stable")[:count]]
+        self._spent[struck] = True
+        return np.sort(struck)
+
+    def _wanted(self, candidates: Robots, state: State) -> int:
+        fault = self._fault
+        if fault.share is not None:
+            return max(1, round(fault.share * int(state.alive.sum())))
+        if fault.count is not None:
+            return fault.count
+        everybody = fault.robots is not None or fault.region is not None or fault.life is not None
+        return len(candidates) if everybody else 1
+
+    def _order(self, state: State, parts: Parts) -> NDArray[np.float64]:
+        """A number for each robot (n,): those with the lowest are struck first."""
+        if self._fault.choose == "hub":
+            heard_by = np.bincount(parts.topology.links(state)[:, 1], minlength=state.robots)
+            return -heard_by.astype(np.float64)
+        apart: NDArray[np.float64] = np.hypot(*(state.pose[:, :2] - np.array(self._fault.point)).T)
+        return apart if self._fault.choose == "nearest" else -apart
+
+
+def _check(fault: Timed, robots: int) -> None:
+    """Raise InputError for keys that contradict each other or the swarm."""
+    when = [key for key in ("at", "between", "coverage", "rate", "life") if getattr(fault, key) is not None]
+    if not when:
+        raise InputError("at: required key is missing; expected at, between, coverage, rate or life to say when")
+    if len(when) > 1:
+        raise InputError(
+            f"{when[1]}: the fault strikes {when[0]}={getattr(fault, when[0])} already; expected one of them"
+        )
+    if fault.every is not None and fault.at is None:
+        raise InputError("every: nothing to count from; expected `at` as well")
+    if fault.between is not None and fault.between[1] <= fault.between[0]:
+        raise InputError(f"between: {list(fault.between)} is no time; expected the second to be later")
+    if fault.between is not None and fault.lasts is not None:
+        raise InputError("lasts: `between` says how long already; expected one of them")
+    if fault.keep >= robots:
+        raise InputError(f"keep: {fault.keep} of {robots} robots, so that none is ever struck")
+    for robot in fault.robots or ():
+        if robot >= robots:
+            raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {robots - 1}")
+    if fault.count is not None and fault.share is not None:
+        raise InputError("share: `count` says how many already; expected one of them")
+    if fault.choose in ("nearest", "farthest") and fault.point is None:
+        raise InputError(f"point: required key is missing; expected x and y in m for choose={fault.choose!r}")
