@@ -221,6 +221,9 @@ def reproduce(
     workers: Workers = None,
     scheduler: Scheduler = None,
     quiet: Quiet = False,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Instead, rank all candidates on the two numbers of the calibration.")
+    ] = False,
 ) -> None:
     """Do the experiments of the reference paper and print its numbers beside ours.
 
@@ -234,6 +237,9 @@ def reproduce(
 
     if paper != "kit2018":
         raise InputError(f"reproduce {paper}: no such paper; known: kit2018")
+    if calibrate:
+        _calibrate(out, workers, scheduler, quiet)
+        return
     plans = reproduction.plans(seeds)
     begun = time.perf_counter()
     with _store(out / "results.sqlite", out) as results:
@@ -251,6 +257,17 @@ def reproduce(
         if not quiet:
             print(path)
     raise typer.Exit(0 if all(claim.holds for claim in found.claims) else FAILED)
+
+
+def _calibrate(out: Path, workers: int | None, scheduler: str | None, quiet: bool) -> None:
+    from swarmsim.study import calibration, reproduction
+    from swarmsim.study.results import missing
+
+    opened = reproduction.calibration_plan()
+    with _store(out / "calibration.sqlite", out) as results:
+        perform_all(missing(opened, results), results, workers, scheduler, quiet)
+        found = calibration.candidates(opened, results)
+    _print_table(f"{opened.study.title}, {len(opened.seeds)} seeds", calibration.head(found), calibration.lines(found))
 
 
 def _trial(opened: Plan) -> float:

@@ -119,8 +119,8 @@ def _text(found: Reproduction, figures: dict[str, str]) -> str:
         f"{seeds} seeds of each condition. {_capital(found.error_sentence)}.",
         "## Numbers",
         _table((*rep.HEAD[:-1], "kind"), rep.lines(found)),
-        "`calibrated` marks the numbers on which the scale was checked. The start area was chosen with all numbers in "
-        "view, so the others are compared, not predicted.",
+        "`calibrated` marks the numbers by which the choices that the paper leaves open were made (N=15 is 1NN again), "
+        "with other seeds than these; the others are predicted.",
         _image("comparison", figures),
         "## Claims",
         _table(("claim", "verdict", "test"), [claim.line for claim in found.claims]),
