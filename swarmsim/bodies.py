@@ -9,7 +9,7 @@ import pymunk
 from numpy.typing import NDArray
 from pymunk import batch
 
-from swarmsim.core.parts import Building, Motion
+from swarmsim.core.parts import Building, Crowd, Motion
 from swarmsim.core.scenario import Physics, Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
@@ -22,7 +22,9 @@ WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
 
 
 class DifferentialDrive:
-    """A swarm of discs on two wheels each, among static walls.
+    """A swarm of discs on two wheels each, among walls and people who walk.
+
+    Walls stand still, but are others when the building changes; people are moved by their crowd, not by contacts.
 
     Sub-steps are at most `physics.substep` long. Contacts are found after the overlap, which therefore
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
@@ -40,8 +42,9 @@ class DifferentialDrive:
         self._friction = physics.friction
         self._building = building
         self._walls: list[pymunk.Segment] = []
-        self._build_walls()
+        self._walkers: list[list[pymunk.Body]] = []  # by crowd
         self._discs: list[pymunk.Shape] = []
+        self._robot_ids: list[int] = []
         for x, y, yaw in pose:
             body = pymunk.Body(robots.mass, self._moment)
             body.position, body.angle = (x, y), yaw
@@ -49,10 +52,18 @@ class DifferentialDrive:
             disc.friction = physics.friction
             self.space.add(body, disc)
             self._discs.append(disc)
+            self._robot_ids.append(body.id)
         self._wheels = np.zeros((len(pose), 2))
         self._alive = np.ones(len(pose), np.bool_)
         self._iteration = 0
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Put up what stands in the building, and let in who walks there, at this moment."""
+        self._build_walls()
+        self._admit_walkers()
         self._open_buffers()
+        self._version = self._building.version
 
     def _build_walls(self) -> None:
         """Put up the walls of this moment in the place of those that stood before."""
@@ -62,23 +73,35 @@ class DifferentialDrive:
         for wall in self._walls:
             wall.friction = self._friction
         self.space.add(*self._walls)
-        self._version = self._building.version
+
+    def _admit_walkers(self) -> None:
+        """Give those who are new a body that nothing can push."""
+        for crowd in self._building.crowds[len(self._walkers) :]:
+            walkers = []
+            for x, y, radius in crowd.discs:
+                body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+                body.position = (x, y)
+                disc = pymunk.Circle(body, radius)
+                disc.friction = self._friction
+                self.space.add(body, disc)
+                walkers.append(body)
+            self._walkers.append(walkers)
 
     def _open_buffers(self) -> None:
         """Map the arrays that pymunk's batch calls read and write.
 
-        Bodies are never removed from the space, so robot i keeps row i; the static body has a row after
-        them. The array that is read into belongs to pymunk, which would reallocate one of ours.
+        Bodies are never removed from the space, so robot i keeps row i; the static body and those of people have
+        rows after them. The array that is read into belongs to pymunk, which would reallocate one of ours.
         """
         identities = batch.Buffer()
         batch.get_space_bodies(self.space, batch.BodyFields.BODY_ID, identities)
         rows = np.frombuffer(identities.int_buf(), np.uintp)
-        robots = [body.id for body in self.space.bodies]
-        if list(rows[: len(robots)]) != robots:
+        count = len(self._robot_ids)
+        if list(rows[:count]) != self._robot_ids:
             raise RuntimeError("pymunk's batch rows are not in the order in which the bodies were added")
         self._reading, self._writing = batch.Buffer(), batch.Buffer()
         batch.get_space_bodies(self.space, READ, self._reading)
-        self._moving = np.frombuffer(self._reading.float_buf()).reshape(-1, 6)[: len(robots)]
+        self._moving = np.frombuffer(self._reading.float_buf()).reshape(-1, 6)[:count]
         self._push = np.zeros((len(rows), 3))
         self._writing.set_float_buf(self._push)
 
@@ -125,17 +148,31 @@ class DifferentialDrive:
         self._wheels[robots] = 0.0
         self._alive[robots] = True
 
+    def _meet_crowds(self) -> list[tuple[Crowd, list[pymunk.Body], NDArray[np.bool_]]]:
+        """The crowds, their bodies, and which robots (n,) they see.
+
+        The bodies are put exactly where their crowds say, as the sum of many sub-steps is rounded otherwise.
+        """
+        for crowd, walkers in zip(self._building.crowds, self._walkers, strict=True):
+            for body, (x, y, _) in zip(walkers, crowd.discs.tolist(), strict=True):
+                body.position = (x, y)
+        return [(*pair, self.solid) for pair in zip(self._building.crowds, self._walkers, strict=True)]
+
     def drive(self, motion: Motion, period: float) -> State:
         """The state one period (s) later, with `motion` asked for wheel speeds at every sub-step."""
+        if self._version != self._building.version:
+            self._prepare()
+        crowds = self._meet_crowds()
         substeps = math.ceil(period / self._substep - 1e-9)
         dt = period / substeps
         robots, space, clear = self._robots, self.space, self._reading.clear
         limits = (dt, robots.wheel_base, robots.mass, self._moment, robots.acceleration, self._grip)
-        if self._version != self._building.version:
-            self._build_walls()
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
         for _ in range(substeps):
+            for crowd, walkers, solid in crowds:
+                for body, velocity in zip(walkers, crowd.walk(pose, solid, dt).tolist(), strict=True):
+                    body.velocity = velocity
             drive.forces(moving, wheels, motion.command(pose), push, *limits)
             batch.set_space_bodies(space, WRITE, self._writing)
             space.step(dt)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from swarmsim.bodies import DifferentialDrive
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Box, Building, Fault, Parts, Sensor, Setting, Survey
 from swarmsim.core.scenario import Robots, Scenario, Table, World
 from swarmsim.core.state import UNKNOWN, State
@@ -53,20 +51,27 @@ def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
     robots, stop, network = scenario.robots, scenario.stop, scenario.network
     sensor = msgspec.json.encode(scenario.sensor)
 
-    def survey(boxes: tuple[Box, ...]) -> Survey:
-        found = _open(world, scenario.world, scenario.grid.cell, robots, sensor, boxes, name)
-        return Survey(found.arena.segments, found.arena.occupied, found.domain)
+    alone = msgspec.structs.replace(robots, count=1)  # how many there are changes nothing of what they can reach
 
-    ground = _open(world, scenario.world, scenario.grid.cell, robots, sensor, (), name)
-    arena, domain = ground.arena, ground.domain
+    def survey(boxes: tuple[Box, ...]) -> Survey:
+        return _survey(world, scenario.world, scenario.grid.cell, alone, sensor, boxes)
+
+    try:
+        ground = _open(world, scenario.world, scenario.grid.cell, alone, sensor)
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from problem
+    arena, plain = ground.arena, survey(())
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed))
-    entrance = arena.lattice.centres(np.argwhere(ground.reachable & arena.spawn_cells(robots.spawn)))
-    building = Building(arena.segments, arena.occupied, domain, entrance, survey)
+    page = (0.0, 0.0, arena.plan.width, arena.plan.height)
+    building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, page=page)
 
     def make(seam: str, place: str, table: Table, *more: Any) -> Any:
-        return _make(name, seam, place, table, setting, *more)
+        try:
+            return _make(seam, place, table, setting, *more)
+        except InputError as problem:
+            raise InputError(f"{name}: {problem}") from problem
 
-    bodies = DifferentialDrive(robots, scenario.physics, building, _place(setting, arena, entrance, name))
+    bodies = DifferentialDrive(robots, scenario.physics, building, _place(setting, arena, plain.entrance, name))
     behaviour = make("behaviour", "behaviour", scenario.behaviour)
     parts = Parts(
         sensor=make("sensor", "sensor", scenario.sensor, building),
@@ -81,9 +86,12 @@ def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
     )
     for number, table in enumerate(scenario.faults):
         fault: Fault = make("fault", f"faults[{number}]", table, number)
-        parts = fault.install(parts)
-    simulation = Simulation(parts, scenario.period, stop.coverage, stop.iterations)
-    return Run(scenario, world, arena, domain, simulation)
+        try:
+            parts = fault.install(parts)
+        except InputError as problem:
+            raise InputError(f"{name}: faults[{number}].{problem}") from problem
+    simulation = Simulation(parts, scenario.period, stop.coverage, stop.iterations, stop.at_coverage)
+    return Run(scenario, world, arena, plain.domain, simulation)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,22 +102,33 @@ class _Ground:
 
 
 @lru_cache(maxsize=8)
-def _open(
-    text: str, world: World, cell: float, robots: Robots, sensor: bytes, boxes: tuple[Box, ...], name: str
-) -> _Ground:
-    """The world, with boxes standing in it, as these robots can explore it; cached for a study's other runs."""
+def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -> _Ground:
+    """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
     table: Table = msgspec.json.decode(sensor)
     plan = read_floor_plan(text, world.file, world.scale)
-    if boxes:
-        plan = replace(plan, walls=shapely.union_all([plan.walls, *(shapely.box(*box) for box in boxes)]))
     arena = Arena.open(plan, cell, max(table.get("tile", (1, 1))) + 1, world.file)
     reachable = arena.reachable(robots.spawn, robots.radius)
-    setting = Setting(robots, arena.lattice, 1.0, Streams(0))
-    eyes: Sensor = _make(name, "sensor", "sensor", table, setting, _walls_alone(arena))
-    domain = arena.coverage_domain(reachable, _observable(eyes, arena.lattice, reachable))
+    domain = arena.coverage_domain(reachable, _observable(table, arena, robots, reachable))
     for shared in (reachable, domain):
         shared.flags.writeable = False
     return _Ground(arena, reachable, domain)
+
+
+@lru_cache(maxsize=16)
+def _survey(text: str, world: World, cell: float, robots: Robots, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
+    """What can be explored of the world with boxes standing in it; a room that they cut off is left out."""
+    ground = _open(text, world, cell, robots, sensor)
+    arena, reachable, domain = ground.arena, ground.reachable, ground.domain
+    home = arena.spawn_cells(robots.spawn)
+    if boxes:
+        arena = arena.with_boxes(boxes)
+        reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
+        observed = _observable(msgspec.json.decode(sensor), arena, robots, reachable)
+        domain = arena.domain_left(reachable, observed)
+    entrance = arena.lattice.centres(np.argwhere(reachable & home))
+    for shared in (arena.occupied, domain, entrance):
+        shared.flags.writeable = False
+    return Survey(arena.segments, arena.occupied, domain, entrance)
 
 
 def _walls_alone(arena: Arena) -> Building:
@@ -122,11 +141,12 @@ def _walls_alone(arena: Arena) -> Building:
     return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
-def _make(name: str, seam: str, place: str, table: Table, *more: Any) -> Any:
+def _make(seam: str, place: str, table: Table, *more: Any) -> Any:
+    """The part that a table describes. Raises InputError that starts with its place in the scenario."""
     try:
         return registry.part(seam, table).build(*more)
     except InputError as problem:
-        raise InputError(f"{name}: {place}.{problem}") from problem
+        raise InputError(f"{place}.{problem}") from problem
 
 
 def read_world(scenario: Scenario, name: str) -> str:
@@ -142,8 +162,11 @@ def read_world(scenario: Scenario, name: str) -> str:
         raise InputError(f"{name}: world: {path} is not UTF-8 text; expected an SVG file") from problem
 
 
-def _observable(sensor: Sensor, lattice: Lattice, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell."""
+    lattice = arena.lattice
+    setting = Setting(robots, lattice, 1.0, Streams(0))
+    sensor: Sensor = _make("sensor", "sensor", table, setting, _walls_alone(arena))
     cells = np.argwhere(reachable)
     pose = np.zeros((len(cells), 3))
     pose[:, :2] = lattice.centres(cells)

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Behaviour
+from swarmsim.core.parts import Behaviour, Building
+from swarmsim.core.scenario import Robots
 from swarmsim.core.state import UNKNOWN, Moment, State
 
 SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of the domain whose times are measured
@@ -149,19 +150,20 @@ class Measures:
     from its own tiles; its map also holds what it heard. Robots that died keep their rows.
     """
 
-    def __init__(
-        self, domain: NDArray[np.bool_], truth: NDArray[np.bool_], robots: int, period: float, behaviour: Behaviour
-    ) -> None:
-        """`domain` and `truth` (occupied) are (rows, columns), `period` in s; `behaviour` is read at the end."""
-        self._domain, self._truth, self._period, self._behaviour = domain, truth[domain], period, behaviour
-        self._counted = np.tile(domain.reshape(-1), robots)
-        self._sensed = np.zeros(robots * domain.size, np.bool_)
-        self._known = np.zeros(robots * domain.size, np.bool_)  # sensed or heard
-        self._robots = np.arange(robots)
+    def __init__(self, building: Building, robots: Robots, period: float, behaviour: Behaviour) -> None:
+        """`period` in s. Maps are judged by the `building` of the end; what was sensed, by its domain now."""
+        domain, count = building.domain, robots.count
+        self._building, self._domain, self._period, self._behaviour = building, domain, period, behaviour
+        self._leap = 2.0 * robots.speed * period  # m; whoever is that far in one iteration was carried there
+        self._counted = np.tile(domain.reshape(-1), count)
+        self._sensed = np.zeros(count * domain.size, np.bool_)
+        self._known = np.zeros(count * domain.size, np.bool_)  # sensed or heard
+        self._robots = np.arange(count)
         self._offsets = np.zeros((0, 0), np.int64)  # of a tile's cells from its first, in the grid's row-major order
-        self._path = np.zeros(robots)
+        self._path = np.zeros(count)
         self._last: State | None = None
         self._union: list[int] = []
+        self._cells: list[int] = []  # of the domain, which changes with the building
         self._each: list[NDArray[np.int32]] = []  # -1 for the dead
         self._finished = False
         self._readings = self._carried = self._fresh = self._heard = self._age = 0
@@ -171,10 +173,11 @@ class Measures:
         """Take note of one iteration."""
         state, coverage, last = moment.state, moment.coverage, self._last
         self._union.append(coverage.union)
+        self._cells.append(coverage.domain)
         self._each.append(np.where(state.alive, coverage.each, -1).astype(np.int32))
         if last is not None:
-            step = state.pose - last.pose
-            self._path += np.where(last.alive, np.hypot(step[:, 0], step[:, 1]), 0.0)
+            step = np.hypot(*(state.pose - last.pose)[:, :2].T)
+            self._path += np.where(last.alive & (step < self._leap), step, 0.0)
         self._last = state
         self._finished = any(event.robot < 0 and event.kind == "finished" for event in moment.events)
         self._read(moment)
@@ -218,14 +221,14 @@ class Measures:
         mean = np.where(living, each, 0.0).sum(axis=1) / np.maximum(count, 1)
         own = np.stack([least, mean, each.max(axis=1, initial=-1.0)], axis=1)
         own[count == 0] = np.nan
-        return np.column_stack([union, own]) / len(self._truth)
+        return np.column_stack([union, own]) / np.array(self._cells, np.float64).reshape(-1, 1)
 
     def summary(self) -> dict[str, float | int | None]:
         """The run in numbers; docs/measures.md defines each. None where a number is not defined."""
         return {**self._times(), **self._maps(), **self._work(), **self._talk()}
 
     def _times(self) -> dict[str, float | int | None]:
-        union = np.array(self._union, np.float64) / len(self._truth)
+        union = np.array(self._union, np.float64) / np.array(self._cells, np.float64)
         ran = len(union)
         times = {f"t{share}": reached(union, share / 100) for share in SHARES}
         t95, t100 = times["t95"], times["t100"]
@@ -242,7 +245,8 @@ class Measures:
         }
 
     def _maps(self) -> dict[str, float | int | None]:
-        observed, log_odds = self._behaviour.observed[:, self._domain], self._behaviour.log_odds[:, self._domain]
+        domain = self._building.domain
+        observed, log_odds = self._behaviour.observed[:, domain], self._behaviour.log_odds[:, domain]
         occupied = observed & (log_odds > 0.0)
         belief = np.where(observed, probability(log_odds), 0.5)
         robots = [self._judge(*row) for row in zip(occupied, belief, observed, strict=True)]
@@ -261,7 +265,8 @@ class Measures:
     def _judge(
         self, occupied: NDArray[np.bool_], belief: NDArray[np.float64], observed: NDArray[np.bool_]
     ) -> dict[str, float | int | None]:
-        found = quality(occupied, self._truth, observed)
+        truth = self._building.occupied[self._building.domain]
+        found = quality(occupied, truth, observed)
         return {
             "precision": found.precision,
             "recall": found.recall,
@@ -269,7 +274,7 @@ class Measures:
             "iou": found.iou,
             "false_occupied": found.false_occupied,
             "entropy": entropy(belief),
-            "brier": brier(belief, self._truth, observed),
+            "brier": brier(belief, truth, observed),
         }
 
     def _work(self) -> dict[str, float | int | None]:

@@ -379,11 +379,11 @@ class Recording:
     def summary(self) -> dict[str, Any]:
         """The run in a few numbers, for tables and JSON."""
         events = self.events()
-        status = events[-1].kind if events and events[-1].robot < 0 else "interrupted"
+        ends = [event.kind for event in events if event.kind in ("finished", "not finished")]
         coverage = self["coverage"]
         return {
             "title": self.scenario.title,
-            "status": status,
+            "status": ends[-1] if ends else "interrupted",
             "iterations": self.iterations,
             "coverage": float(coverage[-1]) if self.iterations else 0.0,
             "reached": {f"{100 * share:g} %": self.reached(share) for share in (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)},
@@ -393,7 +393,20 @@ class Recording:
             "messages": int(self["messages"].sum()),
             "bytes": int(self._arrays["letters"][:, 3].sum(where=self._arrays["letters"][:, 4] == 0)),
             "lost": self._lost(),
+            "events": grouped(events),
             "seed": self.scenario.seed,
             "digest": self.digest(),
             "versions": self.versions,
         }
+
+
+def grouped(events: list[Event]) -> list[dict[str, Any]]:
+    """One entry for all robots with which the same happened for the same cause in the same iteration."""
+    groups: dict[tuple[int, str, str], list[int]] = {}
+    for event in events:
+        robots = groups.setdefault((event.iteration, event.kind, event.cause), [])
+        robots += [event.robot] if event.robot >= 0 else []
+    return [
+        {"iteration": iteration, "kind": kind, "cause": cause, "robots": robots}
+        for (iteration, kind, cause), robots in groups.items()
+    ]

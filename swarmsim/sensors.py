@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from copy import copy
 from typing import Annotated, Literal
 
 import numpy as np
@@ -51,9 +53,21 @@ class IrRingSensor:
         self._prepare()
         angles = np.arange(parameters.beams) * (2.0 * np.pi / parameters.beams)
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        self._working = np.arange(parameters.beams)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
         self._radius = setting.robots.radius
         self._parameters = parameters
+
+    def without(self, beams: Iterable[int]) -> IrRingSensor:
+        """The same sensor with these beams dead, counted from 0 straight ahead. Raises InputError for one not there."""
+        dead = np.array(sorted(beams), np.int64)
+        strange = dead[(dead < 0) | (dead >= self._parameters.beams)]
+        if len(strange):
+            raise InputError(f"beams: there is no beam {strange[0]}; expected 0 to {self._parameters.beams - 1}")
+        left = copy(self)
+        kept = ~np.isin(self._working, dead)
+        left._ring, left._working = self._ring[kept], self._working[kept]
+        return left
 
     def _prepare(self) -> None:
         """Sort the walls of this moment by place."""
@@ -74,6 +88,7 @@ class IrRingSensor:
             self._reach,
             self._walls,
             *self._near,
+            self._building.walkers(),
             self._coarse,
             self._lattice,
             self._radius,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
@@ -14,15 +15,24 @@ from swarmsim.kernels import grid
 class Simulation:
     """A swarm in a building, advanced one iteration at a time until it has mapped enough."""
 
-    def __init__(self, parts: Parts, period: float, coverage: float, limit: int) -> None:
+    def __init__(
+        self,
+        parts: Parts,
+        period: float,
+        coverage: float,
+        limit: int,
+        at_coverage: Literal["stop", "go-on"] = "stop",
+    ) -> None:
         """`coverage` is the share of the building's domain that ends the run, `limit` the number of iterations
-        after which it ends unfinished, `period` the duration of one in s.
+        after which it ends unfinished, `period` the duration of one in s. A run that goes on `at_coverage` ends at
+        the limit, but finished.
         """
         self.parts = parts
         self._domain = np.empty(0, np.uint64)
         self._version = -1  # of the building whose domain that is
         self._wanted = coverage
         self._limit = limit
+        self._stops = at_coverage == "stop"
         self._period = period
         self.state = parts.bodies.state()
         self.finished = False
@@ -30,7 +40,7 @@ class Simulation:
     @property
     def over(self) -> bool:
         """Whether the run has ended, finished or at its limit."""
-        return self.finished or self.state.iteration >= self._limit
+        return (self.finished and self._stops) or self.state.iteration >= self._limit
 
     def run(self, probes: Sequence[Probe] = ()) -> bool:
         """Tick to the end of the run; gives whether the coverage was reached before the limit."""
@@ -52,7 +62,7 @@ class Simulation:
         parts.report.coverage = coverage.share
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
-        self.finished = coverage.share >= self._wanted
+        self.finished |= coverage.share >= self._wanted
         events = (*parts.report.events, *self._ending())
         parts.report.events.clear()
         moment = Moment(state, tiles, links, delivery, inbox, intents, coverage, events)

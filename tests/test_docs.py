@@ -12,7 +12,7 @@ from swarmsim.build import build
 from swarmsim.core.scenario import load
 from swarmsim.study.plan import open_study
 
-SCENARIOS = sorted(ROOT.glob("scenarios/*.toml"))
+SCENARIOS = sorted(ROOT.glob("scenarios/*.toml")) + sorted(ROOT.glob("scenarios/faults/*.toml"))
 
 
 def blocks(document: str, language: str) -> list[str]:
@@ -38,7 +38,7 @@ def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
     make, *use = blocks("README.md", "sh")
     assert [line.split()[:2] for line in make.splitlines()] == [["make", "demo"], ["make", "test"]]
     commands = [line for block in use for line in block.splitlines() if line.startswith("swarmsim")]
-    assert len(commands) == 7
+    assert len(commands) == 13
     for command in commands:
         done = subprocess.run(
             f"{sys.executable} -m {command}", shell=True, cwd=copy, capture_output=True, text=True, check=False
@@ -72,16 +72,18 @@ def test_the_scenario_of_the_readme_runs(copy: Path) -> None:
     assert simulation.state.iteration == 20
 
 
-def test_the_python_of_the_page_on_recordings_runs(room: Path) -> None:
-    (code,) = blocks("docs/recordings.md", "python")
+@pytest.mark.parametrize("page", ["docs/recordings.md", "docs/networks.md"])
+def test_the_python_of_the_pages_runs(room: Path, page: str) -> None:
+    (code,) = blocks(page, "python")
     code = code.replace("runs/demo", str(room))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("\n") == 2
+    assert done.stdout.count("\n") >= 2
 
 
-def test_the_table_of_the_readme_lists_every_scenario() -> None:
-    listed = set(re.findall(r"`(scenarios/[\w/-]+\.toml)`", (ROOT / "README.md").read_text()))
+def test_the_tables_of_the_readme_and_of_faults_list_every_scenario() -> None:
+    pages = (ROOT / "README.md").read_text() + (ROOT / "docs" / "faults.md").read_text()
+    listed = set(re.findall(r"`(scenarios/[\w/-]+\.toml)`", pages))
     assert {str(path.relative_to(ROOT)) for path in SCENARIOS} <= listed
 
 

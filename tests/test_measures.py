@@ -1,17 +1,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import inbox_of, made
+from conftest import building, inbox_of, made
 from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmsim.behaviours.mapping import OccupancyGrids
+from swarmsim.core.scenario import Robots
 from swarmsim.core.state import Coverage, Delivery, Event, Intents, Moment, State, Tiles
 from swarmsim.measures import (
     Measures,
@@ -53,6 +54,8 @@ def grid(rows: str) -> np.ndarray:
 # 5 x 5 cells, of which the last column is outside the domain; its wall is column 3.
 DOMAIN = grid("11110 11110 11110 11110 11110") == 1
 TRUTH = grid("00011 00011 00011 00011 00011") == 1
+HALL = replace(building(), domain=DOMAIN, occupied=TRUTH)
+PAIR = Robots(count=2, spawn="hall", speed=20.0)
 
 # 0 unknown, 1 free, 2 occupied. Robot 0 errs in (0, 0) and (1, 3); both of its rows reach out of the domain.
 MAPS = np.stack([grid("21122 11112 00000 00000 00000"), grid("00000 11120 11120 00000 00000")])
@@ -93,7 +96,7 @@ def story(last_events=()) -> list[Moment]:
 
 
 def told(last_events=()) -> Measures:
-    measures = Measures(DOMAIN, TRUTH, 2, 0.5, believer())
+    measures = Measures(HALL, PAIR, 0.5, believer())
     for each in story(last_events):
         measures.sample(each)
     return measures
@@ -105,7 +108,7 @@ def test_curve_holds_the_union_and_the_maps_of_the_living():
 
 
 def test_curve_without_survivors_has_no_own_maps():
-    measures = Measures(DOMAIN, TRUTH, 2, 0.5, believer())
+    measures = Measures(HALL, PAIR, 0.5, believer())
     last = story()[3]
     dead = State(3, last.state.pose, last.state.velocity, last.state.wheels, np.zeros(2, np.bool_))
     measures.sample(Moment(dead, last.tiles, last.links, last.delivery, last.inbox, last.intents, last.coverage, ()))
@@ -159,7 +162,7 @@ def test_a_run_at_its_limit_has_none():
 
 def test_what_nothing_defines_is_none():
     empty = Believer(np.zeros((2, 5, 5), np.bool_), np.zeros((2, 5, 5), np.float32))
-    found = Measures(DOMAIN, TRUTH, 2, 1.0, empty).summary()
+    found = Measures(HALL, PAIR, 1.0, empty).summary()
     assert found["union_entropy"] == 20.0
     assert (found["coverage"], found["path_sum"], found["messages"], found["union_false_occupied"]) == (0.0, 0.0, 0, 0)
     undefined = {name for name, value in found.items() if value is None}
@@ -286,8 +289,8 @@ def heard(recording: Recording) -> tuple[int, int, int]:
 
 def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     run = made("network.topology.k=2")
-    domain, truth, robots = run.domain, run.arena.occupied, run.scenario.robots.count
-    probe = Measures(domain, truth, robots, run.scenario.period, run.simulation.parts.behaviour)
+    domain, truth, robots, parts = run.domain, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
+    probe = Measures(parts.building, run.scenario.robots, run.scenario.period, parts.behaviour)
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:
         run.simulation.run([recorder, probe])

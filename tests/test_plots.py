@@ -1,6 +1,7 @@
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import pairwise
 
 import matplotlib as mpl
@@ -10,7 +11,9 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from swarmsim.network.analysis import contacts, meetings, reach, snapshots
 from swarmsim.view import plots
+from swarmsim.view.plots.rewiring import changes, spread
 
 LONG = [f"robustness, {20 + row} robots, kind {row}" for row in range(15)]
 SHORT = [f"{row}NN" for row in range(4)]
@@ -68,8 +71,51 @@ def table():
     )
 
 
-FIGURES = [coverage, distributions, comparison, scaling, degradation, sweep, table]
+def window(robots=7, length=90):
+    """Random links of which every third is lost, among robots of which the last dies half way."""
+    random = np.random.default_rng(5)
+    alive = np.ones((length, robots), dtype=bool)
+    alive[length // 2 :, -1] = False
+    linked = [np.argwhere(random.random((robots, robots)) < 0.3) for _ in range(length)]
+    linked = [pairs[(pairs[:, 0] != pairs[:, 1]) & alive[t][pairs].all(axis=1)] for t, pairs in enumerate(linked)]
+    return linked, [pairs[::3] for pairs in linked], alive
+
+
+def graphs():
+    linked, heard, alive = window()
+    return {"linked": snapshots(linked, alive), "heard": snapshots(heard, alive)}
+
+
+def network_course():
+    return plots.network_course(graphs(), 10, "Network")
+
+
+def degrees():
+    return plots.degrees(graphs(), "Degrees")
+
+
+def who_heard_whom():
+    _, heard, alive = window()
+    return plots.who_heard_whom(reach(heard, alive), "Who")
+
+
+def contact_times():
+    _, heard, alive = window()
+    both = {"one way": contacts(heard, alive), "two robots": contacts([meetings(pairs) for pairs in heard], alive)}
+    return plots.contact_times(both, "Contacts")
+
+
+FIGURES = [
+    coverage, distributions, comparison, scaling, degradation, sweep, table,
+    network_course, degrees, who_heard_whom, contact_times,
+]  # fmt: skip
 CROWDED = [lambda: coverage(LONG), lambda: distributions(LONG), lambda: comparison(LONG)]
+
+
+@cache
+def drawn(draw: Callable[[], Figure]) -> Figure:
+    """A figure for tests that only look at it."""
+    return draw()
 
 
 def words(figure: Figure) -> Iterator[str]:
@@ -94,11 +140,18 @@ def ticks_in_view(axis: Axis) -> list[Text]:
             ["robots lost, %", "iterations to 100 %", "unfinished\nruns, %", "unfinished runs, n = 28 to 30"],
         ),
         (sweep, ["neighbours, k", "time, s", "mean, 95 % interval, n = 30", "best: 1"]),
+        (network_course, ["neighbour turnover", "clustering", "iteration", "heard: running mean of 2 iterations"]),
+        (
+            degrees,
+            ["others heard (in-degree)", "live robots in all iterations, %", "linked, n = 585 robots x iterations"],
+        ),
+        (who_heard_whom, ["robot heard", "robot that hears", "first heard in iteration"]),
+        (contact_times, ["contact time, iterations", "time between contacts, iterations", "share that lasts longer"]),
         (table, ["Table", "condition", "mean, iterations", "a condition with a long name", "583"]),
     ],
 )
 def test_figures_say_what_they_show_in_which_unit_and_from_how_many_runs(draw, said):
-    assert set(said) <= set(words(draw()))
+    assert set(said) <= set(words(drawn(draw)))
 
 
 def test_a_run_that_is_over_keeps_its_last_value():
@@ -153,7 +206,7 @@ def test_the_box_spans_the_quartiles():
 
 @pytest.mark.parametrize("draw", [*FIGURES, *CROWDED])
 def test_nothing_drawn_lies_outside_its_axes_or_the_figure(draw):
-    figure = draw()
+    figure = drawn(draw)
     for axes in figure.axes:
         box = axes.bbox.padded(1.0)
         for line in axes.lines:
@@ -207,14 +260,17 @@ def test_cells_of_a_table_do_not_overlap():
 
 def test_legends_lie_clear_of_the_axes():
     for draw in (*FIGURES, *CROWDED):
-        figure = draw()
+        figure = drawn(draw)
         legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
         assert not any(legend.get_window_extent().overlaps(axes.bbox) for legend in legends for axes in figure.axes)
 
 
-@pytest.mark.parametrize("draw", FIGURES)
+@pytest.mark.parametrize(
+    "draw",
+    [pytest.param(draw, marks=pytest.mark.slow) if draw in (network_course, degrees) else draw for draw in FIGURES],
+)
 def test_saved_bytes_are_always_the_same(draw, tmp_path):
-    figure = draw()
+    figure = drawn(draw)
     first, second = plots.save(figure, tmp_path / "new" / "fig.1"), plots.save(figure, tmp_path / "again")
     with mpl.rc_context({"font.size": 20, "svg.fonttype": "none", "axes.grid": False}):
         third = plots.save(draw(), tmp_path / "third")
@@ -232,3 +288,45 @@ def test_labels_are_no_formulae():
 def test_neither_pyplot_nor_pygame_is_imported():
     code = "import sys, swarmsim.view.plots; print({'matplotlib.pyplot', 'pygame'} & set(sys.modules))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "set()\n"
+
+
+def test_networks_in_which_nothing_happens_can_be_drawn():
+    nobody, alive = [np.empty((0, 2), int)] * 3, np.zeros((3, 4), dtype=bool)
+    plots.network_course({"heard": snapshots(nobody, alive)}, 0, "")
+    plots.degrees({"heard": snapshots(nobody, alive)}, "")
+    assert "never heard (0 of 0 ordered pairs)" in words(plots.who_heard_whom(reach(nobody, alive), ""))
+    assert "a: no median, n = 0, 0 censored" in words(plots.contact_times({"a": contacts(nobody, alive)}, ""))
+    lonely = np.ones((1, 1), dtype=bool)
+    assert plots.who_heard_whom(reach(nobody[:1], lonely), "").axes
+
+
+def test_the_matrix_shows_receivers_down_and_senders_across():
+    found = reach([np.array([[2, 0]]), np.array([[1, 0]])], np.ones((2, 3), dtype=bool), first=5)
+    figure = plots.who_heard_whom(found, "")
+    shown = figure.axes[0].images[1].get_array()
+    assert shown[2, 0] == 5
+    assert shown[1, 0] == 6
+    assert shown.count() == 2
+    assert "never heard (4 of 6 ordered pairs)" in words(figure)
+
+
+def test_a_running_mean_passes_over_what_is_not_defined():
+    (snapshot,) = snapshots([np.array([[0, 1], [1, 0]])], np.ones((1, 3), dtype=bool))
+    (nothing,) = snapshots([np.empty((0, 2), int)], np.ones((1, 3), dtype=bool))
+    figure = plots.network_course({"heard": [snapshot, nothing, snapshot] * 40}, 0, "")
+    reciprocity = next(axes for axes in figure.axes if axes.get_ylabel() == "reciprocity")
+    np.testing.assert_array_equal(reciprocity.lines[-1].get_ydata(), 1.0)
+
+
+def test_the_robots_whose_neighbours_differ_are_named_with_what_they_lost_and_found():
+    assert changes([{1, 2}, {0}, set()], [{2, 3}, {0}, {1}]) == {0: ([1], [3]), 2: ([], [1])}
+
+
+def test_places_are_spread_until_none_is_too_close_and_lonely_ones_stay():
+    random = np.random.default_rng(2)
+    crowd = np.vstack([0.3 * random.random((12, 2)), [[50.0, 50.0]]])
+    moved = spread(crowd, 1.0)
+    apart = np.hypot(*(moved[:, None] - moved[None]).transpose(2, 0, 1)) + 9 * np.eye(13)
+    assert apart.min() >= 1.0
+    assert moved[-1].tolist() == [50.0, 50.0]
+    np.testing.assert_allclose(moved.mean(axis=0), crowd.mean(axis=0))

@@ -67,7 +67,7 @@ def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
         ["robots.count=7", "network.topology.k=2", 'title="a = b"', "stop.coverage=0.5", "sensor.tile=[5, 5]"],
     )
     assert (read.robots.count, read.title, read.stop.coverage) == (7, "a = b", 0.5)
-    assert read.network.topology == {"use": "knn", "k": 2}
+    assert read.network.topology == {"use": "knn", "k": 2, "mutual": False}
     assert read.sensor["tile"] == [5, 5]
 
 

@@ -52,7 +52,7 @@ def swarmsim(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_a_plan_crosses_axes_and_adds_named_conditions(study: Path) -> None:
     plan = open_study(study)
     assert [condition.name for condition in plan.conditions] == ["k=0", "k=1", "k=2", "chain"]
-    assert plan.conditions[2].scenario.network.topology == {"use": "knn", "k": 2}
+    assert plan.conditions[2].scenario.network.topology == {"use": "knn", "k": 2, "mutual": False}
     assert all(condition.scenario.stop.iterations == 60 for condition in plan.conditions)
     assert len(plan.runs) == 12
     assert len({plan.identity(condition, seed) for condition, seed in plan.runs}) == 12

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import Inbox, Tiles
-from swarmsim.kernels import grid
+from swarmsim.kernels import grid, trust
 
 
 class OccupancyGrids:
@@ -22,13 +22,19 @@ class OccupancyGrids:
     def __init__(self, robots: int, lattice: Lattice, hit: float, miss: float, lowest: float, highest: float) -> None:
         self.log_odds: NDArray[np.float32] = np.zeros((robots, *lattice.shape), np.float32)
         self.observed: NDArray[np.bool_] = np.zeros((robots, *lattice.shape), np.bool_)
-        self._steps = tuple(np.float32(math.log(p / (1.0 - p))) for p in (hit, miss, lowest, highest))
+        #: The log-odds of `hit`, `miss`, `lowest` and `highest`.
+        self.steps = tuple(np.float32(math.log(p / (1.0 - p))) for p in (hit, miss, lowest, highest))
 
     def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox) -> NDArray[np.int32]:
-        """Add every live robot's own tile, then the tiles it heard, in the inbox's order.
+        """Add every live robot's own tile, then the readings it heard, in the inbox's order.
 
-        Gives (n + m,): how many cells each robot's own tile, then each message, was the first to show it.
+        Pieces of somebody's map (source -1) come last and fill unknown cells only: the readings behind them may
+        be in the receiver's map already, and would be counted twice.
+
+        Gives (n + m,): how many cells each robot's own tile, then each tile heard, was the first to show it.
         """
+        if inbox.sources.min(initial=0) < 0:
+            return self._update_and_fill(alive, tiles, inbox)
         fresh = np.empty(len(alive) + len(inbox.receivers), np.int32)
         grid.fuse(
             self.log_odds,
@@ -39,7 +45,91 @@ class OccupancyGrids:
             inbox.receivers,
             inbox.values,
             inbox.origins,
-            *self._steps,
+            *self.steps,
             fresh,
         )
         return fresh
+
+    def _update_and_fill(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox) -> NDArray[np.int32]:
+        pieces = inbox.sources < 0
+        fresh = np.empty(len(alive) + len(pieces), np.int32)
+        told = fresh[len(alive) :]
+        readings = Inbox(*(getattr(inbox, name)[~pieces] for name in Inbox.__slots__))
+        added = self.update(alive, tiles, readings)
+        fresh[: len(alive)], told[~pieces] = added[: len(alive)], added[len(alive) :]
+        filled = np.empty(np.count_nonzero(pieces), np.int32)
+        grid.fill(
+            self.log_odds,
+            self.observed,
+            inbox.receivers[pieces],
+            inbox.values[pieces],
+            inbox.origins[pieces],
+            *self.steps,
+            filled,
+        )
+        told[pieces] = filled
+        return fresh
+
+
+class WaryGrids:
+    """Occupancy grids of robots that believe what they sense before what they hear.
+
+    What a robot hears never changes a cell that it has sensed itself, and the first time it senses one, all that
+    it has heard of it is void. Of other cells it believes what `quorum` different senders, at any time, have said
+    alike; each further message that says so then counts as ever. With a quorum of 1 any sender will do.
+
+    Senders are told apart by their ids modulo 64, and not by who sensed a tile: robots that relay one robot's tile
+    each count, and so does every false name.
+    """
+
+    def __init__(self, grids: OccupancyGrids, quorum: int) -> None:
+        self._grids = grids
+        shape = grids.observed.shape
+        sets = shape if quorum > 1 else (shape[0], 0, 0)
+        own, free, occupied = np.zeros(shape, np.bool_), np.zeros(sets, np.uint64), np.zeros(sets, np.uint64)
+        self._witnesses = trust.Witnesses(own, free, occupied, quorum)
+        self._mapped: NDArray[np.bool_] = np.zeros(shape[0], np.bool_)  # who has mapped anything
+
+    @property
+    def log_odds(self) -> NDArray[np.float32]:
+        """Each robot's occupancy grid (n, rows, columns); a live view."""
+        return self._grids.log_odds
+
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """Which cells each robot's map holds (n, rows, columns); a live view."""
+        return self._grids.observed
+
+    def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox) -> NDArray[np.int32]:
+        """Add every live robot's own tile, then what it believes of the tiles it heard, as `OccupancyGrids` does.
+
+        Gives (n + m,): how many cells each robot's own tile, then each tile heard, was the first to show it.
+        """
+        if self._witnesses.quorum > 1:
+            self._forget_with_maps()
+        fresh = np.empty(len(alive) + len(inbox.receivers), np.int32)
+        trust.fuse_warily(
+            self.log_odds,
+            self.observed,
+            self._witnesses,
+            alive,
+            tiles.values,
+            tiles.origins,
+            inbox.receivers,
+            inbox.senders,
+            inbox.sources < 0,
+            inbox.values,
+            inbox.origins,
+            *self._grids.steps,
+            fresh,
+        )
+        self._mapped |= fresh[: len(alive)] > 0
+        return fresh
+
+    def _forget_with_maps(self) -> None:
+        """Whoever has lost its whole map, as in a reboot, has lost what it was told as well."""
+        mapped = np.asarray(self.observed.any(axis=(1, 2)))
+        lost = self._mapped & ~mapped
+        self._witnesses.free[lost] = 0
+        self._witnesses.occupied[lost] = 0
+        self._mapped = mapped

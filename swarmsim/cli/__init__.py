@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli import runs, studies
+from swarmsim.cli import comparisons, figures, network, runs, studies
 
 BAD_INPUT = 2  # exit code
 
@@ -18,9 +18,19 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-for verb in (runs.run, runs.video, runs.show, runs.verify, studies.reproduce, runs.schema):
+for verb in (
+    runs.run,
+    runs.video,
+    runs.show,
+    runs.verify,
+    comparisons.compare,
+    studies.reproduce,
+    network.network,
+    runs.schema,
+):
     app.command()(verb)
 app.add_typer(studies.app, name="study")
+app.add_typer(figures.app, name="figure")
 
 
 def main() -> None:

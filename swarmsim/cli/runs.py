@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from swarmsim.recording import Recording
 
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
+EVENT_LINES = 12  # shown of a summary's events
 
 
 def run(
@@ -25,6 +26,9 @@ def run(
     seed: Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key; the value is TOML.")
+    ] = None,
+    faults: Annotated[
+        list[str] | None, typer.Option("--fault", metavar="'KIND KEY=VALUE ...'", help="One more fault, in words.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     video: Annotated[Path | None, typer.Option(help="Film to write: .mp4 or .gif.")] = None,
@@ -37,9 +41,9 @@ def run(
     Example: swarmsim run scenarios/basilica.toml --seed 7 --set robots.count=20 --out runs/twenty
 
     A table replaces the whole table: --set 'network.topology={use="ring"}'
+
+    Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
     """
-    from swarmsim.build import build
-    from swarmsim.core.scenario import load
     from swarmsim.recording import Recording
 
     overrides = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
@@ -49,7 +53,7 @@ def run(
         check_film(video)
     with progress_bar(quiet) as progress:
         progress.console.print(f"{scenario}: opening (a first run compiles, which takes about half a minute)")
-        made = build(load(scenario, overrides), str(scenario))
+        made = _made(scenario, overrides, faults or [])
         folder = _new_folder(out, scenario.stem)
         finished = _simulate(made, folder / "recording.h5", progress)
         recording = Recording(folder)
@@ -147,6 +151,33 @@ def schema() -> None:
     print(json.dumps(scenario_schema(), indent=2))
 
 
+def _made(path: Path, overrides: list[str], faults: list[str]) -> Run:
+    """The run of a scenario file with these faults besides. Raises InputError, which names the option at fault."""
+    import msgspec
+
+    from swarmsim.build import build
+    from swarmsim.core.errors import InputError
+    from swarmsim.core.scenario import load
+    from swarmsim.faults.spelling import fault_in_words
+
+    scenario = load(path, overrides)
+    given = len(scenario.faults)
+    for text in faults:
+        try:
+            more = fault_in_words(text)
+        except InputError as problem:
+            raise InputError(f"--fault {text!r}: {problem}") from problem
+        scenario = msgspec.structs.replace(scenario, faults=(*scenario.faults, more))
+    try:
+        return build(scenario, str(path))
+    except InputError as problem:
+        for number, text in enumerate(faults, given):
+            place = f"{path}: faults[{number}]."
+            if str(problem).startswith(place):
+                raise InputError(f"--fault {text!r}: {str(problem).removeprefix(place)}") from problem
+        raise
+
+
 def _new_folder(asked: Path | None, stem: str) -> Path:
     """Make the run's folder: the one asked for, or the first unused runs/STEM-N."""
     from swarmsim.core.errors import InputError
@@ -196,20 +227,29 @@ def _film(
 
 
 def _table(summary: dict[str, Any], folder: Path) -> Table:
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(title=summary["title"], show_header=False)
+    lines = [_event_line(event) for event in summary["events"]]
+    hidden = len(lines) - EVENT_LINES
     reached = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in summary["reached"].items())
     for name, value in {
         **summary,
         "coverage": f"{summary['coverage']:.2%} of {summary['domain cells']} cells",
         "reached": reached,
+        "events": "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else [])),
         "versions": ", ".join(f"{name} {version}" for name, version in summary["versions"].items()),
         "run": folder,
     }.items():
         if name not in ("title", "domain cells"):
-            table.add_row(name, str(value))
+            table.add_row(name, escape(str(value)))
     return table
+
+
+def _event_line(event: dict[str, Any]) -> str:
+    who = ", ".join(map(str, event["robots"]))
+    return f"{event['iteration']}: {event['kind']} ({event['cause']})" + (f": robots {who}" if who else "")
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.progress import perform_all
+from swarmsim.cli.tables import print_table
 
 if TYPE_CHECKING:
     from swarmsim.study.engine import Task
@@ -23,7 +24,6 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-WIDE = 160  # characters
 FAILED = 1  # exit code: some run failed, or some claim does not hold
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
@@ -48,7 +48,7 @@ def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None) -> None
         found = gather(opened, results)
     seconds = [row.seconds for result in found.values() for row in result.rows]
     changes = {c.name: ", ".join(f"{key} = {value}" for key, value in c.changes.items()) for c in opened.conditions}
-    _print_table(opened.study.title, ("condition", "changes"), list(changes.items()))
+    print_table(opened.study.title, ("condition", "changes"), list(changes.items()))
     each = sum(seconds) / len(seconds) if seconds else _trial(opened)
     missing = sum(result.missing for result in found.values())
     print(
@@ -101,7 +101,7 @@ def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None) -> No
         (name, str(int(r.finished.sum())), str(int((~r.finished).sum())), str(len(r.failed)), str(r.missing))
         for name, r in found.items()
     ]
-    _print_table(opened.study.title, ("condition", "finished", "not finished", "failed", "missing"), rows)
+    print_table(opened.study.title, ("condition", "finished", "not finished", "failed", "missing"), rows)
 
 
 @app.command()
@@ -124,13 +124,13 @@ def table(
     with _store(store, study) as kept:
         found = res.gather(opened, kept)
     if measure is None:
-        _print_table(f"{opened.study.title}: iterations", res.HEAD, res.lines(found))
+        print_table(f"{opened.study.title}: iterations", res.HEAD, res.lines(found))
     else:
-        _print_table(f"{opened.study.title}: {measure}", res.MEASURED, res.measured(found, measure))
+        print_table(f"{opened.study.title}: {measure}", res.MEASURED, res.measured(found, measure))
     if compare is not None:
         if compare not in found:
             raise InputError(f"--compare {compare}: no such condition; known: {', '.join(found)}")
-        _print_table(f"against {compare}", res.COMPARED, res.compared(found, compare))
+        print_table(f"against {compare}", res.COMPARED, res.compared(found, compare))
     print(f"digest of the runs: {res.digest(list(found.values()))}")
 
 
@@ -210,7 +210,7 @@ def best(
             perform_all(tasks, results, workers, scheduler, quiet)
 
         answer = selection.best(opened, results, more, confidence, budget, tolerance)
-    _print_table(opened.study.title, selection.HEAD, selection.lines(answer))
+    print_table(opened.study.title, selection.HEAD, selection.lines(answer))
     print(answer.sentence)
 
 
@@ -249,9 +249,9 @@ def reproduce(
         found = reproduction.evaluate(plans, results)
     seconds = time.perf_counter() - begun
     if not quiet:
-        _print_table(f"Kit, Mateo and Bouffanais (2018), {seeds} seeds", reproduction.HEAD, reproduction.lines(found))
+        print_table(f"Kit, Mateo and Bouffanais (2018), {seeds} seeds", reproduction.HEAD, reproduction.lines(found))
         print(found.error_sentence)
-        _print_table("claims", reproduction.CLAIMED, [claim.line for claim in found.claims])
+        print_table("claims", reproduction.CLAIMED, [claim.line for claim in found.claims])
         print(f"digest of the runs: {found.digest}; {len(tasks)} runs in {seconds:.1f} s")
     for path in report.write(found, out):
         if not quiet:
@@ -267,7 +267,7 @@ def _calibrate(out: Path, workers: int | None, scheduler: str | None, quiet: boo
     with _store(out / "calibration.sqlite", out) as results:
         perform_all(missing(opened, results), results, workers, scheduler, quiet)
         found = calibration.candidates(opened, results)
-    _print_table(f"{opened.study.title}, {len(opened.seeds)} seeds", calibration.head(found), calibration.lines(found))
+    print_table(f"{opened.study.title}, {len(opened.seeds)} seeds", calibration.head(found), calibration.lines(found))
 
 
 def _trial(opened: Plan) -> float:
@@ -290,18 +290,3 @@ def _store(asked: Path | None, study: Path) -> Store:
     from swarmsim.study.store import Store
 
     return Store(asked or Path("runs") / "studies" / f"{study.stem}.sqlite")
-
-
-def _print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDE)  # files and pipes have no width to keep to
-    shown = Table(title=title, title_justify="left")
-    for number, name in enumerate(head):
-        shown.add_column(name, justify="left" if number == 0 else "right", overflow="fold")
-    for row in rows:
-        shown.add_row(*row)
-    console.print(shown)

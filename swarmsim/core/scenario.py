@@ -6,7 +6,7 @@ import os
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta, Struct, field
@@ -61,9 +61,13 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """When a run ends: at this share of the coverage domain, or unfinished after so many iterations."""
+    """When a run ends: at this share of the coverage domain, or unfinished after so many iterations.
+
+    A run that goes on at that share ends after `iterations`, and is finished if it reached the share on the way.
+    """
 
     coverage: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0
+    at_coverage: Literal["stop", "go-on"] = "stop"
     iterations: Count = 5000
 
 
@@ -118,7 +122,8 @@ def read_toml(path: Path, expected: str) -> Table:
 def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     """The scenario that a table describes; `name` is the file named in messages.
 
-    The world's path is resolved from `folder` if that is given.
+    If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers: a value
+    {file = "net.csv"} of a part stands for the rows of that file. Raises InputError.
     """
     try:
         scenario = registry.convert(spelled_out(table), Scenario)
@@ -127,7 +132,7 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
 
     def complete(seam: str, place: str, table: Table) -> Table:
         try:
-            return registry.complete(seam, table)
+            return registry.complete(seam, table if folder is None else with_rows(table, folder))
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
@@ -149,6 +154,47 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         motion=complete("motion", "motion", scenario.motion),
         faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),
     )
+
+
+def with_rows(table: Table, folder: Path, place: str = "") -> Table:
+    """The table with every value {file = "x.csv"} in it, or in tables inside it, replaced by the rows of that file.
+
+    The file is resolved from `folder`. Raises InputError, which starts with the key (after `place`).
+    """
+    filled = dict(table)
+    for key, value in table.items():
+        if isinstance(value, dict) and value.keys() == {"file"} and isinstance(value["file"], str):
+            try:
+                filled[key] = read_rows(folder / value["file"])
+            except InputError as problem:
+                raise InputError(f"{place}{key}: {problem}") from problem
+        elif isinstance(value, dict):
+            filled[key] = with_rows(value, folder, f"{place}{key}.")
+    return filled
+
+
+def read_rows(path: Path) -> list[list[int | float]]:
+    """The rows of a CSV file: numbers with commas between them, empty lines left out.
+
+    Raises InputError, which names the file and the line.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets mark UTF-8 in the first bytes
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a CSV file of numbers") from problem
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a CSV file of numbers") from problem
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            try:
+                rows.append(msgspec.json.decode(f"[{line}]", type=list[int | float]))
+            except msgspec.DecodeError as problem:
+                raise InputError(
+                    f"{path}, line {number}: {line.strip()[:60]!r} is not a row of numbers; "
+                    "expected numbers with commas between them, as in 0,1"
+                ) from problem
+    return rows
 
 
 def set_key(table: Table, override: str) -> None:
@@ -192,7 +238,8 @@ def schema() -> dict[str, Any]:
             (described,), inner = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
             part = inner.pop(described["$ref"].rpartition("/")[2])
             defs.update(inner)
-            part["properties"] = {"use": {"const": name}, **part["properties"]}
+            keys = {key: _or_file(value) for key, value in part["properties"].items()}
+            part["properties"] = {"use": {"const": name}, **keys}
             required = [] if name == registry.SEAMS[seam] else ["use"]
             part["required"] = required + part.get("required", [])
             choices.append(part)
@@ -210,3 +257,9 @@ def schema() -> dict[str, Any]:
         "title": "swarmsim scenario",
         "$defs": defs,
     }
+
+
+def _or_file(described: dict[str, Any]) -> dict[str, Any]:
+    """A key's schema; an array may be the rows of a file instead."""
+    rows = {"type": "object", "properties": {"file": {"type": "string"}}, "required": ["file"]}
+    return {"anyOf": [described, rows]} if described.get("type") == "array" else described

@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Behaviour, Parts, Setting
+from swarmsim.core.parts import Behaviour, Parts, Setting, Walls
 from swarmsim.core.state import State
 from swarmsim.faults.effect import TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline, described
@@ -39,7 +39,7 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The robots with the highest ids are not there at the start; they enter at the spawn area, with an empty map."""
 
-    at: Annotated[int, Meta(ge=1)]  # the first iteration with the first of them
+    at: Duration  # the first iteration with the first of them
     every: Duration | None = None  # iterations until the next enter; default: all at once
     count: Annotated[int, Meta(ge=1)] = 1  # robots at a time
     times: Annotated[int, Meta(ge=1)] = 1  # how often robots enter
@@ -82,8 +82,8 @@ class Removal:
     words = ("removed", "returned")
 
     def __init__(self, setting: Setting, memory: Literal["kept", "lost"], number: int) -> None:
-        self._setting, self._memory = setting, memory
-        self._stream = setting.streams.open("fault entrance", number)
+        self._setting, self._memory, self._number = setting, memory, number
+        self._streams: dict[int, np.random.Generator] = {}  # of those that have returned
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The same parts: bodies can be taken out as they are."""
@@ -98,18 +98,23 @@ class Removal:
 
     def end(self, robots: Robots, state: State) -> Robots:
         """They return to places of the spawn area drawn at random; those who find it full wait."""
-        centres, entered = self._building.entrance, []
-        for robot in robots:
-            state = self._bodies.state()
-            apart = centres[:, None] - state.pose[self._bodies.solid, :2]
-            free = np.flatnonzero(
-                (np.hypot(*apart.transpose(2, 0, 1)) >= 2.0 * self._setting.robots.radius).all(axis=1)
-            )
+        centres, radius, entered = self._building.entrance, self._setting.robots.radius, []
+        for robot in robots.tolist():
+            bodies = self._bodies.state().pose[self._bodies.solid, :2]
+            there = np.vstack([np.column_stack([bodies, np.full(len(bodies), radius)]), self._building.walkers()])
+            apart = np.hypot(*(centres[:, None] - there[:, :2]).transpose(2, 0, 1))
+            free = np.flatnonzero((apart >= there[:, 2] + radius).all(axis=1))
             if len(free):
-                pose = np.array([[*centres[self._stream.choice(free)], self._stream.uniform(-np.pi, np.pi)]])
+                stream = self._stream(robot)
+                pose = np.array([[*centres[stream.choice(free)], stream.uniform(-np.pi, np.pi)]])
                 self._bodies.place(np.array([robot]), pose)
                 entered.append(robot)
         return np.array(entered, np.int64)
+
+    def _stream(self, robot: int) -> np.random.Generator:
+        if robot not in self._streams:
+            self._streams[robot] = self._setting.streams.open(f"fault {self._number} entrance", robot)
+        return self._streams[robot]
 
 
 class Joining:
@@ -127,7 +132,10 @@ class Joining:
         return self._absence.wrap(parts, active)
 
     def begin(self, robots: Robots, state: State) -> None:
-        """They are not there yet."""
+        """They are not there yet. Raises InputError if some are gone already."""
+        if not state.alive[robots].all():
+            gone = ", ".join(map(str, robots[~state.alive[robots]]))
+            raise InputError(f"count: robots {gone} are dead at the start already; expected this fault before that one")
         self._absence.begin(robots, state)
 
     def end(self, robots: Robots, state: State) -> Robots:
@@ -136,7 +144,9 @@ class Joining:
         if self._memory == "copied" and len(entered):
             observed, log_odds = self._behaviour.observed, self._behaviour.log_odds
             known = np.where(state.alive, observed.reshape(len(observed), -1).sum(axis=1), -1)
-            observed[entered], log_odds[entered] = observed[known.argmax()], log_odds[known.argmax()]
+            best = int(known.argmax())
+            if state.alive[best]:
+                observed[entered], log_odds[entered] = observed[best], log_odds[best]
         return entered
 
 
@@ -163,6 +173,16 @@ class Crashing:
         """They go on from where they are by now."""
         self._bodies.place(robots, state.pose[robots])
         return robots
+
+
+def _clearance(points: NDArray[np.float64], walls: Walls) -> NDArray[np.float64]:
+    """The distance (p,) in m of each of `points` (p, 2) from the nearest of `walls` (s, 4)."""
+    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    offset = points[:, None] - start
+    part = np.clip((offset * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-30), 0.0, 1.0)
+    apart: NDArray[np.float64] = np.hypot(*(offset - part[..., None] * along).transpose(2, 0, 1))
+    nearest: NDArray[np.float64] = apart.min(axis=1, initial=np.inf)
+    return nearest
 
 
 def forget(behaviour: Behaviour, robots: Robots) -> None:

@@ -10,7 +10,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Motion, Parts, Setting, WheelSpeeds
+from swarmsim.core.parts import Bodies, Motion, Parts, Setting, WheelSpeeds
 from swarmsim.core.state import Intents
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline, described
@@ -53,22 +53,29 @@ class MotorFailure(Lasting):
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the motion wrapped."""
-        motion = FailingMotion(parts.motion, active, self._wheels, self._gain, self._bias)
+        motion = FailingMotion(parts.motion, parts.bodies, active, self._wheels, self._gain, self._bias)
         return replace(parts, motion=motion)
 
 
 class FailingMotion:
-    """Motion of which some wheels do something else."""
+    """Motion of which some wheels of live robots do something else; those of the dead stand."""
 
     def __init__(
-        self, inner: Motion, active: NDArray[np.bool_], wheels: NDArray[np.bool_], gain: float, bias: float
+        self,
+        inner: Motion,
+        bodies: Bodies,
+        active: NDArray[np.bool_],
+        wheels: NDArray[np.bool_],
+        gain: float,
+        bias: float,
     ) -> None:
-        self._inner, self._active, self._wheels, self._gain, self._bias = inner, active, wheels, gain, bias
+        self._inner, self._bodies, self._active = inner, bodies, active
+        self._wheels, self._gain, self._bias = wheels, gain, bias
         self._failing = np.zeros((len(active), 2), np.bool_)
 
     def follow(self, intents: Intents) -> None:
         """Take up new intents."""
-        self._failing = self._active[:, None] & self._wheels
+        self._failing = (self._active & self._bodies.state().alive)[:, None] & self._wheels
         self._inner.follow(intents)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:

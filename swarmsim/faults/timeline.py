@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Annotated, Literal
+import re
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -13,17 +15,18 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts, Setting
 from swarmsim.core.state import State
 
-Iteration = Annotated[int, Meta(ge=0)]
-Duration = Annotated[int, Meta(ge=1)]  # iterations
+Iteration = Annotated[int, Meta(ge=0, le=100_000)]  # no run is longer
+Duration = Annotated[int, Meta(ge=1, le=100_000)]  # iterations
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]
 Robots = NDArray[np.int64]  # (r,): ids, sorted
+WORDS_OF_TOML = ("true", "false", "inf", "nan")
 
 
 class Life(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How long robots last: a Weibull law (Weibull 1951); shape 1 is the exponential one, more is wear."""
 
     mean: Annotated[float, Meta(gt=0.0)]  # iterations
-    shape: Annotated[float, Meta(gt=0.0)] = 1.0
+    shape: Annotated[float, Meta(ge=0.1)] = 1.0  # below 0.1 the law is so skew that its mean says nothing
 
 
 class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -33,7 +36,7 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     every: Duration | None = None  # after `at`: iterations until it strikes again; default: never
     between: tuple[Iteration, Iteration] | None = None  # the first iteration with, and the first without it
     coverage: Share | None = None  # strikes once the swarm has mapped this share of the domain
-    rate: Annotated[float, Meta(gt=0.0)] | None = None  # strikes so often in an iteration, as a Poisson process
+    rate: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None  # strikes per iteration, as a Poisson process
     life: Life | None = None  # strikes each robot once, at the end of a life of its own
     lasts: Duration | None = None  # iterations with the fault; default: for good
     duty: tuple[Duration, Duration] | None = None  # intermittent: iterations with and then without it, in turn
@@ -47,10 +50,27 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 def described(fault: Struct, name: str) -> str:
-    """The fault as on the command line: its name and the keys that are not at their defaults."""
+    """The fault as on the command line: its name, its failure and the keys that are not at their defaults."""
     defaults = dict(zip(fault.__struct_fields__[::-1], fault.__struct_defaults__[::-1], strict=False))
     given = {key: getattr(fault, key) for key in fault.__struct_fields__}
-    return " ".join([name, *(f"{key}={value}" for key, value in given.items() if value != defaults.get(key))])
+    failure = given.pop("failure", None)
+    keys = (f"{key}={_spelled(value)}" for key, value in given.items() if value != defaults.get(key))
+    return " ".join([name, *([failure] if failure else []), *keys])
+
+
+def _spelled(value: Any) -> str:
+    """A value as TOML on one line without blanks; a string of one word needs no quotes."""
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w-]*", value) and value not in WORDS_OF_TOML:
+        return value
+    return _toml(value)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Struct):
+        return "{" + ",".join(f"{key}={_toml(getattr(value, key))}" for key in value.__struct_fields__) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_toml, value)) + "]"
+    return json.dumps(value)
 
 
 class Timeline:
@@ -72,7 +92,7 @@ class Timeline:
             scale = fault.life.mean / math.gamma(1.0 + 1.0 / fault.life.shape)
             for robot in range(setting.robots.count):
                 stream = setting.streams.open(f"fault {number} life", robot)
-                self._lives[robot] = math.ceil(scale * stream.weibull(fault.life.shape))
+                self._lives[robot] = np.ceil(scale * stream.weibull(fault.life.shape))
         #: Who has the fault in this iteration (n,); a live view.
         self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
 
@@ -169,6 +189,8 @@ def _check(fault: Timed, robots: int) -> None:
         raise InputError("lasts: `between` says how long already; expected one of them")
     if fault.keep >= robots:
         raise InputError(f"keep: {fault.keep} of {robots} robots, so that none is ever struck")
+    if fault.robots == []:
+        raise InputError("robots: the list is empty; expected at least one id, or no such key")
     for robot in fault.robots or ():
         if robot >= robots:
             raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {robots - 1}")
@@ -176,3 +198,7 @@ def _check(fault: Timed, robots: int) -> None:
         raise InputError("share: `count` says how many already; expected one of them")
     if fault.choose in ("nearest", "farthest") and fault.point is None:
         raise InputError(f"point: required key is missing; expected x and y in m for choose={fault.choose!r}")
+    if fault.point is not None and fault.choose not in ("nearest", "farthest"):
+        raise InputError(f"point: choose={fault.choose!r} measures nothing; expected choose='nearest' or 'farthest'")
+    if fault.region is not None and not (fault.region[0] < fault.region[2] and fault.region[1] < fault.region[3]):
+        raise InputError(f"region: {list(fault.region)} holds nothing; expected left, lower, right, upper edge in m")

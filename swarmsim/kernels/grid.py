@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 SQRT2 = math.sqrt(2.0)
 DROWS = np.array([0, -1, 1, 0, -1, -1, 1, 1])  # west, south, north, east, then the diagonal neighbours ...
 DCOLUMNS = np.array([-1, 0, 0, 1, -1, 1, -1, 1])
+FRONTIER = -1  # a search's goal: whatever can be explored
+NOWHERE = -2  # a search's goal: none, so that all cells in reach are settled
 BESIDE = np.array([[0, 1], [1, 3], [0, 2], [2, 3]])  # ... and between which two of the first four each lies
 
 
@@ -39,6 +41,13 @@ class Plans(NamedTuple):
     waited: NDArray[np.int32]  # (n,): iterations since then
     idle: NDArray[np.int32]  # (n,): until when a robot that found nothing to do waits for news
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
+
+
+class Patrol(NamedTuple):
+    """What robots need to know that patrol where nothing is left to explore; `seen` is (n, 0, 0) if nobody does."""
+
+    seen: NDArray[np.int32]  # (n, rows, columns): when a cell was last seen, counted from 1; 0 for never
+    since: NDArray[np.int32]  # (n,): the iteration in which the goal was chosen for its age; 0 for no such goal
 
 
 class Rules(NamedTuple):
@@ -114,6 +123,70 @@ def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_orig
         fresh[robots + m] = _fuse_tile(
             log_odds[i], observed[i], heard[m], heard_origins[m, 0], heard_origins[m, 1], hit, miss, low, high
         )
+
+
+@njit(cache=True)
+def fill(log_odds, observed, receivers, pieces, origins, hit, miss, low, high, fresh):
+    """Let robots take over what others believe of cells that they have not observed, as if seen once.
+
+    `log_odds` and `observed` (n, rows, columns), `pieces` (m, r, c) of maps at `origins` (m, 2) for `receivers`
+    (m,), in that order. Writes to `fresh` (m,) how many cells each piece was the first to tell its robot.
+    """
+    rows, columns = observed.shape[1:]
+    for m in range(len(receivers)):
+        i = receivers[m]
+        fresh[m] = 0
+        for r in range(pieces.shape[1]):
+            for c in range(pieces.shape[2]):
+                believed = pieces[m, r, c]
+                row, column = origins[m, 0] + r, origins[m, 1] + c
+                if believed == 0 or not (0 <= row < rows and 0 <= column < columns) or observed[i, row, column]:
+                    continue
+                observed[i, row, column] = True
+                log_odds[i, row, column] = min(max(hit if believed == 2 else miss, low), high)
+                fresh[m] += 1
+
+
+@njit(cache=True)
+def fade(log_odds, observed, alive, kept, least):
+    """Let every live robot's map grow old by one iteration: what it holds for sure becomes less sure.
+
+    The log-odds (n, cells) are multiplied by `kept` (0 to 1). Where their absolute value falls below `least`, the
+    cell is as if never observed.
+    """
+    for i in range(len(alive)):
+        if not alive[i]:
+            continue
+        mine, known = log_odds[i], observed[i]
+        for cell in range(len(mine)):
+            faded = mine[cell] * kept
+            sure = abs(faded) >= least
+            mine[cell] = faded if sure else np.float32(0.0)
+            known[cell] = known[cell] & sure
+
+
+@njit(cache=True)
+def _see_tile(seen, tile, row0, column0, when):
+    rows, columns = tile.shape
+    for r in range(max(0, -row0), min(rows, seen.shape[0] - row0)):
+        for c in range(max(0, -column0), min(columns, seen.shape[1] - column0)):
+            if tile[r, c] != 0:
+                seen[row0 + r, column0 + c] = max(seen[row0 + r, column0 + c], when)
+
+
+@njit(cache=True)
+def see(seen, now, alive, tiles, origins, receivers, heard, heard_origins, sources, sensed):
+    """Note in `seen` (n, rows, columns) when each robot's cells were last seen, by itself or by who told it.
+
+    Iterations count from 1 in `seen` and `now`, from 0 in `sensed` (m,); otherwise as in `fuse`. A piece of
+    somebody's map (`sources` -1) does not say when its cells were seen, and changes nothing.
+    """
+    for i in range(len(alive)):
+        if alive[i]:
+            _see_tile(seen[i], tiles[i], origins[i, 0], origins[i, 1], now)
+    for m in range(len(receivers)):
+        if sources[m] >= 0:
+            _see_tile(seen[receivers[m]], heard[m], heard_origins[m, 0], heard_origins[m, 1], sensed[m] + 1)
 
 
 @njit(cache=True)
@@ -300,9 +373,10 @@ def _remaining(cell, goal, columns, neighbours):
 def _search(maps, i, now, rules, start, goal, salt, work):
     """Best-first search over the cells that robot i knows to be free; gives the last cell settled, or -1.
 
-    With a goal this is A* (Hart et al. 1968), without one Dijkstra's order up to the first cell from which
-    a frontier can be explored. A diagonal step costs sqrt(2) and needs both cells beside it; the cell of
-    the start need not fit itself. Costs are kept as two counts, so that equally long ways compare equal.
+    With a goal this is A* (Hart et al. 1968), without one (FRONTIER) Dijkstra's order up to the first cell from
+    which a frontier can be explored, or (NOWHERE) through all cells in reach. A diagonal step costs sqrt(2) and needs
+    both cells beside it; the cell of the start need not fit itself. Costs are kept as two counts, so that equally long
+    ways compare equal.
     """
     columns = maps.observed.shape[2]
     work.number[0] += 1
@@ -321,7 +395,7 @@ def _search(maps, i, now, rules, start, goal, salt, work):
         work.mark[here] = seen + 1
         r = here // columns
         c = here % columns
-        if here == goal or (goal < 0 and _to_explore(maps, i, now, rules, r, c) >= 0):
+        if here == goal or (goal == FRONTIER and _to_explore(maps, i, now, rules, r, c) >= 0):
             return here
         for d in range(rules.neighbours):
             if d >= 4 and not (free[BESIDE[d - 4, 0]] and free[BESIDE[d - 4, 1]]):
@@ -354,10 +428,35 @@ def nearest_frontier(maps, i, now, rules, start, salt, work):
     it. Gives (-1, -1) if there is none.
     """
     columns = maps.observed.shape[2]
-    stand = _search(maps, i, now, rules, start, -1, salt, work)
+    stand = _search(maps, i, now, rules, start, FRONTIER, salt, work)
     if stand < 0:
         return -1, -1
     return _to_explore(maps, i, now, rules, stand // columns, stand % columns), stand
+
+
+@njit(cache=True)
+def stalest(maps, patrol, i, now, rules, start, salt, work):
+    """Of the cells that robot i can reach from `start`, the one that was seen longest ago, or -1.
+
+    Ties go to the nearest, then to the order that `salt` draws, as in `nearest_frontier`. The start itself and cells
+    seen in this iteration (`now`) do not count.
+    """
+    _search(maps, i, now, rules, start, NOWHERE, salt, work)
+    settled = 2 * work.number[0] + 1
+    seen = patrol.seen[i].reshape(-1)
+    best = -1
+    way = 0.0
+    rank = np.uint64(0)
+    for cell in range(len(seen)):
+        if work.mark[cell] != settled or cell == start or seen[cell] >= now:
+            continue
+        if best >= 0 and seen[cell] > seen[best]:
+            continue
+        cost = work.straight[cell] + work.diagonal[cell] * SQRT2
+        order = np.uint64(cell) if salt == 0 else scramble(np.uint64(cell) ^ np.uint64(salt))
+        if best < 0 or seen[cell] < seen[best] or cost < way or (cost == way and order < rank):
+            best, way, rank = cell, cost, order
+    return best
 
 
 @njit(cache=True)
@@ -444,7 +543,61 @@ def _drop(plans, i):
 
 
 @njit(cache=True)
-def decide(now, pose, alive, news, maps, plans, rules, salts, tie_salts, work):
+def _is_done(maps, patrol, i, columns, goal):
+    """Whether nothing is left to do at robot i's goal: on patrol it has been seen since, else it is no frontier."""
+    if patrol.since[i] > 0:
+        return patrol.seen[i, goal // columns, goal % columns] > patrol.since[i]
+    return not is_frontier(maps, i, goal // columns, goal % columns)
+
+
+@njit(cache=True)
+def _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules):
+    """Drop robot i's plan if its goal is done, if it has arrived, or if it is stuck (rules 1 to 3 of `decide`)."""
+    columns = maps.observed.shape[2]
+    goal = plans.goal[i]
+    if goal >= 0 and _is_done(maps, patrol, i, columns, goal):
+        _drop(plans, i)
+    elif arrived:
+        if goal >= 0 and patrol.since[i] == 0:
+            maps.shunned[i, goal // columns, goal % columns] = now + 10 * rules.patience
+        _drop(plans, i)
+    elif stuck:
+        ahead = plans.path[i, min(plans.cursor[i] + 1, plans.steps[i] - 1)]
+        pause = rules.patience + int(draw % np.uint64(3 * rules.patience))
+        maps.barred[i, ahead // columns, ahead % columns] = now + pause
+        _drop(plans, i)
+    if patrol.since[i] > 0 and plans.goal[i] < 0:
+        patrol.since[i] = 0
+        plans.idle[i] = now  # so that it looks for the next at once
+
+
+@njit(cache=True)
+def _explore(now, i, here, maps, plans, patrol, rules, salt, work):
+    """Give robot i a plan for the nearest frontier; gives whether there is one."""
+    goal, stand = nearest_frontier(maps, i, now, rules, here, salt, work)
+    if stand < 0:
+        return False
+    _drop(plans, i)
+    patrol.since[i] = 0
+    plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+    plans.goal[i] = goal
+    return True
+
+
+@njit(cache=True)
+def _revisit(now, i, here, maps, plans, patrol, rules, salt, work):
+    """Give robot i a plan for the stalest cell, if robots patrol; gives whether there is one."""
+    goal = stalest(maps, patrol, i, now, rules, here, salt, work) if patrol.seen.shape[1] > 0 else -1
+    if goal < 0:
+        return False
+    plans.steps[i] = a_star(maps, i, now, rules, here, goal, work, plans.path[i])
+    plans.goal[i] = goal
+    patrol.since[i] = now
+    return True
+
+
+@njit(cache=True)
+def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts, work):
     """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
 
     `pose` (n, 3) in m and rad; `news` (n,) counts the cells new on each robot's map; `salts` and `tie_salts`
@@ -457,51 +610,49 @@ def decide(now, pose, alive, news, maps, plans, rules, salts, tie_salts, work):
        to itself for a random while and chooses again.
     4. If that leaves it nothing to choose, it gives way by a short random walk.
     5. A robot that finds no frontier stands, and looks again when its map grows or its patience ends.
+    6. If robots patrol, it goes instead to the cell seen longest ago, until that has been seen by anybody it hears;
+       on the way it looks for frontiers as in 5, and a frontier comes first.
     """
     columns = maps.observed.shape[2]
     for i in range(len(alive)):
         plans.planned[i] = False
         if not alive[i]:
             _drop(plans, i)
+            patrol.since[i] = 0
             continue
         u = (pose[i, 0] - rules.x0) / rules.cell
         v = (pose[i, 1] - rules.y0) / rules.cell
         here = int(math.floor(v)) * columns + int(math.floor(u))
-        goal = plans.goal[i]
         _advance(plans, i, rules, u, v, columns)
         stuck = _is_stuck(plans, i, rules, pose[i, 0], pose[i, 1])
         draw = scramble(salts[i] + np.uint64(now))
         arrived = plans.steps[i] > 0 and here == plans.path[i, plans.steps[i] - 1]
-        if goal >= 0 and not is_frontier(maps, i, goal // columns, goal % columns):
-            _drop(plans, i)
-        elif arrived:
-            if goal >= 0:
-                maps.shunned[i, goal // columns, goal % columns] = now + 10 * rules.patience
-            _drop(plans, i)
-        elif stuck:
-            ahead = plans.path[i, min(plans.cursor[i] + 1, plans.steps[i] - 1)]
-            pause = rules.patience + int(draw % np.uint64(3 * rules.patience))
-            maps.barred[i, ahead // columns, ahead % columns] = now + pause
-            _drop(plans, i)
+        _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules)
 
         goal = plans.goal[i]
         count = plans.steps[i]
+        due = news[i] > 0 or now >= plans.idle[i]
+        patrols = patrol.since[i] > 0
+        if patrols and due:
+            if _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+                plans.planned[i] = True
+                continue
+            plans.idle[i] = now + rules.patience
         is_open = count > 0 and _is_open(maps, i, now, rules, plans.path[i], plans.cursor[i] + 1, count)
-        if is_open and (goal < 0 or rules.keep):
+        if is_open and (goal < 0 or rules.keep or patrols):
             continue
-        stand = plans.path[i, count - 1] if goal >= 0 and rules.keep else -1
+        stand = plans.path[i, count - 1] if goal >= 0 and (rules.keep or patrols) else -1
         _drop(plans, i)
         if stand >= 0:
             plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
-        if plans.steps[i] == 0 and (news[i] > 0 or now >= plans.idle[i]):
-            goal, stand = nearest_frontier(maps, i, now, rules, here, tie_salts[i], work)
-            if stand >= 0:
-                plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
-            elif stuck:
-                plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
-            else:
-                plans.idle[i] = now + rules.patience
-        plans.goal[i] = goal if plans.steps[i] > 0 else -1
+            plans.goal[i] = goal if plans.steps[i] > 0 else -1
+        if plans.steps[i] == 0:
+            patrol.since[i] = 0
+            if (due or patrols) and not _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+                if _revisit(now, i, here, maps, plans, patrol, rules, tie_salts[i], work) or not stuck:
+                    plans.idle[i] = now + rules.patience
+                else:
+                    plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
         plans.planned[i] = plans.steps[i] > 0
 
 
@@ -519,3 +670,12 @@ def way_ahead(plans, rules, columns, waypoints):
             waypoints[i, counts[i], 1] = rules.y0 + (plans.path[i, step] // columns + 0.5) * rules.cell
             counts[i] += 1
     return counts
+
+
+def footprint(radius: float) -> NDArray[np.int32]:
+    """Offsets (f, 2) of the cells that a disc of `radius` cells, centred in a cell, overlaps; its own first."""
+    reach = math.ceil(max(radius - 0.5, 0.0))
+    offsets = np.indices((2 * reach + 1, 2 * reach + 1)).reshape(2, -1).T - reach
+    gap = np.maximum(np.abs(offsets) - 0.5, 0.0)  # from the centre to the nearest point of each cell
+    under = offsets[np.hypot(gap[:, 0], gap[:, 1]) < max(radius, 0.5)]
+    return np.ascontiguousarray(under[np.argsort(np.hypot(under[:, 0], under[:, 1]), kind="stable")], np.int32)

@@ -87,26 +87,36 @@ def bins(walls, reach, x0, y0, side, rows, columns):
     start = np.zeros(rows * columns + 1, np.int64)
     members = np.empty(0, np.int64)
     for fill in range(2):
-        count = 0
-        for r in range(rows):
-            for c in range(columns):
-                left = x0 + c * side - reach
-                low = y0 + r * side - reach
-                right = left + side + 2 * reach
-                high = low + side + 2 * reach
-                for s in range(len(walls)):
-                    if (
-                        max(walls[s, 0], walls[s, 2]) >= left
-                        and min(walls[s, 0], walls[s, 2]) <= right
-                        and max(walls[s, 1], walls[s, 3]) >= low
-                        and min(walls[s, 1], walls[s, 3]) <= high
-                    ):
+        for s in range(len(walls)):
+            west = min(walls[s, 0], walls[s, 2])
+            east = max(walls[s, 0], walls[s, 2])
+            south = min(walls[s, 1], walls[s, 3])
+            north = max(walls[s, 1], walls[s, 3])
+            # One square more on each side, so that rounding here leaves the choice to the comparison below.
+            first_row = max(int(math.floor((south - reach - y0) / side)) - 1, 0)
+            last_row = min(int(math.floor((north + reach - y0) / side)) + 1, rows - 1)
+            first_column = max(int(math.floor((west - reach - x0) / side)) - 1, 0)
+            last_column = min(int(math.floor((east + reach - x0) / side)) + 1, columns - 1)
+            for r in range(first_row, last_row + 1):
+                for c in range(first_column, last_column + 1):
+                    left = x0 + c * side - reach
+                    low = y0 + r * side - reach
+                    right = left + side + 2 * reach
+                    high = low + side + 2 * reach
+                    if east >= left and west <= right and north >= low and south <= high:
+                        square = r * columns + c
                         if fill == 1:
-                            members[count] = s
-                        count += 1
-                start[r * columns + c + 1] = count
+                            members[start[square]] = s
+                            start[square] += 1
+                        else:
+                            start[square + 1] += 1
         if fill == 0:
-            members = np.empty(count, np.int64)
+            for square in range(rows * columns):
+                start[square + 1] += start[square]
+            members = np.empty(start[-1], np.int64)
+    for square in range(rows * columns, 0, -1):  # filling has moved each start to the next one
+        start[square] = start[square - 1]
+    start[0] = 0
     return start, members
 
 
@@ -186,14 +196,16 @@ def _behind(walls, s, px, py):
 
 
 @njit(cache=True, error_model="numpy")
-def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radius, occlude, obstacle, tiles, origins):
+def sense(
+    pose, alive, ring, reach, walls, start, members, movers, coarse, lattice, radius, occlude, obstacle, tiles, origins
+):
     """Fill every robot's tile from its ring of beams.
 
     `pose` (n, 3), `alive` (n,), `ring` (b, 2) cosine and sine of each beam's angle to the heading, `reach`
     in m, `walls` (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is
-    `coarse` = (x0, y0, side, rows, columns); `lattice` = (x0, y0, cell). Robots, discs of `radius`, stop beams
-    if `occlude`, and count as occupied cells if `obstacle`. Writes `tiles` (n, rows, columns) and `origins`
-    (n, 2).
+    `coarse` = (x0, y0, side, rows, columns); `movers` (p, 3), discs as x, y, radius, are obstacles as walls are;
+    `lattice` = (x0, y0, cell). Robots, discs of `radius`, stop beams if `occlude`, and count as occupied cells if
+    `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2).
 
     A cell is free when some beam crosses at least a fifth of a cell of it (or starts there) on its way,
     and occupied, which outweighs free, when some beam ends in it.
@@ -206,7 +218,7 @@ def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radi
     cosines = np.empty(beams)
     sines = np.empty(beams)
     near = np.empty(np.diff(start).max(), np.int64)
-    discs = np.empty((robots if occlude else 0, 3))
+    discs = np.empty((len(movers) + (robots if occlude else 0), 3))
     for i in range(robots):
         x = pose[i, 0]
         y = pose[i, 1]
@@ -219,6 +231,11 @@ def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radi
             continue
         facing = _facing(x, y, walls, start, members, coarse, near)
         others = 0
+        for m in range(len(movers)):
+            if math.hypot(movers[m, 0] - x, movers[m, 1] - y) <= reach + movers[m, 2]:
+                discs[others] = movers[m]
+                others += 1
+        solid = len(walls) + others  # hits from here on are robots
         if occlude:
             for j in range(robots):
                 apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
@@ -237,7 +254,7 @@ def sense(pose, alive, ring, reach, walls, start, members, coarse, lattice, radi
             _mark(tiles[i], origins[i, 0], origins[i, 1], u, v, cosines[b], sines[b], distance[b] / cell, hit[b] >= 0)
         for b in range(beams):
             s = hit[b]
-            if s < 0 or (s >= len(walls) and not obstacle):
+            if s < 0 or (s >= solid and not obstacle):
                 continue
             px = x + distance[b] * cosines[b]
             py = y + distance[b] * sines[b]

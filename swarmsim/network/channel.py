@@ -1,12 +1,17 @@
-"""Channels: what arrives of what is said."""
+"""Channels: what arrives of what is said, and how one channel lies over another."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import msgspec
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Building, Links, Setting
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Building, Channel, Links, Setting
 from swarmsim.core.state import Delivery, Letters, State
 
 
@@ -26,6 +31,41 @@ class PerfectChannel:
         return Delivery(letters(state.iteration, links, sizes), (), state.iteration)
 
 
+class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A channel that lies over another: what the one below delivers is all that it gets.
+
+    `over` is the table of the channel below, `use` and its own keys, which may lie over a further one. It is
+    complete once the struct exists. Raises InputError, naming the path to the key, if it describes no channel.
+    """
+
+    over: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        try:
+            msgspec.structs.force_setattr(self, "over", registry.complete("channel", self.over))
+        except InputError as problem:
+            raise InputError(f"over.{problem}") from problem
+
+    def below(self, setting: Setting, building: Building) -> Channel:
+        """The channel that this one lies over. Raises InputError, naming the path to the key, if it cannot work."""
+        try:
+            channel: Channel = registry.part("channel", self.over).build(setting, building)
+        except InputError as problem:
+            raise InputError(f"over.{problem}") from problem
+        return channel
+
+    def salt(self, setting: Setting) -> int:
+        """The random number that this channel's draws are hashed with.
+
+        It follows from the number of channels below, so that channels of one kind in one stack draw
+        independently, and one more on top changes nothing below.
+        """
+        level, table = 0, self.over
+        while "over" in table:
+            level, table = level + 1, table["over"]
+        return int(setting.streams.open("channel", level).integers(0, 2**64, dtype=np.uint64))
+
+
 def letters(iteration: int, links: Links, sizes: NDArray[np.int32]) -> Letters:
     """One new message (m, 4) for each link, of its sender's size in bytes."""
     new = np.empty((len(links), 4), np.int32)
@@ -33,3 +73,16 @@ def letters(iteration: int, links: Links, sizes: NDArray[np.int32]) -> Letters:
     new[:, 2] = iteration
     new[:, 3] = sizes[links[:, 1]]
     return new
+
+
+def in_order(unsorted: Letters) -> Letters:
+    """The same messages, sorted by receiver, sender, iteration sent."""
+    return unsorted[np.lexsort((unsorted[:, 2], unsorted[:, 1], unsorted[:, 0]))]
+
+
+def but_lost(delivery: Delivery, reason: str, lost: NDArray[np.bool_]) -> Delivery:
+    """The delivery in which those of the messages heard that are marked in `lost` (m,) are lost for this reason."""
+    if not lost.any():
+        return delivery
+    heard = delivery.heard
+    return Delivery(heard[~lost], (*delivery.lost, (reason, heard[lost])), delivery.oldest)

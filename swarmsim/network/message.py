@@ -3,18 +3,51 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.state import UNKNOWN
+
 #: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
 HEADER: Final = struct.Struct(">HIhh")
+
+#: Before each tile that a message relays: who sensed it (2 bytes), when (4), its origin (2 each, signed) and over how
+#: many links it has come to the sender (1), big-endian.
+RELAYED: Final = struct.Struct(">HIhhB")
+
+#: Before a map: sender (2 bytes), iteration (4), then the first row and column (2 each, signed) and the numbers of rows
+#: and columns (2 each) of the smallest rectangle with all known cells, big-endian.
+MAP: Final = struct.Struct(">HIhhHH")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A tile on its way through the network."""
+
+    source: int  # the robot that sensed it
+    sensed: int  # the iteration in which it did
+    hops: int  # links between that robot and the one that tells it now
+    origin: NDArray[np.int32]  # (2,): row and column of its lower-left cell
+    tile: NDArray[np.uint8]  # (rows, columns)
 
 
 def current_tile_bytes(rows: int, columns: int) -> int:
     """The size of a message with a robot's own tile: the HEADER, then 2 bits for each cell, filled up to a byte."""
     return HEADER.size + packed_bytes(rows * columns)
+
+
+def relayed_tile_bytes(rows: int, columns: int) -> int:
+    """How much longer each relayed tile makes a message: RELAYED and the cells."""
+    return RELAYED.size + packed_bytes(rows * columns)
+
+
+def map_bytes(cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The sizes (n,) of messages with a map each, of which all known cells lie in a rectangle of so many `cells`."""
+    return np.asarray(MAP.size - (-2 * cells // 8), np.int32)
 
 
 def packed_bytes(cells: int) -> int:
@@ -45,3 +78,45 @@ def unpack(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.in
     """The sender, iteration, origin (2,) and tile of `shape` that `pack` packed."""
     sender, iteration, row, column = HEADER.unpack_from(data)
     return sender, iteration, np.array([row, column], np.int32), unpack_cells(data[HEADER.size :], shape)
+
+
+def pack_relay(
+    sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8], relayed: Sequence[Reading]
+) -> bytes:
+    """One robot's current tile (rows, columns), then the readings of others that it relays, tiles of the same shape."""
+    pieces = [pack(sender, iteration, origin, tile)]
+    for reading in relayed:
+        row, column = (int(index) for index in reading.origin)
+        pieces.append(RELAYED.pack(reading.source, reading.sensed, row, column, reading.hops))
+        pieces.append(pack_cells(reading.tile))
+    return b"".join(pieces)
+
+
+def unpack_relay(
+    data: bytes, shape: tuple[int, int]
+) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8], list[Reading]]:
+    """The sender, iteration, origin (2,), tile of `shape` and relayed readings that `pack_relay` packed."""
+    own = current_tile_bytes(*shape)
+    relayed = []
+    for start in range(own, len(data), relayed_tile_bytes(*shape)):
+        source, sensed, row, column, hops = RELAYED.unpack_from(data, start)
+        tile = unpack_cells(data[start + RELAYED.size : start + relayed_tile_bytes(*shape)], shape)
+        relayed.append(Reading(source, sensed, hops, np.array([row, column], np.int32), tile))
+    return *unpack(data[:own], shape), relayed
+
+
+def pack_map(sender: int, iteration: int, cells: NDArray[np.uint8]) -> bytes:
+    """The known cells of one robot's map (rows, columns), each UNKNOWN, FREE or OCCUPIED."""
+    rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
+    if len(rows) == 0:
+        return MAP.pack(sender, iteration, 0, 0, 0, 0)
+    part = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return MAP.pack(sender, iteration, int(rows[0]), int(columns[0]), *part.shape) + pack_cells(part)
+
+
+def unpack_map(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.uint8]]:
+    """The sender, iteration and map of `shape` that `pack_map` packed."""
+    sender, iteration, row, column, rows, columns = MAP.unpack_from(data)
+    cells = np.full(shape, UNKNOWN, np.uint8)
+    cells[row : row + rows, column : column + columns] = unpack_cells(data[MAP.size :], (rows, columns))
+    return sender, iteration, cells

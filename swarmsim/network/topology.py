@@ -1,7 +1,8 @@
-"""Topologies: which live robot hears which others, drawn anew in every iteration."""
+"""Topologies, which say which live robot hears which others: links between fixed ids, and to the nearest robots."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from typing import Annotated
 
 import numpy as np
@@ -12,18 +13,31 @@ from swarmsim.core.parts import Building, Links, Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 
+Id = Annotated[int, Meta(ge=0)]
+Degree = Annotated[int, Meta(ge=0)]
+
+
+def check_degree(k: int, robots: int) -> None:
+    """Raise InputError unless there are k others for each of so many robots."""
+    if k >= robots:
+        raise InputError(f"k: {k} neighbours asked of {robots} robots; expected at most {robots - 1}")
+
 
 class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot hears its k nearest others: directed, and moving with the robots."""
+    """Each robot hears its k nearest others, moving with the robots: directed, or only where both chose each other.
 
-    k: Annotated[int, Meta(ge=0)]
+    Of others equally far away the one with the lower id is nearer. Of the dead nobody takes notice: everybody hears
+    the k nearest live robots, or all of them once fewer than k others are left.
+    """
 
-    def build(self, setting: Setting, building: Building) -> NearestNeighbourLinks:
+    k: Degree
+    mutual: bool = False
+
+    def build(self, setting: Setting, building: Building) -> NearestNeighbourLinks | MutualNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
-        count = setting.robots.count
-        if self.k >= count:
-            raise InputError(f"k: {self.k} neighbours asked of {count} robots; expected at most {count - 1}")
-        return NearestNeighbourLinks(self.k)
+        check_degree(self.k, setting.robots.count)
+        nearest = NearestNeighbourLinks(self.k)
+        return MutualNeighbourLinks(nearest) if self.mutual else nearest
 
 
 class NearestNeighbourLinks:
@@ -38,41 +52,110 @@ class NearestNeighbourLinks:
         return links
 
 
+class MutualNeighbourLinks:
+    """Those of the links to the nearest that both ends chose: at most k a robot, perhaps none."""
+
+    def __init__(self, nearest: NearestNeighbourLinks) -> None:
+        self._nearest = nearest
+
+    def links(self, state: State) -> Links:
+        """The links of this moment; with each its reverse."""
+        links: Links = graph.mutual(self._nearest.links(state))
+        return links
+
+
 class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Nobody hears anybody."""
 
     def build(self, setting: Setting, building: Building) -> FixedLinks:
         """The topology without links."""
-        return FixedLinks(setting.robots.count, (), closed=False)
+        return FixedLinks(())
 
 
 class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Static: each robot hears those with the next lower and the next higher id; the two ends hear one."""
+    """Static: each robot hears those with the next lower and the next higher id; the two ends hear one.
+
+    A dead robot leaves a gap: the chain is cut in two.
+    """
 
     def build(self, setting: Setting, building: Building) -> FixedLinks:
         """The open chain."""
-        return FixedLinks(setting.robots.count, (-1, 1), closed=False)
+        return FixedLinks(_both_ways((i, i + 1) for i in range(setting.robots.count - 1)))
 
 
 class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Static: the chain with its two ends linked."""
+    """Static: the chain with its two ends linked. A dead robot leaves a gap: the ring opens."""
 
     def build(self, setting: Setting, building: Building) -> FixedLinks:
         """The closed chain."""
-        return FixedLinks(setting.robots.count, (-1, 1), closed=True)
+        count = setting.robots.count
+        return FixedLinks(_both_ways((i, (i + 1) % count) for i in range(count) if count > 1))
+
+
+class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Static: the hub hears everybody, and everybody hears the hub. Once the hub is dead nobody hears anybody."""
+
+    hub: Id = 0
+
+    def build(self, setting: Setting, building: Building) -> FixedLinks:
+        """The star; raises InputError if no robot has the hub's id."""
+        count = setting.robots.count
+        if self.hub >= count:
+            raise InputError(f"hub: there is no robot {self.hub}; expected an id from 0 to {count - 1}")
+        return FixedLinks(_both_ways((self.hub, i) for i in range(count) if i != self.hub))
+
+
+class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Static: the links of a list of pairs [receiver, sender], which may stand in a file: {file = "net.csv"}.
+
+    A dead robot's links are gone, and nobody takes its place.
+    """
+
+    links: tuple[tuple[Id, Id], ...]
+
+    def build(self, setting: Setting, building: Building) -> FixedLinks:
+        """The listed links; raises InputError for a robot that there is not, a robot that hears itself, or a repeat."""
+        count = setting.robots.count
+        first: dict[tuple[int, int], int] = {}
+        for place, link in enumerate(self.links):
+            if max(link) >= count:
+                raise InputError(f"links[{place}]: there is no robot {max(link)}; expected ids from 0 to {count - 1}")
+            if link[0] == link[1]:
+                raise InputError(f"links[{place}]: robot {link[0]} hears itself; expected two different robots")
+            if link in first:
+                raise InputError(f"links[{place}]: {list(link)} repeats links[{first[link]}]; expected each link once")
+            first[link] = place
+        return FixedLinks(self.links)
+
+
+def _both_ways(edges: Iterable[tuple[int, int]]) -> set[tuple[int, int]]:
+    return {link for i, j in edges for link in ((i, j), (j, i))}
 
 
 class FixedLinks:
     """Links between fixed ids; a dead robot leaves a gap, nobody takes its place."""
 
-    def __init__(self, robots: int, offsets: tuple[int, ...], closed: bool) -> None:
-        receivers = np.repeat(np.arange(robots), len(offsets))
-        senders = receivers + np.tile(np.array(offsets, np.int64), robots)
-        if closed:
-            senders %= max(robots, 1)
-        kept = (senders >= 0) & (senders < robots) & (senders != receivers)
-        self._links: Links = np.unique(np.stack([receivers[kept], senders[kept]], axis=1), axis=0).astype(np.int32)
+    def __init__(self, links: Collection[tuple[int, int]]) -> None:
+        self._links: Links = np.array(sorted(links), np.int32).reshape(-1, 2)
 
     def links(self, state: State) -> Links:
         """Those of the links whose two robots are alive."""
-        return self._links[state.alive[self._links].all(axis=1)]
+        links: Links = graph.among_live(self._links, state.alive)
+        return links
+
+
+class Full(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Every live robot hears every other."""
+
+    def build(self, setting: Setting, building: Building) -> AllLinks:
+        """The complete topology."""
+        return AllLinks()
+
+
+class AllLinks:
+    """Links among all live robots."""
+
+    def links(self, state: State) -> Links:
+        """The links of this moment."""
+        links: Links = graph.everybody(state.alive)
+        return links

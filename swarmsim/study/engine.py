@@ -13,6 +13,7 @@ import numpy as np
 from dask.distributed import Client, LocalCluster, as_completed
 
 from swarmsim.build import build
+from swarmsim.changes import ChangeMeasures
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Probe
 from swarmsim.core.scenario import Scenario
@@ -56,10 +57,10 @@ def _failed(task: Task, text: str) -> Row:
 def _simulate(task: Task) -> Row:
     made = build(task.scenario, task.condition, task.world)
     simulation, digests = made.simulation, Digests()
-    behaviour = simulation.parts.behaviour
-    truth, robots = made.arena.occupied, task.scenario.robots.count
-    measures = Measures(made.domain, truth, robots, task.scenario.period, behaviour)
-    probes: list[Probe] = [digests, measures]
+    building, behaviour = simulation.parts.building, simulation.parts.behaviour
+    measures = Measures(building, task.scenario.robots, task.scenario.period, behaviour)
+    changes = ChangeMeasures(building, behaviour)
+    probes: list[Probe] = [digests, measures, changes]
     with ExitStack() as stack:
         if task.recording is not None:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
@@ -72,7 +73,7 @@ def _simulate(task: Task) -> Row:
         seed=task.seed,
         status="finished" if finished else "not finished",
         iterations=simulation.state.iteration,
-        summary=measures.summary(),
+        summary=measures.summary() | changes.summary(),
         curve=measures.curve()[:, 0].astype(np.float32) if task.curves else None,
         digest=digests.total(),
         versions=versions(),

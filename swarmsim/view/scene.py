@@ -126,7 +126,9 @@ class Scene:
 
 
 def _described(table: dict[str, object]) -> str:
-    parameters = [f"{key} = {value}" for key, value in table.items() if key != "use"]
+    long = (bool, list, dict)  # named by their key alone, if at all
+    parameters = [f"{key} = {value}" for key, value in table.items() if key != "use" and not isinstance(value, long)]
+    parameters += [key for key, value in table.items() if value is True]
     return ", ".join([str(table["use"]), *parameters])
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.parts import Box
 from swarmsim.world.boundary import boundary, shares
 from swarmsim.world.cells import Cells, between, flood, grown, richest_piece, rim
 from swarmsim.world.svg import FloorPlan
@@ -139,6 +141,35 @@ class Arena:
                 f"the floor: {named}{', ...' if len(missed) > _NAMED else ''}; "
                 "widen the passage or straighten the wall there"
             )
+        return domain
+
+    def with_boxes(self, boxes: Sequence[Box]) -> Arena:
+        """The same world on the same lattice with boxes standing in it besides; they lie on its page."""
+        walls = shapely.union_all([self.plan.walls, *(shapely.box(*box) for box in boxes)])
+        segments = boundary(walls)
+        plan = replace(self.plan, walls=shapely.multipolygons(shapely.get_parts(walls)))
+        return Arena(self.name, plan, self.lattice, shares(segments, self.lattice) > _SLIVER, segments)
+
+    def still_reachable(self, before: Cells, home: Cells, boxes: Sequence[Box], radius: float) -> Cells:
+        """What the boxes in this world leave of the cells that a robot of `radius` (m) could reach `before`.
+
+        These are 4-connected to one piece, the one with most of the cells of `home`, the spawn area, or the largest
+        where none of that is left; rooms that the boxes cut off are left out. Raises InputError if no cell is left.
+        """
+        fits = before & ~self.occupied
+        centres = self._centres()
+        for left, low, right, high in boxes:
+            aside = np.maximum(np.maximum(left - centres[..., 0], centres[..., 0] - right), 0.0)
+            above = np.maximum(np.maximum(low - centres[..., 1], centres[..., 1] - high), 0.0)
+            fits &= np.hypot(aside, above) >= radius - _TOUCH
+        if not fits.any():
+            raise InputError(f"box: {len(boxes)} boxes leave no place in {self.name} where a robot could stand")
+        return richest_piece(fits, fits & home if (fits & home).any() else fits)
+
+    def domain_left(self, reachable: Cells, observed: Cells) -> Cells:
+        """As `coverage_domain`, but what is never observed is left out instead of refused."""
+        free = (flood(~self.occupied, reachable) >= 0) & observed
+        domain: Cells = free | (grown(free) & self.occupied & observed)
         return domain
 
     def _centres(self) -> NDArray[np.float64]:

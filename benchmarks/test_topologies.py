@@ -1,0 +1,75 @@
+"""What one call of each topology costs, for 15, 100 and 1 000 robots spread over the basilica."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from swarmsim.build import build
+from swarmsim.core import registry
+from swarmsim.core.parts import Setting, Topology
+from swarmsim.core.scenario import Robots, load
+from swarmsim.core.state import State
+from swarmsim.core.streams import Streams
+
+SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
+SIZES = (15, 100, 1000)
+CASES = [  # the topology, and how many links it has among 1 000 robots, at most
+    ({"use": "none"}, 0),
+    ({"use": "knn", "k": 2}, 2_000),
+    ({"use": "knn", "k": 10}, 10_000),
+    ({"use": "knn", "k": 2, "mutual": True}, 2_000),
+    ({"use": "farthest-k", "k": 2}, 2_000),
+    ({"use": "radius", "radius": 1.0}, 20_000),
+    ({"use": "line-of-sight", "radius": 1.0}, 20_000),
+    ({"use": "line-of-sight"}, 999_000),
+    ({"use": "delaunay"}, 6_000),
+    ({"use": "gabriel"}, 6_000),
+    ({"use": "relative-neighbourhood"}, 6_000),
+    ({"use": "random", "p": 0.01}, 12_000),
+    ({"use": "k-random", "k": 2}, 2_000),
+    ({"use": "small-world", "k": 2, "p": 0.1}, 2_000),
+    ({"use": "chain"}, 1_998),
+    ({"use": "ring"}, 2_000),
+    ({"use": "star"}, 1_998),
+    ({"use": "edges", "links": [[0, 1], [1, 2]]}, 2),
+    ({"use": "full"}, 999_000),
+]
+
+
+@pytest.mark.bench
+def test_links_are_quick() -> None:
+    run = build(load(SCENARIO), str(SCENARIO))
+    building, lattice = run.simulation.parts.building, run.arena.lattice
+    free = lattice.centres(np.argwhere(building.domain & ~building.occupied))
+    rng = np.random.default_rng(1)
+    assert {table["use"] for table, _ in CASES} == set(registry.known("topology"))
+    print(f"\n{'ms of one core per call':44}" + "".join(f"{size:>10}" for size in SIZES))
+    for table, most in CASES:
+        costs = []
+        for size in SIZES:
+            setting = Setting(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1))
+            net: Topology = registry.part("topology", table).build(setting, building)
+            pose = np.zeros((size, 3))
+            pose[:, :2] = free[rng.choice(len(free), size, replace=False)]
+            pose[:, :2] += rng.uniform(-0.5, 0.5, (size, 2)) * lattice.cell
+            state = State(1, pose, np.zeros_like(pose), pose[:, :2], np.ones(size, np.bool_))
+            assert len(net.links(state)) <= min(most, size * (size - 1))  # compiles, too
+            costs.append(min(_seconds(net, state) for _ in range(15)))
+        name = ", ".join(str(table["use"]) if key == "use" else f"{key} = {value}" for key, value in table.items())
+        print(f"{name:44}" + "".join(f"{1e3 * cost:10.4f}" for cost in costs))
+
+
+def _seconds(net: Topology, state: State) -> float:
+    """The processor's time for one call, which other programs beside do not count to; over a hundredth of a second."""
+    calls, spent = 1, 0.0
+    while spent < 0.01:
+        calls *= 4
+        begun = time.process_time()
+        for _ in range(calls):
+            net.links(state)
+        spent = time.process_time() - begun
+    return spent / calls

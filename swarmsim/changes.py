@@ -1,0 +1,125 @@
+"""How well the maps follow a building that changes: how late, how stale, and how much is mapped again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.parts import Behaviour, Box, Building
+from swarmsim.core.state import Event, Moment
+
+Cells = NDArray[np.bool_]  # (rows, columns)
+
+
+def boxes_at(events: Iterable[Event], iteration: int) -> list[Box]:
+    """The boxes that stood in the building in an iteration besides its plan, in the order in which they came.
+
+    The cause of an event that changes the building is `box LEFT LOWER RIGHT UPPER stands`, or `... gone`, in m; its
+    iteration is the first one with the change.
+    """
+    boxes: list[Box] = []
+    for event in events:
+        what, *edges, fate = event.cause.split(" ")
+        if what != "box" or len(edges) != 4 or event.iteration > iteration:
+            continue
+        left, low, right, high = map(float, edges)
+        if fate == "stands":
+            boxes.append((left, low, right, high))
+        elif fate == "gone":
+            boxes.remove((left, low, right, high))
+    return boxes
+
+
+@dataclass(slots=True)
+class Change:
+    """One change of the building, and when the maps took notice of it; delays count iterations, 1 is at once."""
+
+    iteration: int  # the first one with the change
+    cells: NDArray[np.int64]  # (c,): row-major, those of the domain that were free and are occupied, or the reverse
+    first: int | None = None  # until the union was right about one of them
+    half: int | None = None  # until it was right about half of them
+    robots: dict[int, int] = field(default_factory=dict)  # until a robot's own map was right about half, by its id
+    right: float = 0.0  # share of the cells that the union was right about when last looked at
+    over: bool = False  # whether another change has touched its cells since, which ends the watch
+
+
+class ChangeMeasures:
+    """A probe that compares the maps with the truth of the moment.
+
+    The union holds a cell for occupied if any robot that observed it does, as in the films.
+    """
+
+    def __init__(self, building: Building, behaviour: Behaviour) -> None:
+        """Both are read at the end of each iteration, when `building` is that of the next one already."""
+        self._building, self._behaviour = building, behaviour
+        self._version = building.version
+        self._truth, self._domain = building.occupied, building.domain
+        self._stale: list[float | None] = []  # since the first change
+        self.changes: list[Change] = []
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        observed, log_odds = self._behaviour.observed, self._behaviour.log_odds
+        if self.changes:
+            self._stale.append(self._stale_share(observed, log_odds))
+        for change in self.changes:
+            if not change.over:
+                self._watch(change, moment.state.iteration, observed, log_odds)
+        if self._version != self._building.version:
+            self._note(moment.state.iteration + 1)
+
+    def _stale_share(self, observed: Cells, log_odds: NDArray[np.float32]) -> float | None:
+        known = observed.any(axis=0) & self._domain
+        wrong = known & ((observed & (log_odds > 0.0)).any(axis=0) != self._truth)
+        count = int(np.count_nonzero(known))
+        return int(np.count_nonzero(wrong)) / count if count else None
+
+    def _watch(self, change: Change, iteration: int, observed: Cells, log_odds: NDArray[np.float32]) -> None:
+        cells, delay = change.cells, iteration - change.iteration + 1
+        known = observed.reshape(len(observed), -1)[:, cells]
+        occupied = known & (log_odds.reshape(len(observed), -1)[:, cells] > 0.0)
+        truth = self._truth.reshape(-1)[cells]
+        right = np.count_nonzero(known.any(axis=0) & (occupied.any(axis=0) == truth))
+        change.right = int(right) / len(cells)
+        if change.first is None and right > 0:
+            change.first = delay
+        if change.half is None and 2 * right >= len(cells):
+            change.half = delay
+        own = np.count_nonzero(known & (occupied == truth), axis=1)
+        for robot in np.flatnonzero(2 * own >= len(cells)).tolist():
+            change.robots.setdefault(robot, delay)
+
+    def _note(self, iteration: int) -> None:
+        """Watch the cells that have changed; what was changed once more is not watched for the earlier change."""
+        building, self._version = self._building, self._building.version
+        changed = building.occupied != self._truth
+        for change in self.changes:
+            change.over |= bool(changed.reshape(-1)[change.cells].any())
+        cells = np.flatnonzero(changed & building.domain)
+        if len(cells):
+            self.changes.append(Change(iteration, cells))
+        self._truth, self._domain = building.occupied, building.domain
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The run in numbers; docs/buildings.md defines each. None where a number is not defined."""
+        changes = self.changes
+        stale = [share for share in self._stale if share is not None]
+        watched = len(changes) * len(self._behaviour.observed)
+        return {
+            "changes": len(changes),
+            "changes_detected": sum(change.half is not None for change in changes),
+            "detection_first": _mean([change.first for change in changes if change.first is not None]),
+            "detection_half": _mean([change.half for change in changes if change.half is not None]),
+            "robot_detection_half": _mean([delay for change in changes for delay in change.robots.values()]),
+            "robots_detected": sum(len(change.robots) for change in changes) / watched if watched else None,
+            "stale_mean": _mean(stale),
+            "stale_end": self._stale[-1] if self._stale else None,
+            "remapped_share": _mean([change.right for change in changes]),
+        }
+
+
+def _mean(values: list[float] | list[int]) -> float | None:
+    return float(np.mean(values)) if values else None

@@ -1,0 +1,36 @@
+"""The verb that puts runs side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swarmsim.cli.tables import print_table
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, the reference first.")],
+    plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without ending.")] = None,
+) -> None:
+    """Print what faults cost: each run beside the first, and plot their coverage.
+
+    Example: swarmsim compare runs/sound runs/faulty --plot runs/cost
+    """
+    from swarmsim.core.errors import InputError
+    from swarmsim.recording import Recording
+    from swarmsim.study import comparison
+
+    if len(runs) < 2:
+        raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")
+    opened = [Recording(run) for run in runs]
+    for run, recording in zip(runs, opened, strict=True):
+        if not recording.iterations:
+            raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
+    names = [str(run) for run in runs]
+    costs = [comparison.cost(name, recording, opened[0]) for name, recording in zip(names, opened, strict=True)]
+    print_table("against " + names[0], comparison.HEAD, comparison.lines(costs))
+    if plot is not None:
+        for path in comparison.draw(costs, plot):
+            print(path)

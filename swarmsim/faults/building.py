@@ -1,0 +1,276 @@
+"""Faults of the building: doors, furniture and rubble, which are boxes that come and go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Protocol
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Box, Motion, Parts, Setting
+from swarmsim.core.state import Event, State
+from swarmsim.faults.timeline import Duration, Iteration, Share
+
+_TRIES = 100  # places drawn for a piece of rubble before it stays where it was
+_STRIDE = 2.9  # cells: a diagonal leg of a walker's way, and the diagonal of a cell that the box may just touch
+
+
+class Scheduled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The keys that every change of the building has. One of `at` and `coverage` says when."""
+
+    at: Iteration | None = None  # the first iteration with the change
+    coverage: Share | None = None  # it comes once the swarm has mapped this share of the domain
+    every: Duration | None = None  # iterations from one change to the next of its kind; default: never again
+    lasts: Duration | None = None  # iterations with the change; default: for good
+
+
+class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A doorway that is closed by a box; it opens again when the change ends."""
+
+    box: Box  # m: left, lower, right, upper
+
+    def build(self, setting: Setting, number: int) -> ChangingBuilding:
+        """The fault. Raises InputError for keys that contradict each other."""
+        layout = Fixed(("door closed", "door opened"), (), (("box", self.box),))
+        return ChangingBuilding(Schedule(self, again=False), layout, setting)
+
+
+class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A box that is put into the building, or that stands there from the start and is moved `to` another place."""
+
+    box: Box  # m: left, lower, right, upper
+    to: Box | None = None  # m: where it is moved, and from where it returns when the change ends
+
+    def build(self, setting: Setting, number: int) -> ChangingBuilding:
+        """The fault. Raises InputError for keys that contradict each other."""
+        before = (("box", self.box),) if self.to else ()
+        after = (("to", self.to),) if self.to else (("box", self.box),)
+        layout = Fixed(("furniture placed", "furniture taken"), before, after)
+        return ChangingBuilding(Schedule(self, again=False), layout, setting)
+
+
+class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Boxes of random size that fall at random places of a region, never on anybody; they may cut rooms off."""
+
+    region: Box  # m: left, lower, right, upper
+    count: Annotated[int, Meta(ge=1, le=1000)] = 1  # boxes at a time
+    size: tuple[Annotated[float, Meta(gt=0.0)], Annotated[float, Meta(gt=0.0)]] = (0.15, 0.5)  # m: least, largest side
+
+    def build(self, setting: Setting, number: int) -> ChangingBuilding:
+        """The fault. Raises InputError for boxes that the region cannot hold."""
+        left, low, right, high = self.region
+        least, most = self.size
+        if not least <= most <= min(right - left, high - low):
+            raise InputError(
+                f"size: {least:g} to {most:g} m in a region of {right - left:g} m x {high - low:g} m; expected the "
+                "least side first, and no more than the region's sides"
+            )
+        return ChangingBuilding(Schedule(self, again=True), Falling(self, setting, number), setting)
+
+
+class Schedule:
+    """When a change is there: strikes, counted from 0, each of which lasts for a while or for good."""
+
+    def __init__(self, change: Scheduled, *, again: bool) -> None:
+        """`again` allows strikes while another lasts. Raises InputError for keys that contradict each other."""
+        if (change.at is None) == (change.coverage is None):
+            raise InputError("at: expected either at or coverage to say when")
+        if change.every is not None and not again and (change.lasts is None or change.lasts >= change.every):
+            raise InputError(f"every: {change.every} iterations, but it does not end before; expected a shorter lasts")
+        self._change = change
+        self._since: int | None = None  # the iteration of the first strike
+
+    def strikes(self, now: int, coverage: float) -> range:
+        """The numbers of the strikes that last in iteration `now`, with this share (0 to 1) of the domain mapped."""
+        change = self._change
+        due = now >= change.at if change.at is not None else coverage >= (change.coverage or 0.0)
+        if self._since is None and due:
+            self._since = now
+        if self._since is None:
+            return range(0)
+        elapsed = now - self._since
+        every = change.every or elapsed + 1
+        over = 0 if change.lasts is None or elapsed < change.lasts else (elapsed - change.lasts) // every + 1
+        return range(over, elapsed // every + 1)
+
+
+class Layout(Protocol):
+    """Which boxes a change wants to stand where."""
+
+    @property
+    def words(self) -> tuple[str, str]:
+        """What the events say of a box that comes, and of one that goes."""
+        ...
+
+    @property
+    def places(self) -> tuple[tuple[str, Box], ...]:
+        """Where it can put boxes, each with the key that says so."""
+        ...
+
+    def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
+        """The boxes of these strikes, none of which was over before; `clear` tells whether nobody is in a place."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """The boxes before and during a strike."""
+
+    words: tuple[str, str]
+    before: tuple[tuple[str, Box], ...]
+    during: tuple[tuple[str, Box], ...]
+
+    @property
+    def places(self) -> tuple[tuple[str, Box], ...]:
+        """All of them."""
+        return self.before + self.during
+
+    def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
+        """One of the two."""
+        return tuple(box for _, box in (self.during if strikes else self.before))
+
+
+class Falling:
+    """Boxes drawn anew for each strike, from a stream of its own."""
+
+    words = ("rubble fell", "rubble cleared")
+
+    def __init__(self, rubble: Rubble, setting: Setting, number: int) -> None:
+        self._rubble, self._streams, self._purpose = rubble, setting.streams, f"fault {number} rubble"
+        self._fallen: dict[int, tuple[Box, ...]] = {}
+
+    @property
+    def places(self) -> tuple[tuple[str, Box], ...]:
+        """The region."""
+        return (("region", self._rubble.region),)
+
+    def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
+        """What has fallen and not been cleared away."""
+        for strike in strikes:
+            if strike not in self._fallen:
+                self._fallen[strike] = self._fall(strike, clear)
+        return tuple(box for strike in strikes for box in self._fallen[strike])
+
+    def _fall(self, strike: int, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
+        """The boxes of one strike, in whole millimetres; one that finds nothing but bodies under it does not fall."""
+        rubble = self._rubble
+        boxes: list[Box] = []
+        left, low, right, high = rubble.region
+        for number in range(rubble.count):
+            stream = self._streams.open(f"{self._purpose} {strike}", number)
+            for _ in range(_TRIES):
+                width, height = stream.uniform(*rubble.size, size=2).tolist()
+                x, y = stream.uniform((left, low), (right - width, high - height)).tolist()
+                box = (
+                    max(round(x, 3), left), max(round(y, 3), low),
+                    min(round(x + width, 3), right), min(round(y + height, 3), high),
+                )  # fmt: skip
+                if clear(box):
+                    boxes.append(box)
+                    break
+        return tuple(boxes)
+
+
+@dataclass(frozen=True, slots=True)
+class ChangingBuilding:
+    """A building in which a layout's boxes come and go on a schedule."""
+
+    schedule: Schedule
+    layout: Layout
+    setting: Setting
+
+    def install(self, parts: Parts) -> Parts:
+        """The parts with the bodies wrapped. Raises InputError for boxes that cannot stand in this building."""
+        for key, box in self.layout.places:
+            parts.building.check(box, key)
+        builder = Builder(parts, self)
+        builder.advance(parts.bodies.state())
+        return replace(parts, bodies=builder)
+
+
+class Builder:
+    """Bodies that let the building change whenever they have been driven, where nobody is in the way."""
+
+    def __init__(self, parts: Parts, change: ChangingBuilding) -> None:
+        self._inner, self._parts, self._change = parts.bodies, parts, change
+        self._standing: tuple[Box, ...] = ()
+        self._waits = False
+
+    def advance(self, state: State) -> None:
+        """Make the change that is due in the iteration of `state`, as a whole and once all of its places are clear."""
+        building, report, change = self._parts.building, self._parts.report, self._change
+        strikes = change.schedule.strikes(state.iteration, report.coverage)
+        wanted = change.layout.wanted(strikes, self._is_clear)
+        if wanted == self._standing:
+            self._waits = False
+            return
+        gone = [box for box in self._standing if box not in wanted]
+        come = [box for box in wanted if box not in self._standing]
+        comes, goes = change.layout.words
+        blocked = [box for box in come if not self._is_clear(box)]
+        if blocked:
+            if not self._waits:
+                report.events.append(Event(state.iteration, -1, f"{comes.split()[0]} waits", told(blocked[0], "waits")))
+            self._waits = True
+            return
+        boxes = list(building.boxes)
+        for box in gone:
+            boxes.remove(box)
+        building.rebuild((*boxes, *come))
+        self._standing, self._waits = wanted, False
+        report.events.extend(Event(state.iteration, -1, goes, told(box, "gone")) for box in gone)
+        report.events.extend(Event(state.iteration, -1, comes, told(box, "stands")) for box in come)
+
+    def _is_clear(self, box: Box) -> bool:
+        """Whether no body would be in a box, nor meet it on the step that it is taking."""
+        building, setting = self._parts.building, self._change.setting
+        pose = self._inner.state().pose[self._inner.solid]
+        walkers = building.walkers()
+        room = walkers[:, 2] + _STRIDE * setting.lattice.cell
+        robots = (_distance(box, pose) >= setting.robots.radius).all()
+        return bool(robots and (_distance(box, walkers) >= room).all())
+
+    def drive(self, motion: Motion, period: float) -> State:
+        """The state one period later, in the building of the next iteration."""
+        state = self._inner.drive(motion, period)
+        self.advance(state)
+        return state
+
+    def state(self) -> State:
+        """The state now."""
+        return self._inner.state()
+
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """Whose bodies (n,) are in the world."""
+        return self._inner.solid
+
+    def remove(self, robots: NDArray[np.int64]) -> None:
+        """Take robots out of the world."""
+        self._inner.remove(robots)
+
+    def crash(self, robots: NDArray[np.int64]) -> None:
+        """Let robots stand as obstacles."""
+        self._inner.crash(robots)
+
+    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
+        """Put robots back into the world."""
+        self._inner.place(robots, pose)
+
+
+def told(box: Box, what: str) -> str:
+    """A box as the cause of an event tells it: `box 3 4 5 6 stands`."""
+    return f"box {' '.join(f'{edge:.10g}' for edge in box)} {what}"
+
+
+def _distance(box: Box, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The distance (k,) in m of a box from each of `places` (k, 2 or more: x, y); 0 inside."""
+    left, low, right, high = box
+    x, y = places[:, 0], places[:, 1]
+    aside = np.maximum(np.maximum(left - x, x - right), 0.0)
+    above = np.maximum(np.maximum(low - y, y - high), 0.0)
+    return np.asarray(np.hypot(aside, above))

@@ -1,0 +1,226 @@
+"""Faults of localisation: robots that are not where they believe to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+import shapely
+from msgspec import Meta
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.parts import Building, Motion, Parts, Setting, WheelSpeeds
+from swarmsim.core.parts import Localisation as LocalisationPart
+from swarmsim.core.state import Intents, State, Tiles
+from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.timeline import Robots, Timed, Timeline, described
+from swarmsim.network import chance
+
+TOUCH = 1e-9  # m: how far into a wall a disc may reach that touches it, by rounding
+
+Offset = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Spread = Annotated[float, Meta(gt=0.0, le=1e6)]
+
+
+class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The robot errs about its pose: it maps and tells its tiles where it believes to be, and steers by that.
+
+    `bias`: the estimate is wrong by `dx`, `dy` and `dyaw`. `drift`: the error grows by so much in every iteration
+    and, besides, as a random walk whose steps have the standard deviations `sigma` in x and y and `sigma_yaw`.
+    `kidnap`: the robot is put somewhere else, heading anywhere, and does not notice. When it ends, the estimate is
+    right again. Tiles are put whole cells aside and never turned: a compass tells their orientation, and a kidnapped
+    robot's heading.
+    """
+
+    failure: Literal["bias", "drift", "kidnap"]
+    dx: Offset | None = None  # for bias: m; for drift: m per iteration
+    dy: Offset | None = None  # for bias: m; for drift: m per iteration
+    dyaw: Offset | None = None  # for bias: rad; for drift: rad per iteration
+    sigma: Spread | None = None  # for drift: m per square root of an iteration
+    sigma_yaw: Spread | None = None  # for drift: rad per square root of an iteration
+
+    def build(self, setting: Setting, number: int) -> TimedFault:
+        """The fault; raises InputError for a key that its failure lacks or does not have."""
+        constant, random = ("dx", "dy", "dyaw"), ("sigma", "sigma_yaw")
+        own = {"bias": constant, "drift": (*constant, *random), "kidnap": ()}[self.failure]
+        given = [key for key in (*constant, *random) if getattr(self, key) is not None]
+        for key in given:
+            if key not in own:
+                right = "failure = 'drift'" + (" or 'bias'" if key in constant else "")
+                raise InputError(f"{key}: localisation with {self.failure!r} has none; expected {right}")
+        if own and not any(getattr(self, key) for key in given):
+            raise InputError(f"{own[0]}: no error is given; expected a number other than 0 for {' or '.join(own)}")
+        return TimedFault(
+            Timeline(self, setting, number), self._effect(setting, number), described(self, "localisation")
+        )
+
+    def _effect(self, setting: Setting, number: int) -> Misplacement:
+        constant = np.array([self.dx or 0.0, self.dy or 0.0, self.dyaw or 0.0])
+        if self.failure == "kidnap":
+            return Kidnapping(setting, number)
+        if self.failure == "bias":
+            return Bias(setting, constant)
+        spread = np.array([self.sigma or 0.0, self.sigma or 0.0, self.sigma_yaw or 0.0])
+        stream = setting.streams.open(f"fault localisation {number}")
+        return Drift(setting, constant, spread, int(stream.integers(0, 2**64, dtype=np.uint64)))
+
+
+class Misplacement(Lasting):
+    """Wraps localisation and motion: both are given poses with an error, which is 0 until the fault begins."""
+
+    def __init__(self, failure: str, setting: Setting) -> None:
+        self.words = (f"localisation {failure}", f"localisation {failure} over")
+        self._lattice = setting.lattice
+        #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
+        self.error: NDArray[np.float64] = np.zeros((setting.robots.count, 3))
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The parts with localisation and motion wrapped."""
+        belief = Belief(self.error, active, self._lattice)
+        localisation = WrongLocalisation(parts.localisation, self, belief, self._lattice)
+        return replace(parts, localisation=localisation, motion=MisledMotion(parts.motion, belief))
+
+    def grow(self, iteration: int, robots: Robots) -> None:
+        """Let the error of these robots (r,) become that of an iteration."""
+
+    def end(self, robots: Robots, state: State) -> Robots:
+        """Their estimates are right again."""
+        self.error[robots] = 0.0
+        return robots
+
+
+class Bias(Misplacement):
+    """An error that stays."""
+
+    def __init__(self, setting: Setting, constant: NDArray[np.float64]) -> None:
+        super().__init__("bias", setting)
+        self._constant = constant
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """All of the error is there at once."""
+        self.error[robots] = self._constant
+
+
+class Drift(Misplacement):
+    """An error that grows, from the first iteration on, by a constant and by normal steps."""
+
+    def __init__(self, setting: Setting, constant: NDArray[np.float64], spread: NDArray[np.float64], salt: int) -> None:
+        super().__init__("drift", setting)
+        self._constant, self._spread, self._salt = constant, spread, salt
+
+    def grow(self, iteration: int, robots: Robots) -> None:
+        """One more step each, drawn for the robot and the iteration."""
+        steps = chance.normal(self._salt, iteration, robots[:, None], np.arange(3))
+        self.error[robots] += self._constant + self._spread * steps
+
+
+class Kidnapping(Misplacement):
+    """An error as large as the way that robots have been carried."""
+
+    def __init__(self, setting: Setting, number: int) -> None:
+        super().__init__("kidnap", setting)
+        self._radius = setting.robots.radius
+        self._streams = [setting.streams.open(f"fault localisation {number}", i) for i in range(setting.robots.count)]
+        self._version = -1  # of the building whose places these are
+        self._places = np.empty((0, 2))
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The parts with localisation and motion wrapped; bodies can be carried as they are."""
+        self._bodies, self._building = parts.bodies, parts.building
+        return super().wrap(parts, active)
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """Live robots are put to random places among those that all of them could reach; without any, they stay."""
+        if self._version != self._building.version:
+            self._version = self._building.version
+            self._places = landing_places(self._building, self._lattice, self._radius)
+        for robot in robots[state.alive[robots]]:
+            stream = self._streams[robot]
+            order, yaw = stream.permutation(len(self._places)), stream.uniform(-np.pi, np.pi)
+            # Drawing among all places until one is free keeps the draw independent of where the others are.
+            free = order[self._is_free()[order]]
+            if len(free):
+                before, place = self._bodies.state().pose[robot, :2], self._places[free[0]]
+                self._bodies.remove(np.array([robot]))
+                self._bodies.place(np.array([robot]), np.array([[*place, yaw]]))
+                self.error[robot, :2] = before - place
+
+    def _is_free(self) -> NDArray[np.bool_]:
+        """Which of the places touch neither robots nor people."""
+        bodies = self._bodies.state().pose[self._bodies.solid, :2]
+        discs = np.concatenate(
+            [np.column_stack([bodies, np.full(len(bodies), self._radius)]), self._building.walkers()]
+        )
+        apart = np.hypot(*(self._places[:, None] - discs[:, :2]).transpose(2, 0, 1))
+        return np.asarray((apart >= self._radius + discs[:, 2]).all(axis=1))
+
+
+def landing_places(building: Building, lattice: Lattice, radius: float) -> NDArray[np.float64]:
+    """The centres (c, 2) in m of the cells in which a disc of `radius` (m) can stand, and which it can get to.
+
+    These are the free cells of the coverage domain whose centres are no nearer to any wall than the radius and that
+    hang together, edge to edge, with such a cell of the entrance.
+    """
+    fits = building.domain & ~building.occupied
+    walls = shapely.multilinestrings(building.walls.reshape(-1, 2, 2)) if len(building.walls) else shapely.Point()
+    shapely.prepare(walls)
+    fits[fits] = ~shapely.dwithin(shapely.points(lattice.centres(np.argwhere(fits))), walls, radius - TOUCH)
+    pieces, _ = ndimage.label(fits)
+    entrance = pieces[tuple(lattice.cells(building.entrance).T)]
+    return lattice.centres(np.argwhere(fits & np.isin(pieces, entrance)))
+
+
+class Belief:
+    """Where robots believe to be: their poses with their errors, but never off the lattice of their maps."""
+
+    def __init__(self, error: NDArray[np.float64], active: NDArray[np.bool_], lattice: Lattice) -> None:
+        """`error` (n, 3) and `active` (n,) are live views; rows that are not active pass unchanged."""
+        self._error, self.active = error, active
+        left, right, low, high = lattice.extent
+        # By a millionth of a cell inside, so that rounding never finds the cell beyond the edge.
+        inset = 1e-6 * lattice.cell
+        self._low, self._high = np.array([left, low]) + inset, np.array([right, high]) - inset
+
+    def of(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The poses (n, 3) believed of these true ones."""
+        if not self.active.any():
+            return pose
+        believed = pose + self._error
+        believed[:, :2] = np.clip(believed[:, :2], self._low, self._high)
+        return np.where(self.active[:, None], believed, pose)
+
+
+class WrongLocalisation:
+    """Localisation whose estimates err; each tile is moved by as many cells as its robot errs."""
+
+    def __init__(self, inner: LocalisationPart, source: Misplacement, belief: Belief, lattice: Lattice) -> None:
+        self._inner, self._source, self._belief, self._lattice = inner, source, belief, lattice
+
+    def locate(self, state: State, tiles: Tiles) -> tuple[NDArray[np.float64], Tiles]:
+        """The estimates and the tiles, with the errors of this iteration; to be asked once in each."""
+        pose, tiles = self._inner.locate(state, tiles)
+        if not self._belief.active.any():
+            return pose, tiles
+        self._source.grow(state.iteration, np.flatnonzero(self._belief.active))
+        believed = self._belief.of(pose)
+        aside = self._lattice.cells(believed[:, :2]) - self._lattice.cells(pose[:, :2])
+        return believed, Tiles(tiles.values, (tiles.origins + aside).astype(np.int32))
+
+
+class MisledMotion:
+    """Motion that steers by where robots believe to be."""
+
+    def __init__(self, inner: Motion, belief: Belief) -> None:
+        self._inner, self._belief = inner, belief
+
+    def follow(self, intents: Intents) -> None:
+        """Take up new intents."""
+        self._inner.follow(intents)
+
+    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
+        """The wheel speeds wanted at the poses believed of these."""
+        return self._inner.command(self._belief.of(pose))

@@ -1,0 +1,157 @@
+"""People who walk about among the robots, and never into them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Parts, Setting
+from swarmsim.kernels import grid, walk
+
+_TRIES = 8  # destinations that somebody thinks of before resting
+
+
+class People(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Discs that walk between random places of the floor, on shortest ways, all through the run.
+
+    They see robots and each other, and stand while somebody is in their way. Beams end at them, so that maps hold
+    them for occupied where they were; the truth is the building without them.
+    """
+
+    count: Annotated[int, Meta(ge=1, le=1000)] = 1
+    radius: Annotated[float, Meta(gt=0.0)] = 0.2  # m
+    speed: Annotated[float, Meta(gt=0.0)] = 0.3  # m/s
+    patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step until somebody thinks of another place
+
+    def build(self, setting: Setting, number: int) -> Visit:
+        """The fault."""
+        return Visit(self, setting, number)
+
+
+class Visit:
+    """Lets people into the building."""
+
+    def __init__(self, people: People, setting: Setting, number: int) -> None:
+        self._people, self._setting, self._number = people, setting, number
+
+    def install(self, parts: Parts) -> Parts:
+        """The same parts, with people in their building. Raises InputError if it has no room for them."""
+        parts.building.admit(Walkers(self._people, self._setting, self._number, parts))
+        return parts
+
+
+class Walkers:
+    """A crowd whose ways lead through cells that no wall touches."""
+
+    def __init__(self, people: People, setting: Setting, number: int, parts: Parts) -> None:
+        self._people, self._building, self._lattice = people, parts.building, setting.lattice
+        self._radius, self._speed = setting.robots.radius, setting.robots.speed
+        count, cells = people.count, setting.lattice.rows * setting.lattice.columns
+        self._streams = [setting.streams.open(f"fault {number} people", person) for person in range(count)]
+        self._scratch = grid.scratch(cells)
+        self._path = np.zeros(cells, np.int32)
+        self._cells = [np.zeros(0, np.int64)] * count  # of everybody's way, row-major ...
+        self._ways = np.zeros((count, 1, 2))  # ... and their centres, in m
+        self._counts, self._cursor = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        self._waited = np.zeros(count)  # s
+        self._rests = np.zeros(count, np.bool_)
+        self._velocity = np.zeros((count, 2))
+        under = grid.footprint(people.radius / setting.lattice.cell)
+        x0, y0, cell = setting.lattice.x0, setting.lattice.y0, setting.lattice.cell
+        self._rules = grid.Rules(x0, y0, cell, under, 0, 8, True, 1, 1)
+        self._look_around()
+        floor = parts.building.domain & ~parts.building.occupied
+        self._places = np.flatnonzero(floor & self._standable(under))
+        self.discs: NDArray[np.float64] = np.zeros((0, 3))  # x, y, radius in m; a live view
+        self._enter(parts)
+        # The cells, row-major, at the two ends of the leg that somebody is on: the one to retreat to, the one ahead.
+        here = (setting.lattice.cells(self.discs[:, :2]) * (setting.lattice.columns, 1)).sum(axis=1)
+        self._leg = np.stack([here, here], axis=1)
+
+    def _look_around(self) -> None:
+        """Take up the building of this moment."""
+        occupied = self._building.occupied[None]
+        never = np.zeros(occupied.shape, np.int32)
+        log_odds = np.where(occupied, np.float32(1.0), np.float32(-1.0))
+        self._maps = grid.Maps(log_odds, np.ones_like(occupied), never, never)
+        self._version = self._building.version
+
+    def _standable(self, under: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """The cells (rows, columns) in whose centre somebody touches no occupied cell."""
+        reach = int(np.abs(under).max())
+        rows, columns = self._lattice.shape
+        wide = np.pad(self._building.occupied, reach)
+        blocked = [wide[reach + r : reach + r + rows, reach + c : reach + c + columns] for r, c in under]
+        return np.asarray(~np.logical_or.reduce(blocked))
+
+    def _enter(self, parts: Parts) -> None:
+        """Put everybody where nobody is. Raises InputError if there is no such place."""
+        people, robots = self._people, parts.bodies.state().pose[parts.bodies.solid]
+        bodies = np.column_stack([robots[:, :2], np.full(len(robots), self._radius)])
+        bodies = np.concatenate([bodies, parts.building.walkers()])
+        for person, stream in enumerate(self._streams):
+            centres = self._centres(self._places)
+            apart = np.hypot(*(centres[:, None] - bodies[:, :2]).transpose(2, 0, 1)) - bodies[:, 2]
+            free = centres[(apart > people.radius + self._lattice.cell).all(axis=1)]
+            if len(free) == 0:
+                raise InputError(
+                    f"count: the floor has room for {person} people of radius {people.radius:g} m at the start, not "
+                    f"{people.count}; expected fewer or thinner ones"
+                )
+            bodies = np.concatenate([bodies, [[*free[stream.integers(len(free))], people.radius]]])
+        self.discs = bodies[-people.count :].copy()
+
+    def _centres(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The centres (k, 2) of cells (k,) given by their row-major index."""
+        return self._lattice.centres(np.stack(np.divmod(cells, self._lattice.columns), axis=-1))
+
+    def walk(self, pose: NDArray[np.float64], solid: NDArray[np.bool_], dt: float) -> NDArray[np.float64]:
+        """Let everybody take the step of one sub-step; gives the velocities."""
+        if self._version != self._building.version:
+            self._look_around()
+            self._waited[:] = np.inf
+        arrived = (self._cursor >= self._counts) & ~self._rests
+        for person in np.flatnonzero((self._waited >= self._people.patience) | arrived):
+            self._set_off(int(person))
+        walk.walk(
+            self.discs,
+            self._ways,
+            self._counts,
+            self._cursor,
+            self._waited,
+            self._people.speed,
+            pose,
+            solid,
+            self._radius,
+            self._speed * dt,  # what a robot may come nearer in the same time
+            dt,
+            self._velocity,
+        )
+        return self._velocity
+
+    def _set_off(self, person: int) -> None:
+        """Plan a way to a random place, or rest where there is none.
+
+        It starts with a retreat to where the present leg began, away from whoever is in the way.
+        """
+        cursor, cells = self._cursor[person], self._cells[person]
+        if cursor > 0:
+            self._leg[person] = cells[cursor - 1], cells[min(cursor, len(cells) - 1)]
+        else:
+            self._leg[person] = self._leg[person, ::-1]
+        here, steps = int(self._leg[person, 0]), 0
+        for goal in self._streams[person].choice(self._places, _TRIES):
+            steps = grid.a_star(self._maps, 0, 1, self._rules, here, int(goal), self._scratch, self._path)
+            if steps > 1:
+                break
+        self._rests[person] = steps <= 1
+        self._cells[person] = self._path[: steps * (steps > 1)].astype(np.int64)
+        way = self._centres(self._cells[person])
+        if len(way) > self._ways.shape[1]:
+            self._ways = np.pad(self._ways, ((0, 0), (0, len(way) - self._ways.shape[1]), (0, 0)))
+        self._ways[person, : len(way)] = way
+        self._counts[person], self._cursor[person], self._waited[person] = len(way), 0, 0.0

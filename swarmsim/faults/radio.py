@@ -1,0 +1,279 @@
+"""Faults of radios: robots that fall silent or deaf, lose or delay messages, and places that are jammed or cut off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Box, Channel, Links, Parts, Setting
+from swarmsim.core.state import Delivery, Letters, State
+from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline, described
+from swarmsim.network import chance
+from swarmsim.network.channel import but_lost, in_order, letters
+
+Group = Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)]
+
+
+class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Messages get lost or come late.
+
+    `transmit`: nothing is sent; `receive`: nothing is heard; `off`: neither. `loss`: each message sent or heard by
+    the robots struck is lost with the probability `loss`. `delay`: it arrives so many iterations later than it would.
+    These strike robots, as their keys say. The following strike the network, and have no keys that say whom: `jam`:
+    whoever is inside `area` at that moment neither sends nor hears. `partition`: nothing passes between `groups` of
+    ids (those that none names are one more), or between robots that are on different sides of `x` or `y` when it
+    begins. A message that is under way meets what happens when it would arrive.
+    """
+
+    failure: Literal["transmit", "receive", "off", "loss", "delay", "jam", "partition"]
+    loss: Share | None = None  # for loss: probability
+    delay: Duration | None = None  # for delay: iterations
+    area: Box | None = None  # for jam: left, lower, right, upper in m
+    groups: list[Group] | None = None  # for partition: ids
+    x: float | None = None  # for partition: m
+    y: float | None = None  # for partition: m
+
+    def build(self, setting: Setting, number: int) -> TimedFault:
+        """The fault; raises InputError for keys that contradict each other, its failure or the swarm."""
+        _check(self, setting.robots.count)
+        of_robots = self.failure not in ("jam", "partition")
+        course = Timeline(self, setting, number) if of_robots else Occasions(self, setting, number)
+        return TimedFault(course, _disturbance(self, setting, number), described(self, "radio"))
+
+
+def _check(fault: Radio, robots: int) -> None:
+    own = {"loss": "loss", "delay": "delay", "area": "jam", "groups": "partition", "x": "partition", "y": "partition"}
+    given = [key for key in own if getattr(fault, key) is not None]
+    for key in given:
+        if own[key] != fault.failure:
+            raise InputError(f"{key}: a radio with {fault.failure!r} has none; expected failure = {own[key]!r}")
+    needed = [key for key in own if own[key] == fault.failure]
+    if needed and not given:
+        raise InputError(f"{needed[0]}: required key is missing; expected {' or '.join(needed)}")
+    if len(given) > 1:
+        raise InputError(f"{given[1]}: {given[0]} says where the network parts already; expected one of them")
+    if fault.area is not None and not (fault.area[0] < fault.area[2] and fault.area[1] < fault.area[3]):
+        raise InputError(f"area: {list(fault.area)} has no size; expected [left, lower, right, upper] in m")
+    if fault.groups is not None:
+        _check_groups(fault.groups, robots)
+    if fault.failure in ("jam", "partition"):
+        for key in ("life", "robots", "count", "share", "choose", "point", "region", "keep"):
+            if getattr(fault, key) != _default(key):
+                raise InputError(f"{key}: {fault.failure!r} strikes the network, not robots; expected no such key")
+
+
+def _default(key: str) -> object:
+    return next(field.default for field in msgspec.structs.fields(Timed) if field.name == key)
+
+
+def _check_groups(groups: list[Group], robots: int) -> None:
+    ids = [robot for group in groups for robot in group]
+    for place, robot in enumerate(ids):
+        if robot >= robots:
+            raise InputError(f"groups: there is no robot {robot}; expected ids from 0 to {robots - 1}")
+        if robot in ids[:place]:
+            raise InputError(f"groups: robot {robot} is named twice; expected each id once")
+    if len(groups) == 1 and len(ids) == robots:
+        raise InputError("groups: everybody is in one; expected two groups or more")
+
+
+def _disturbance(fault: Radio, setting: Setting, number: int) -> Disturbance:
+    if fault.loss is not None:
+        stream = setting.streams.open(f"fault radio {number}")
+        return Loss(fault.loss, int(stream.integers(0, 2**64, dtype=np.uint64)))
+    if fault.delay is not None:
+        return Delay(fault.delay)
+    if fault.area is not None:
+        return Jam(fault.area)
+    if fault.failure == "partition":
+        return Partition(fault, setting.robots.count)
+    return Silence(fault.failure)
+
+
+class Occasions:
+    """When a fault of the whole network is there: then everybody has it, and its events name nobody."""
+
+    def __init__(self, fault: Timed, setting: Setting, number: int) -> None:
+        # The network takes the part of the only robot that there is to strike.
+        alone = replace(setting, robots=msgspec.structs.replace(setting.robots, count=1))
+        self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone, number)
+        #: Who has the fault (n,): everybody or nobody; a live view.
+        self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
+
+    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
+        """Move on to the iteration of `state`; gives [-1] for a beginning and for an end, else nothing."""
+        network = State(state.iteration, np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 2)), np.ones(1, np.bool_))
+        begins, ends = self._timeline.advance(network, parts)
+        self.active[:] = self._timeline.active[0]
+        return begins - 1, ends - 1
+
+
+class Disturbance(Lasting):
+    """Wraps the channel, together with all other disturbances; this one does nothing to any message."""
+
+    reason = ""  # why messages are lost
+
+    def __init__(self, failure: str) -> None:
+        self.words = (f"radio {failure}", f"radio {failure} over")
+        self._active: NDArray[np.bool_] = np.zeros(0, np.bool_)
+
+    @property
+    def active(self) -> bool:
+        """Whether anybody has the fault in this iteration."""
+        return bool(self._active.any())
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The parts with the channel wrapped, once for all disturbances."""
+        self._active = active
+        channel = parts.channel
+        if isinstance(channel, DisturbedChannel):
+            return replace(parts, channel=DisturbedChannel(channel.inner, (*channel.disturbances, self)))
+        return replace(parts, channel=DisturbedChannel(channel, (self,)))
+
+    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+        """Which of the messages (m, 4) sent now never reach the channel."""
+        return np.zeros(len(sent), np.bool_)
+
+    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+        """Which of the messages (m, 4) that the channel delivers now are not heard."""
+        return np.zeros(len(arrived), np.bool_)
+
+    def delays(self, arrived: Letters) -> NDArray[np.int64]:
+        """By how many iterations each of the messages (m, 4) that the channel delivers now is late."""
+        return np.zeros(len(arrived), np.int64)
+
+
+class Silence(Disturbance):
+    """Robots that do not send, do not hear, or neither."""
+
+    reason = "radio off"
+
+    def __init__(self, failure: str) -> None:
+        super().__init__(failure)
+        self._sends, self._hears = failure == "receive", failure == "transmit"
+
+    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+        """Those that robots without a transmitter would send."""
+        return self._active[sent[:, 1]] & (not self._sends)
+
+    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+        """Those that robots without a receiver would hear."""
+        return self._active[arrived[:, 0]] & (not self._hears)
+
+
+class Loss(Disturbance):
+    """Robots with a bad radio, to and from which some messages are lost."""
+
+    reason = "loss"
+
+    def __init__(self, probability: float, salt: int) -> None:
+        super().__init__("loss")
+        self._probability, self._salt = probability, salt
+
+    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+        """Those to or from robots with the fault for which the draw says so, one draw each."""
+        draw = chance.uniform(self._salt, sent[:, 2], sent[:, 0], sent[:, 1])
+        return self._active[sent[:, :2]].any(axis=1) & (draw < self._probability)
+
+
+class Delay(Disturbance):
+    """Robots with a slow radio, to and from which messages take longer."""
+
+    def __init__(self, iterations: int) -> None:
+        super().__init__("delay")
+        self._iterations = iterations
+
+    def delays(self, arrived: Letters) -> NDArray[np.int64]:
+        """The delay for messages to or from robots with the fault."""
+        return np.where(self._active[arrived[:, :2]].any(axis=1), self._iterations, 0)
+
+
+class Jam(Disturbance):
+    """A place in which nothing is sent or heard."""
+
+    reason = "jammed"
+
+    def __init__(self, area: Box) -> None:
+        super().__init__("jam")
+        self._area = area
+
+    def _inside(self, state: State) -> NDArray[np.bool_]:
+        left, low, right, high = self._area
+        x, y = state.pose[:, 0], state.pose[:, 1]
+        return self._active & (x >= left) & (x <= right) & (y >= low) & (y <= high)
+
+    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+        """Those from inside."""
+        return self._inside(state)[sent[:, 1]]
+
+    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+        """Those for somebody inside."""
+        return self._inside(state)[arrived[:, 0]]
+
+
+class Partition(Disturbance):
+    """A network in parts between which nothing passes."""
+
+    reason = "partition"
+
+    def __init__(self, fault: Radio, robots: int) -> None:
+        super().__init__("partition")
+        self._x, self._y = fault.x, fault.y
+        self._part = np.zeros(robots, np.int64)  # 0 for those whom no group names
+        for number, group in enumerate(fault.groups or (), 1):
+            self._part[group] = number
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """Whoever is on one side of the line now belongs to it until the end."""
+        if self._x is not None:
+            self._part[:] = state.pose[:, 0] < self._x
+        if self._y is not None:
+            self._part[:] = state.pose[:, 1] < self._y
+
+    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+        """Those between two parts."""
+        return np.asarray(self._active[sent[:, 0]] & (self._part[sent[:, 0]] != self._part[sent[:, 1]]))
+
+    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+        """Those between two parts that were sent before it began."""
+        return self.leaving(state, arrived)
+
+
+class DisturbedChannel:
+    """A channel with all disturbances around it, so that their order says only which reason a loss is given.
+
+    What never leaves a sender does not reach the channel; what arrives late is held here; and what nobody can
+    hear when it arrives is lost then, as "receiver dead" if the receiver died while it was held.
+    """
+
+    def __init__(self, inner: Channel, disturbances: tuple[Disturbance, ...]) -> None:
+        self.inner, self.disturbances = inner, disturbances
+        self._held = np.empty((0, 4), np.int32)
+        self._due = np.empty(0, np.int64)
+
+    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
+        """What becomes of the new messages, of those in the channel and of those held here."""
+        now, acting = state.iteration, [one for one in self.disturbances if one.active]
+        if not acting and len(self._held) == 0:
+            return self.inner.deliver(state, links, sizes)
+        sent = Delivery(letters(now, links, sizes), (), now)
+        for one in acting:
+            sent = but_lost(sent, one.reason, one.leaving(state, sent.heard))
+        inner = self.inner.deliver(state, np.ascontiguousarray(sent.heard[:, :2]), sizes)
+        late = sum((one.delays(inner.heard) for one in acting), np.zeros(len(inner.heard), np.int64))
+        waiting, due = np.concatenate([self._held, inner.heard]), np.concatenate([self._due, now + late])
+        arrived = due <= now
+        self._held, self._due = waiting[~arrived], due[~arrived]
+        oldest = min(inner.oldest, int(self._held[:, 2].min(initial=now)))
+        delivery = Delivery(in_order(waiting[arrived]), (*sent.lost, *inner.lost), oldest)
+        delivery = but_lost(delivery, "receiver dead", ~state.alive[delivery.heard[:, 0]])
+        for one in acting:
+            delivery = but_lost(delivery, one.reason, one.arriving(state, delivery.heard))
+        return delivery

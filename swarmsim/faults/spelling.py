@@ -1,0 +1,89 @@
+"""Faults in words, as on the command line: `motor off at=20 share=0.2 lasts=100`."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any, Literal, get_args, get_origin
+
+import msgspec
+
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import Table
+
+KIND = re.compile(r"[A-Za-z][\w-]*|[A-Za-z_][\w.]*:[A-Za-z_]\w*", re.ASCII)  # a name, or module:Name
+WORD = re.compile(r"[A-Za-z_][\w.:/-]*", re.ASCII)  # what may stand without quotes
+EXAMPLE = "expected a kind, its failure if it has several, and key=value, as in 'motor off at=20 count=5'"
+
+
+def fault_in_words(text: str) -> Table:
+    """The scenario's table of a fault, complete: its kind, a second bare word as its `failure`, then key=value.
+
+    A value is TOML, or a bare word. Raises InputError that starts with the key or the word at fault.
+    """
+    kind, *rest = _words(text) or [""]
+    if not KIND.fullmatch(kind):
+        raise InputError(f"{kind or 'nothing'!r} is not a kind of fault; {EXAMPLE}")
+    table: Table = {"use": kind}
+    try:
+        struct = registry.find("fault", kind)
+    except InputError as problem:
+        raise InputError(str(problem).removeprefix("use: ")) from problem
+    types = {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
+    if rest and "=" not in rest[0]:
+        if "failure" not in types:
+            raise InputError(f"{rest[0]!r}: {kind!r} fails in one way only; expected key=value next, as in at=20")
+        table["failure"] = rest.pop(0)
+    for word in rest:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise InputError(f"{word!r} is not key=value; {EXAMPLE}")
+        if key in table:
+            hint = "the first word says so already" if key == "use" else "expected each key once"
+            raise InputError(f"{key}: given twice; {hint}")
+        table[key] = _value(key, value)
+    try:
+        return registry.complete("fault", table)
+    except InputError as problem:
+        raise InputError(f"{problem}{_choices(str(problem), types)}") from problem
+
+
+def _choices(problem: str, types: Mapping[str, Any]) -> str:
+    """A clause that lists what may stand for the key with which a message begins, if that is one of few words."""
+    kind = types.get(problem.partition(":")[0])
+    return f"; expected {' or '.join(map(repr, get_args(kind)))}" if get_origin(kind) is Literal else ""
+
+
+def _words(text: str) -> list[str]:
+    """The text cut at blanks that stand neither in quotes nor in brackets. Raises InputError if one stays open."""
+    words, word, depth, quote, escaped = [], "", 0, "", False
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote and not escaped else quote
+            escaped = letter == "\\" and not escaped and quote == '"'
+        elif letter in "'\"":
+            quote = letter
+        else:
+            depth += (letter in "[{") - (letter in "]}")
+        if letter.isspace() and not quote and depth == 0:
+            words.append(word)
+            word = ""
+        else:
+            word += letter
+    if quote or depth:
+        raise InputError(f"{word!r}: {quote or 'a bracket'} is left open; expected its other half")
+    return [one for one in [*words, word] if one]
+
+
+def _value(key: str, text: str) -> Any:
+    try:
+        found = tomllib.loads(f"value = [{text}]")  # in brackets a comment cannot hide
+    except (tomllib.TOMLDecodeError, RecursionError) as problem:
+        if WORD.fullmatch(text):
+            return text
+        raise InputError(f"{key}: {text!r} is not a TOML value; expected a number, a word or a list") from problem
+    if list(found) != ["value"] or len(found["value"]) != 1:
+        raise InputError(f"{key}: {text!r} is not one value; expected a number, a word or a list")
+    return found["value"][0]

@@ -1,0 +1,176 @@
+"""Channels that hold messages back: by a delay, by how much a radio can send, and by whose turn it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Building, Channel, Links, Setting
+from swarmsim.core.state import Delivery, Letters, State
+from swarmsim.network import chance
+from swarmsim.network.channel import Layer, but_lost, in_order
+
+SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whole ones by rounding
+
+
+class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each message is on its way for some iterations; whatever the sender does meanwhile, it arrives.
+
+    `fixed`: for exactly `delay` iterations. `geometric`: for k >= 0 with probability q (1 - q)^k, where
+    q = 1 / (1 + `delay`), so that `delay` is the mean; a message can overtake another.
+    """
+
+    delay: Annotated[float, Meta(ge=0.0, le=1e6)]  # iterations
+    law: Literal["fixed", "geometric"] = "fixed"
+
+    def build(self, setting: Setting, building: Building) -> LatentChannel:
+        """The channel. Raises InputError for a fixed delay that is no whole number."""
+        below = self.below(setting, building)
+        if self.law == "fixed":
+            if not self.delay.is_integer():
+                raise InputError(f'delay: {self.delay:g} with law = "fixed"; expected a whole number of iterations')
+            return LatentChannel(below, lambda arrived: np.full(len(arrived), self.delay, np.int64))
+        salt, stay = self.salt(setting), self.delay / (1.0 + self.delay)
+
+        def geometric(arrived: Letters) -> NDArray[np.int64]:
+            if stay == 0.0:
+                return np.zeros(len(arrived), np.int64)
+            draw = 1.0 - chance.uniform(salt, arrived[:, 2], arrived[:, 0], arrived[:, 1])  # in (0, 1]
+            return np.asarray(np.floor(np.log(draw) / np.log(stay)), np.int64)
+
+        return LatentChannel(below, geometric)
+
+
+class LatentChannel:
+    """Messages on the air, each with the iteration in which it is due."""
+
+    def __init__(self, below: Channel, delays: Callable[[Letters], NDArray[np.int64]]) -> None:
+        """`delays` gives, for messages (m, 4), how many iterations each is under way."""
+        self._below = below
+        self._delays = delays
+        self._letters = np.empty((0, 4), np.int32)
+        self._due = np.empty(0, np.int64)
+
+    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
+        """The messages due now; those for robots that have died are lost as "receiver dead"."""
+        below = self._below.deliver(state, links, sizes)
+        letters = np.concatenate([self._letters, below.heard])
+        due = np.concatenate([self._due, state.iteration + self._delays(below.heard)])
+        arrived = due <= state.iteration
+        self._letters, self._due = letters[~arrived], due[~arrived]
+        return _received(state, letters[arrived], below, self._letters)
+
+
+class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot sends so many bytes per second, every message for every receiver on its own, first in first out.
+
+    What cannot be sent waits. A robot saves up no time in which it had nothing to send.
+    """
+
+    bytes_per_second: Annotated[float, Meta(gt=0.0)]
+    queue: Annotated[int, Meta(ge=0)] | None = None  # messages that can wait from one iteration to the next
+    expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations since it was said after which none is sent
+
+    def build(self, setting: Setting, building: Building) -> QueueingChannel:
+        """The channel."""
+        robots = setting.robots.count
+        income = np.full(robots, self.bytes_per_second * setting.period)
+        queues = TransmitQueues(robots, self.queue, self.expiry)
+        return QueueingChannel(self.below(setting, building), queues, lambda iteration: income)
+
+
+class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Time division: robots take turns, and send what waits when the slot of their own begins.
+
+    Robot i's slot is number i mod `slots` of each frame of `slots` times `slot` seconds; the defaults are ten slots
+    of 0.1 s in a frame of 1 s. A message whose slot begins within an iteration is heard in that iteration. Robots
+    with the same slot are taken to be out of each other's way.
+    """
+
+    slots: Annotated[int, Meta(ge=1)] = 10
+    slot: Annotated[float, Meta(gt=0.0)] = 0.1  # s, from one slot to the next
+    expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s since it was said after which none is sent
+    bytes: Annotated[float, Meta(gt=0.0)] | None = None  # that fit into a slot; default: any number
+
+    def build(self, setting: Setting, building: Building) -> QueueingChannel:
+        """The channel."""
+        robots, period = setting.robots.count, setting.period
+        frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
+        capacity = np.inf if self.bytes is None else self.bytes
+
+        def income(iteration: int) -> NDArray[np.float64]:
+            before, after = (np.ceil((t * period - opening) / frame - SLACK) for t in (iteration, iteration + 1))
+            return np.where(after > before, capacity * np.maximum(after - before, 1.0), 0.0)
+
+        queues = TransmitQueues(robots, None, int(self.expiry / period * (1.0 + SLACK)))
+        return QueueingChannel(self.below(setting, building), queues, income)
+
+
+class QueueingChannel:
+    """Robots that can send only so many bytes in each iteration."""
+
+    def __init__(self, below: Channel, queues: TransmitQueues, income: Callable[[int], NDArray[np.float64]]) -> None:
+        """`income` gives, for an iteration, how many bytes each robot (n,) may send in it."""
+        self._below = below
+        self._queues = queues
+        self._income = income
+
+    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
+        """What is sent in this iteration of all that waits."""
+        below = self._below.deliver(state, links, sizes)
+        return self._queues.send(state, below, self._income(state.iteration))
+
+
+class TransmitQueues:
+    """What waits in each robot's radio, first in first out; of one iteration's messages, that to the lowest id first.
+
+    Bytes that a robot may send add up while something waits, so that a message can be longer than what one
+    iteration carries. Messages are lost as "sender dead" with the robot in whose radio they wait, as "expired" if
+    they get too old, as "queue full" if too many wait, and as "receiver dead" if sent to nobody.
+    """
+
+    def __init__(self, robots: int, limit: int | None, expiry: int | None) -> None:
+        """At most `limit` messages wait from one iteration to the next, and none longer than `expiry` iterations."""
+        self._limit = limit
+        self._expiry = expiry
+        self._waiting = np.empty((0, 4), np.int32)  # by sender, then in the order in which they came
+        self._credit = np.zeros(robots)  # bytes
+
+    def send(self, state: State, below: Delivery, income: NDArray[np.float64]) -> Delivery:
+        """Take up what the channel `below` delivers, then send as many bytes more as `income` (n,) says."""
+        waiting = np.concatenate([self._waiting, below.heard])
+        all_ = Delivery(waiting[np.argsort(waiting[:, 1], kind="stable")], below.lost, below.oldest)
+        all_ = but_lost(all_, "sender dead", ~state.alive[all_.heard[:, 1]])
+        if self._expiry is not None:
+            all_ = but_lost(all_, "expired", all_.heard[:, 2] < state.iteration - self._expiry)
+        waiting, senders = all_.heard, all_.heard[:, 1]
+        self._credit += income
+        fits = _running(waiting[:, 3], senders) <= self._credit[senders] * (1.0 + SLACK)
+        sent, waiting = waiting[fits], waiting[~fits]
+        self._credit -= np.bincount(sent[:, 1], sent[:, 3], len(self._credit))
+        rest = Delivery(waiting, all_.lost, all_.oldest)
+        if self._limit is not None:
+            place = _running(np.ones(len(waiting), np.int64), waiting[:, 1])
+            rest = but_lost(rest, "queue full", place > self._limit)
+        self._waiting = rest.heard
+        self._credit[np.bincount(self._waiting[:, 1], minlength=len(self._credit)) == 0] = 0.0
+        return _received(state, sent, rest, self._waiting)
+
+
+def _running(amounts: NDArray[np.integer], groups: NDArray[np.int32]) -> NDArray[np.int64]:
+    """The sum of the `amounts` (m,) up to and with each, within its own of the sorted `groups` (m,)."""
+    total = np.cumsum(amounts, dtype=np.int64)
+    first = np.searchsorted(groups, groups, side="left")
+    return np.asarray(total - (total - amounts)[first])
+
+
+def _received(state: State, arrived: Letters, rest: Delivery, under_way: Letters) -> Delivery:
+    """The delivery of what has `arrived`, besides what else was lost, while more is still `under_way`."""
+    oldest = min(rest.oldest, state.iteration, int(under_way[:, 2].min(initial=state.iteration)))
+    delivery = Delivery(in_order(arrived), rest.lost, oldest)
+    return but_lost(delivery, "receiver dead", ~state.alive[delivery.heard[:, 0]])

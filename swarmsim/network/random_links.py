@@ -1,0 +1,93 @@
+"""Topologies drawn at random: each draw depends on the seed, the iteration and the two ids alone."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from swarmsim.core.parts import Building, Links, Setting
+from swarmsim.core.state import State
+from swarmsim.kernels import lottery
+from swarmsim.network.topology import Degree, FixedLinks, check_degree
+
+Probability = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+class RandomLinks(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot hears each other with probability p, drawn anew for every ordered pair in every iteration.
+
+    The dead neither hear nor speak; no other link changes with them. A directed G(n, p) (Gilbert 1959).
+    """
+
+    p: Probability
+
+    def build(self, setting: Setting, building: Building) -> PairLottery:
+        """The topology, with a salt from the stream `topology`."""
+        return PairLottery(_salt(setting), self.p)
+
+
+class PairLottery:
+    """Links among live robots, each with the same probability."""
+
+    def __init__(self, salt: np.uint64, p: float) -> None:
+        self._salt = salt
+        self._p = p
+
+    def links(self, state: State) -> Links:
+        """The links of this moment; the same whenever asked."""
+        links: Links = lottery.random_links(self._salt, state.iteration, state.alive, self._p)
+        return links
+
+
+class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot hears k others drawn anew in every iteration: as many as with `knn`, but near or far.
+
+    When a robot dies, those who would have heard it hear another each, or all the others once fewer than k are left;
+    nobody else's links change.
+    """
+
+    k: Degree
+
+    def build(self, setting: Setting, building: Building) -> SenderLottery:
+        """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
+        check_degree(self.k, setting.robots.count)
+        return SenderLottery(_salt(setting), self.k)
+
+
+class SenderLottery:
+    """Links to k live others each, any of them as probable as any other; to all of them once fewer are left."""
+
+    def __init__(self, salt: np.uint64, k: int) -> None:
+        self._salt = salt
+        self._k = k
+
+    def links(self, state: State) -> Links:
+        """The links of this moment; the same whenever asked."""
+        links: Links = lottery.random_senders(self._salt, state.iteration, state.alive, self._k)
+        return links
+
+
+class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Static: each robot hears k others, its neighbours in a ring of ids, each of them redrawn with probability p.
+
+    Neighbours in the ring are, until there are k, the next higher id, the next lower, the one after the next higher,
+    and so on. After Watts & Strogatz 1998, except that links are directed and that everybody hears exactly k others
+    whatever p is: from p = 0, a ring for k = 2, to p = 1, a random net. Drawn once, at the start; a dead robot leaves
+    a gap, nobody takes its place.
+    """
+
+    k: Degree
+    p: Probability
+
+    def build(self, setting: Setting, building: Building) -> FixedLinks:
+        """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
+        count = setting.robots.count
+        check_degree(self.k, count)
+        links = lottery.small_world(_salt(setting), count, self.k, self.p)
+        return FixedLinks([(int(receiver), int(sender)) for receiver, sender in links])
+
+
+def _salt(setting: Setting) -> np.uint64:
+    return setting.streams.open("topology").integers(2**64, dtype=np.uint64)

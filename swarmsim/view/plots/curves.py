@@ -1,0 +1,52 @@
+"""Coverage curves: how fast the swarms of each condition map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+
+from swarmsim.view.plots.marks import area_key, described, fault_marks
+from swarmsim.view.plots.sheet import settled, sheet
+from swarmsim.view.plots.style import COLOURS, DASHES, FINEST, GREY, MARKERS, Reals, styled
+
+
+@styled
+def coverage(curves: Mapping[str, Sequence[Reals]], title: str, marks: Mapping[str, Sequence[int]] = {}) -> Figure:
+    """The mean coverage of each condition and the band that holds 95 % of its runs, against iterations.
+
+    `curves` gives, for each condition, the curves (t,) of its runs: the share of the domain, 0 to 1, after
+    1, 2, ... t iterations. A run that is over keeps its last value as long as others of its condition go on.
+    `marks` are the iterations at which faults befell the swarms of a condition.
+    """
+    names = [described(label, runs) for label, runs in curves.items()]
+    figure = sheet(6.4 + 0.075 * max(map(len, names)), max(4.4, 1.4 + 0.21 * len(names)), title)
+    axes = figure.subplots()
+    handles: list[Artist] = []
+    for row, runs in enumerate(curves.values()):
+        filled = 100.0 * padded(runs)
+        kept = np.unique(np.linspace(0, filled.shape[1] - 1, FINEST).round().astype(int))
+        low, high = np.percentile(filled[:, kept], (2.5, 97.5), axis=0)
+        colour, step = COLOURS[row % len(COLOURS)], max(1, len(kept) // 8)
+        axes.fill_between(kept + 1, low, high, color=colour, alpha=0.16 if len(names) < 5 else 0.06, linewidth=0)
+        handles += axes.plot(
+            kept + 1, filled[:, kept].mean(axis=0), color=colour, linestyle=DASHES[row % len(DASHES)], linewidth=1.6,
+            marker=MARKERS[row % len(MARKERS)], markersize=5, markevery=(step * row // len(names), step),
+            label=names[row],
+        )  # fmt: skip
+    handles += [area_key("95 % of the runs", GREY, "none", 0.25)]
+    handles += fault_marks(axes, list(curves), marks)
+    ends = [*(len(run) for runs in curves.values() for run in runs), *(at for times in marks.values() for at in times)]
+    axes.set(xlabel="iteration", ylabel="coverage, %", xlim=(0.0, 1.02 * max(ends)), ylim=(0.0, 102.0))
+    axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    return settled(figure)
+
+
+def padded(runs: Sequence[Reals]) -> Reals:
+    """Curves (t,) of unequal lengths as one array (n, longest), each going on at its last value."""
+    if not runs or not all(len(run) for run in runs):
+        raise ValueError("a condition needs at least one run, and a run at least one iteration")
+    longest = max(map(len, runs))
+    return np.array([np.pad(np.asarray(run, dtype=float), (0, longest - len(run)), mode="edge") for run in runs])

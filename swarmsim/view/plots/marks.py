@@ -1,0 +1,85 @@
+"""The marks that stand for runs and conditions, drawn alike on the axes and in the legend."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from swarmsim.view.plots.style import BLUE, COLOURS, GREY, PALE, VERMILLION, Line, Reals
+
+
+def counted(runs: Sequence[int]) -> str:
+    """How many runs there are, for a legend."""
+    return f", n = {min(runs)}{f' to {max(runs)}' if min(runs) < max(runs) else ''}" if len(runs) else ""
+
+
+def described(label: str, runs: Sequence[Reals]) -> str:
+    """A condition with the number of its runs, and of those that did not get to 100 %."""
+    below = sum(run[-1] < 1.0 for run in runs)
+    return f"{label} (n = {len(runs)}{f', {below} below 100 %' if below else ''})"
+
+
+def line_key(
+    label: str, colour: str, marker: str, line: Line = "", face: str = "", edge: str = "", size: float = 6.0,
+    width: float = 1.8,
+) -> Line2D:  # fmt: skip
+    """A line or a point in a legend."""
+    return Line2D(
+        [], [], color=colour, linestyle=line, linewidth=width, marker=marker, markersize=size, label=label,
+        markerfacecolor=face or colour, markeredgecolor=edge or colour,
+    )  # fmt: skip
+
+
+def area_key(label: str, face: str, edge: str, alpha: float = 1.0) -> Rectangle:
+    """An area in a legend."""
+    return Rectangle((0, 0), 1, 1, facecolor=face, edgecolor=edge, alpha=alpha, label=label)
+
+
+def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[int]]) -> list[Artist]:
+    """Vertical dashes in the colours of the conditions, in turns where several share an iteration; for the legend."""
+    rows = places_of(marks, labels).astype(int)
+    owners: dict[int, list[int]] = {}
+    for row, iterations in zip(rows, marks.values(), strict=True):
+        for at in iterations:
+            owners.setdefault(at, []).append(row)
+    for at, sharing in owners.items():
+        for turn, row in enumerate(sharing):
+            dash = (4.0 * turn, (4.0, 4.0 * max(1, len(sharing) - 1)))
+            axes.axvline(at, color=COLOURS[row % len(COLOURS)], linestyle=dash, linewidth=1.2, alpha=0.8, zorder=1.5)
+    return [line_key("fault, in the colour of its curve", GREY, "", "--")] if owners else []
+
+
+def places_of(given: Iterable[str], labels: Sequence[str]) -> Reals:
+    """Where the given labels stand among all labels."""
+    unknown = sorted(set(given) - set(labels))
+    if unknown:
+        raise ValueError(f"no such condition: {', '.join(unknown)}; there are {', '.join(labels)}")
+    return np.array([labels.index(label) for label in given], dtype=float)
+
+
+def quartile_box(axes: Axes, place: float, taken: Reals, done: NDArray[np.bool_]) -> None:
+    """The quartiles and the median of one condition, and its runs as points."""
+    low, middle, high = np.percentile(taken, (25, 50, 75))
+    axes.add_patch(Rectangle((place - 0.24, low), 0.48, high - low, facecolor=PALE, edgecolor=BLUE))
+    axes.hlines(middle, place - 0.24, place + 0.24, color=BLUE, linewidth=2.2)
+    aside = place + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even, and always the same
+    axes.plot(aside[done], taken[done], "o", color=BLUE, markersize=3.5, alpha=0.7, markeredgewidth=0)
+    axes.plot(aside[~done], taken[~done], "^", markersize=6, markerfacecolor="none", markeredgecolor=VERMILLION)
+
+
+def estimate_bars(
+    axes: Axes, at: NDArray[Any], means: Reals, spans: Reals, colour: str = BLUE, width: float = 2.5
+) -> None:
+    """Means (m,) as points on upright bars over `spans` (m, 2)."""
+    if np.shape(spans) != (len(at), 2) or len(means) != len(at):
+        raise ValueError(f"{len(at)} places, means of shape {np.shape(means)} and spans of shape {np.shape(spans)}")
+    axes.vlines(at, spans[:, 0], spans[:, 1], color=colour, linewidth=width, alpha=0.75)
+    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # seen even where a point hides the bar
+    axes.plot(at, means, "o", color=colour, markersize=5)

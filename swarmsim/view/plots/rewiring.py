@@ -1,0 +1,122 @@
+"""Rewiring: the network in the building at two moments, and which robots hear others than before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyArrowPatch
+from numpy.typing import NDArray
+
+from swarmsim.view.plots.ground import dead_key, draw_robot, draw_solids, measure_in_metres, solid_keys
+from swarmsim.view.plots.marks import line_key
+from swarmsim.view.plots.sheet import settled, sheet
+from swarmsim.view.plots.style import BLACK, COLOURS, GREY, styled
+from swarmsim.view.scene import Scene
+
+DISC: Final = 8.5  # points across
+APART: Final = 1.4  # discs, between the middles of two, so that an arrow between them is seen
+WIDTH: Final = 4.2  # inches, of one floor plan
+PLAIN: Final = "#E5E7EB"
+SPREADING: Final = 300  # steps
+NAMED: Final = 12  # as many changed robots are named; a legend of more is not read
+
+
+@styled
+def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -> Figure:
+    """The swarm at two iterations, with who hears whom; robots whose set of heard neighbours differs are coloured.
+
+    `heard` gives, for each of the two iterations in order, the messages (m, 2) that were heard: receiver, sender.
+    """
+    changed = changes(*(_neighbours(links, scene.robots) for links in heard.values()))
+    lasting = [robot for robot in changed if all(scene.at(at).alive[robot] for at in heard)]
+    colours = {robot: COLOURS[row % (len(COLOURS) - 1)] for row, robot in enumerate(lasting)}  # but for black
+    left, right, low, high = scene.bounds
+    shots = {iteration: scene.at(iteration) for iteration in heard}
+    places = {iteration: shot.pose[:, :2].copy() for iteration, shot in shots.items()}
+    for iteration, shot in shots.items():
+        crowd = places[iteration][shot.alive]
+        places[iteration][shot.alive] = spread(crowd, APART * DISC * (right - left) / (72.0 * WIDTH))
+    moved = any(not np.array_equal(places[at], shot.pose[:, :2]) for at, shot in shots.items())
+    handles: list[Artist] = [line_key("heard, from sender to receiver", GREY, ">", "-", size=5, width=1.0)]
+    handles += [line_key("drawn apart where too close", PLAIN, "o", edge=BLACK)] if moved else []
+    handles += [] if all(shot.alive.all() for shot in shots.values()) else [dead_key()]
+    handles += [*solid_keys(scene.layers), *_named(changed, colours)]
+    height = WIDTH * min((high - low) / (right - left), 2.0) + _legend_height(handles, 2 * WIDTH)
+    figure = sheet(2 * WIDTH + 0.9, height + 1.25, title)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    for axes, (iteration, links) in zip(panels, heard.items(), strict=True):
+        alive = shots[iteration].alive
+        draw_solids(axes, scene.layers)
+        _arrows(axes, links, places[iteration], colours)
+        for robot, (x, y) in enumerate(places[iteration].tolist()):
+            draw_robot(axes, x, y, robot, colours.get(robot, PLAIN), DISC, bool(alive[robot]))
+        count = len(np.unique(links, axis=0))
+        axes.set_title(f"iteration {iteration}: n = {alive.sum()} robots, {count} links", size=10, loc="left")
+    measure_in_metres(panels, scene.bounds)
+    return settled(figure, handles)
+
+
+def _legend_height(handles: Sequence[Artist], width: float) -> float:
+    """About how high a legend of at most this width is, in inches; its columns are as wide as its longest text."""
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    columns = max(1, int(width / (0.6 + 0.066 * longest)))
+    return 0.2 * -(-len(handles) // columns)
+
+
+def changes(before: Sequence[set[int]], after: Sequence[set[int]]) -> dict[int, tuple[list[int], list[int]]]:
+    """The robots whose neighbours differ, each with those it hears no more and those it hears anew."""
+    pairs = enumerate(zip(before, after, strict=True))
+    return {robot: (sorted(old - new), sorted(new - old)) for robot, (old, new) in pairs if old != new}
+
+
+def spread(places: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+    """Places (n, 2) near the given ones, no two closer than `least` as far as this is reached in a few hundred steps.
+
+    In each step two places that are too close move apart by equal parts; those far from all others stay.
+    """
+    moved = places.copy()
+    for _ in range(SPREADING):
+        between = moved[:, None] - moved[None]
+        distance = np.hypot(between[..., 0], between[..., 1])
+        np.fill_diagonal(distance, np.inf)
+        if not (distance < least).any():
+            break
+        short = 0.5 * np.maximum(1.02 * least - distance, 0.0) * (distance < least)
+        moved += (between * (short / np.maximum(distance, 1e-9))[..., None]).sum(axis=1)
+    return moved
+
+
+def _neighbours(links: NDArray[np.int32], robots: int) -> list[set[int]]:
+    return [set(links[links[:, 0] == robot, 1].tolist()) for robot in range(robots)]
+
+
+def _named(changed: Mapping[int, tuple[list[int], list[int]]], colours: Mapping[int, str]) -> list[Artist]:
+    """What each changed robot lost and found, for the legend, as far as it can be read."""
+    handles: list[Artist] = []
+    for robot, colour in list(colours.items())[:NAMED]:
+        lost, found = (", ".join(map(str, ids)) or "nobody" for ids in changed[robot])
+        handles.append(line_key(f"robot {robot}: no longer {lost}, now {found}", colour, "o", edge=BLACK))
+    if len(colours) > NAMED:
+        handles.append(line_key(f"and {len(colours) - NAMED} robots more", PLAIN, "", ""))
+    return handles
+
+
+def _arrows(axes: Axes, links: NDArray[np.int32], places: NDArray[np.float64], colours: Mapping[int, str]) -> None:
+    """An arrow from each sender to its receiver, with two heads where both hear each other."""
+    pairs = {(int(receiver), int(sender)) for receiver, sender in links}
+    for receiver, sender in sorted(pairs):
+        mutual = (sender, receiver) in pairs
+        if mutual and sender < receiver:
+            continue
+        colour = colours.get(receiver, colours.get(sender, GREY) if mutual else GREY)
+        axes.add_patch(
+            FancyArrowPatch(
+                places[sender], places[receiver], arrowstyle="<|-|>" if mutual else "-|>", mutation_scale=6.0,
+                shrinkA=0.5 * DISC, shrinkB=0.5 * DISC, linewidth=0.8, color=colour, zorder=2,
+            )
+        )  # fmt: skip
