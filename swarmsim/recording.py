@@ -393,20 +393,20 @@ class Recording:
             "messages": int(self["messages"].sum()),
             "bytes": int(self._arrays["letters"][:, 3].sum(where=self._arrays["letters"][:, 4] == 0)),
             "lost": self._lost(),
-            "events": grouped(events),
+            "events": [
+                {"iteration": iteration, "kind": kind, "cause": cause, "robots": list(robots)}
+                for (iteration, kind, cause), robots in grouped(events).items()
+            ],
             "seed": self.scenario.seed,
             "digest": self.digest(),
             "versions": self.versions,
         }
 
 
-def grouped(events: list[Event]) -> list[dict[str, Any]]:
-    """One entry for all robots with which the same happened for the same cause in the same iteration."""
-    groups: dict[tuple[int, str, str], list[int]] = {}
+def grouped(events: list[Event]) -> dict[tuple[int, str, str], tuple[int, ...]]:
+    """All robots with which the same happened: by iteration, kind and cause, in the order of the events."""
+    groups: dict[tuple[int, str, str], tuple[int, ...]] = {}
     for event in events:
-        robots = groups.setdefault((event.iteration, event.kind, event.cause), [])
-        robots += [event.robot] if event.robot >= 0 else []
-    return [
-        {"iteration": iteration, "kind": kind, "cause": cause, "robots": robots}
-        for (iteration, kind, cause), robots in groups.items()
-    ]
+        key = (event.iteration, event.kind, event.cause)
+        groups[key] = groups.get(key, ()) + ((event.robot,) if event.robot >= 0 else ())
+    return groups

@@ -35,7 +35,13 @@ class Simulation:
         self._stops = at_coverage == "stop"
         self._period = period
         self.state = parts.bodies.state()
-        self.finished = False
+        #: The iterations after which the coverage was first reached; None if it has not been.
+        self.finished_after: int | None = None
+
+    @property
+    def finished(self) -> bool:
+        """Whether the coverage has been reached."""
+        return self.finished_after is not None
 
     @property
     def over(self) -> bool:
@@ -62,7 +68,8 @@ class Simulation:
         parts.report.coverage = coverage.share
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
-        self.finished |= coverage.share >= self._wanted
+        if self.finished_after is None and coverage.share >= self._wanted:
+            self.finished_after = self.state.iteration
         events = (*parts.report.events, *self._ending())
         parts.report.events.clear()
         moment = Moment(state, tiles, links, delivery, inbox, intents, coverage, events)

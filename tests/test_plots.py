@@ -57,12 +57,17 @@ def scaling():
     )
 
 
+def steps(unfinished=(0.0, 0.0, 0.1, 1.0)):
+    return plots.Steps(100.0 * LOST, MEANS, SPANS, np.array(unfinished), [30, 28, 30, 30])
+
+
 def degradation():
-    return plots.degradation(LOST, MEANS, SPANS, np.array([0, 0, 0.1, 1.0]), "Loss", [30, 28, 30, 30])
+    return plots.sweep({"": steps()}, {}, "robots lost, %", "Loss")
 
 
 def sweep():
-    return plots.sweep(np.arange(4.0), MEANS, SPANS, "neighbours, k", "Neighbours", 1.0, "time, s", [30] * 4)
+    across = plots.Steps(np.zeros(1), MEANS[:1], SPANS[:1], np.zeros(1), [30])
+    return plots.sweep({"knn": steps((0,) * 4), "k-random": steps((0,) * 4)}, {"chain": across}, "k", "Neighbours")
 
 
 def table():
@@ -137,9 +142,9 @@ def ticks_in_view(axis: Axis) -> list[Text]:
         (scaling, ["robots", "iterations to 100 %", "T = 300 + 4000 / N", "mean, 95 % interval, n = 30"]),
         (
             degradation,
-            ["robots lost, %", "iterations to 100 %", "unfinished\nruns, %", "unfinished runs, n = 28 to 30"],
+            ["robots lost, %", "iterations to 100 %", "unfinished\nruns, %", "mean, 95 % interval, n = 28 to 30"],
         ),
-        (sweep, ["neighbours, k", "time, s", "mean, 95 % interval, n = 30", "best: 1"]),
+        (sweep, ["k", "knn: mean, 95 % interval, n = 28 to 30", "chain, n = 30"]),
         (network_course, ["neighbour turnover", "clustering", "iteration", "heard: running mean of 2 iterations"]),
         (
             degrees,
@@ -187,7 +192,7 @@ def test_conditions_without_runs_and_unknown_conditions_are_refused():
     with pytest.raises(ValueError, match="no such condition: b; there are a"):
         plots.coverage({"a": [np.ones(2)]}, "Coverage", {"b": (1,)})
     with pytest.raises(ValueError, match=r"spans of shape \(2, 4\)"):
-        plots.sweep(np.arange(4.0), MEANS, SPANS.T, "k", "Neighbours", None)
+        plots.sweep({"": plots.Steps(LOST, MEANS, SPANS.T, np.zeros(4), [30] * 4)}, {}, "k", "Neighbours")
 
 
 def test_unfinished_runs_are_hollow_triangles_at_their_limit():
@@ -226,8 +231,13 @@ def test_nothing_drawn_lies_outside_its_axes_or_the_figure(draw):
             assert all(inside.contains(*corner) for corner in text.get_window_extent().corners()), text
 
 
-@pytest.mark.parametrize("draw", [*FIGURES, *CROWDED, lambda: plots.sweep(
-    np.arange(90.0), np.arange(90.0), np.ones((90, 2)), "k", "", None)])  # fmt: skip
+def long_sweep():
+    return plots.sweep(
+        {"": plots.Steps(np.arange(90.0), np.arange(90.0), np.ones((90, 2)), np.zeros(90), [1] * 90)}, {}, "k", ""
+    )
+
+
+@pytest.mark.parametrize("draw", [*FIGURES, *CROWDED, long_sweep])
 def test_tick_labels_do_not_overlap(draw):
     for axes in draw().axes:
         for along, axis in enumerate((axes.xaxis, axes.yaxis)):

@@ -141,7 +141,7 @@ def plot(
     seeds: Seeds = None,
     store: StoreFile = None,
 ) -> None:
-    """Draw the coverage curves, the distribution of iterations and the table of a study.
+    """Draw coverage curves, the distribution of iterations, the course along an axis and the table of a study.
 
     Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
     """
@@ -151,7 +151,7 @@ def plot(
 
     opened = open_study(study, seeds)
     with _store(store, study) as results:
-        for path in study_figures(opened.study.title, gather(opened, results), out):
+        for path in study_figures(opened.study, gather(opened, results), out):
             print(path)
 
 

@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Behaviour, Parts, Setting, Walls
+from swarmsim.core.parts import Behaviour, Parts, Setting
 from swarmsim.core.state import State
 from swarmsim.faults.effect import TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline, described
@@ -173,16 +173,6 @@ class Crashing:
         """They go on from where they are by now."""
         self._bodies.place(robots, state.pose[robots])
         return robots
-
-
-def _clearance(points: NDArray[np.float64], walls: Walls) -> NDArray[np.float64]:
-    """The distance (p,) in m of each of `points` (p, 2) from the nearest of `walls` (s, 4)."""
-    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    offset = points[:, None] - start
-    part = np.clip((offset * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-30), 0.0, 1.0)
-    apart: NDArray[np.float64] = np.hypot(*(offset - part[..., None] * along).transpose(2, 0, 1))
-    nearest: NDArray[np.float64] = apart.min(axis=1, initial=np.inf)
-    return nearest
 
 
 def forget(behaviour: Behaviour, robots: Robots) -> None:

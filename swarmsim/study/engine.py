@@ -72,7 +72,7 @@ def _simulate(task: Task) -> Row:
         condition=task.condition,
         seed=task.seed,
         status="finished" if finished else "not finished",
-        iterations=simulation.state.iteration,
+        iterations=simulation.finished_after or simulation.state.iteration,
         summary=measures.summary() | changes.summary(),
         curve=measures.curve()[:, 0].astype(np.float32) if task.curves else None,
         digest=digests.total(),

@@ -35,6 +35,8 @@ class Named(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     name: str
     set: dict[str, Any]  # dotted key: value
+    x: float | None = None  # where it stands on the study's axis; without, it is a line across the plot
+    series: str = ""  # the line of the plot that it belongs to
 
 
 class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -45,6 +47,7 @@ class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     seeds: Annotated[int, Meta(ge=1)] | Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] = 30
     keep: Literal["summary", "curves", "recordings"] = "curves"
     set: dict[str, Any] = {}
+    axis: str | None = None  # what the conditions' `x` measures, with its unit: plots show iterations against it
     vary: tuple[Axis, ...] = ()
     condition: tuple[Named, ...] = ()
 
@@ -56,6 +59,8 @@ class Condition:
     name: str
     changes: dict[str, Any]  # dotted key: value, as compared with the study's scenario
     scenario: Scenario
+    x: float | None = None  # where it stands on the study's axis
+    series: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,16 +110,21 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
     changes = _changes(path, study)
     if len(changes) * len(numbers) > MOST_RUNS:
         raise InputError(f"{path}: {len(changes)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
-    conditions = tuple(
-        Condition(name, change, _scenario(f"{path}: condition {name!r}", table, {**study.set, **change}, base.parent))
-        for name, change in changes.items()
-    )
+    named = {condition.name: condition for condition in study.condition}
+
+    def condition(name: str, change: dict[str, Any]) -> Condition:
+        scenario = _scenario(f"{path}: condition {name!r}", table, {**study.set, **change}, base.parent)
+        if name in named:
+            return Condition(name, change, scenario, named[name].x, named[name].series)
+        return Condition(name, change, scenario, _place(study, change))
+
+    conditions = tuple(condition(name, change) for name, change in changes.items())
     worlds: dict[str, str] = {}
-    for condition in conditions:
-        place = f"{path}: condition {condition.name!r}"
-        file = condition.scenario.world.file
-        worlds.setdefault(file, read_world(condition.scenario, place))
-        build(condition.scenario, place, worlds[file])
+    for made in conditions:
+        place = f"{path}: condition {made.name!r}"
+        file = made.scenario.world.file
+        worlds.setdefault(file, read_world(made.scenario, place))
+        build(made.scenario, place, worlds[file])
     return Plan(path, study, conditions, numbers, worlds)
 
 
@@ -137,6 +147,13 @@ def _changes(path: Path, study: Study) -> dict[str, dict[str, Any]]:
             raise InputError(f"{path}: condition: the name {named.name!r} stands twice; expected each once")
         changes[named.name] = named.set
     return changes
+
+
+def _place(study: Study, cell: dict[str, Any]) -> float | None:
+    """Where a cell of the grid stands on the axis: the value of the only key that is varied, if it is a number."""
+    values = list(cell.values())
+    plain = len(study.vary) == 1 and len(values) == 1 and isinstance(values[0], int | float)
+    return float(values[0]) if plain and not isinstance(values[0], bool) else None
 
 
 def _label(cell: dict[str, Any]) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from markdown_it import MarkdownIt
 from swarmsim.core.errors import InputError
 from swarmsim.recording import versions
 from swarmsim.study import reproduction as rep
+from swarmsim.study.plan import Study
 from swarmsim.study.reproduction import Reproduction
 from swarmsim.study.results import HEAD, Result, lines
 from swarmsim.view import plots
@@ -26,12 +29,12 @@ img {{ max-width: 100% }} code {{ background: #f3f3f3; padding: 0 0.2rem }}
 """
 
 
-def study_figures(title: str, results: dict[str, Result], folder: Path) -> list[Path]:
+def study_figures(study: Study, results: dict[str, Result], folder: Path) -> list[Path]:
     """Draw a study's distributions, coverage curves and table into a folder; gives the files.
 
     Raises InputError if there is nothing to draw or no place for it.
     """
-    there = {name: result for name, result in results.items() if result.rows}
+    title, there = study.title, {name: result for name, result in results.items() if result.rows}
     if not there:
         raise InputError(f"{title}: no runs yet; do them with: swarmsim study run")
     figures = {
@@ -42,12 +45,39 @@ def study_figures(title: str, results: dict[str, Result], folder: Path) -> list[
         ),
         "table": plots.table(HEAD, lines(there), title),
     }
+    if any(result.condition.x is not None for result in there.values()):
+        series, levels = _series(there)
+        figures["sweep"] = plots.sweep(series, levels, study.axis or study.vary[0].key, title)
     if all(result.curves for result in there.values()):
         figures["coverage"] = plots.coverage({name: result.curves for name, result in there.items()}, title)
     try:
         return [path for name, figure in figures.items() for path in plots.save(figure, folder / name)]
     except OSError as problem:
         raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+
+
+def _series(there: dict[str, Result]) -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
+    """The lines of a plot over the study's axis, and the conditions that have no place on it."""
+    lines_: dict[str, list[tuple[float, Result]]] = {}
+    for result in there.values():
+        if result.condition.x is not None:
+            lines_.setdefault(result.condition.series, []).append((result.condition.x, result))
+    series = {name: _steps(*zip(*sorted(placed, key=itemgetter(0)), strict=True)) for name, placed in lines_.items()}
+    levels = {name: _steps((0.0,), (result,)) for name, result in there.items() if result.condition.x is None}
+    return series, levels
+
+
+def _steps(values: Sequence[float], results: Sequence[Result]) -> plots.Steps:
+    """The means of finished runs, their intervals and the shares of unfinished runs at each value."""
+    described = [result.describe() for result in results]
+    nowhere = (math.nan, math.nan)
+    return plots.Steps(
+        values=np.array(values, np.float64),
+        means=np.array([math.nan if d.mean is None else d.mean for d in described]),
+        intervals=np.array([nowhere if d.interval is None else d.interval for d in described]),
+        unfinished=np.array([1.0 - d.finished / d.n for d in described]),
+        runs=[d.n for d in described],
+    )
 
 
 def write(found: Reproduction, folder: Path) -> list[Path]:

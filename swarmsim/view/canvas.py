@@ -35,7 +35,8 @@ class Canvas:
         self._line = max(1, round(2 * unit))
         legible = max(8.0 * unit, 5.0)
         self.radius = max(self._scale * scene.radius, legible)
-        letters = Lettering()
+        self._letters = letters = Lettering()
+        self._small = max(12, round(19 * unit))
         self._ids = _ids(scene.robots, self.radius, letters)
         panel = pygame.Rect(size[0] - side - pad, pad, side, size[1] - 2 * pad)
         self._panel = Panel(scene, panel, unit, letters, self._scale * scene.radius < legible)
@@ -55,8 +56,10 @@ class Canvas:
         if shot.row != self._row:
             self._map(shot.row)
         self._surface.blit(self._ground, (0, 0))
+        self._changes(shot)
         self._tiles(shot)
         self._swarm(shot)
+        self._captions(shot)
         self._panel.draw(self._surface, shot)
         return self._surface
 
@@ -104,8 +107,10 @@ class Canvas:
         bar = pygame.Rect(0, 0, round(length * self._scale), max(2, round(4 * unit)))
         bar.bottomleft = (self._area.left, self._area.bottom)
         pygame.draw.rect(self._still, symbols.MUTED, bar)
-        text = letters.render(f"{length:g} m", max(12, round(19 * unit)), symbols.MUTED)
-        self._still.blit(text, text.get_rect(midleft=(bar.right + round(8 * unit) + 2, bar.centery)))
+        text = letters.render(f"{length:g} m", self._small, symbols.MUTED)
+        place = text.get_rect(midleft=(bar.right + round(8 * unit) + 2, bar.centery))
+        self._still.blit(text, place)
+        self._captions_from = place.right + self._small
 
     def _map(self, row: int) -> None:
         """Bring the ground to the collective map of a row of the recording, under the edges of what is solid."""
@@ -120,6 +125,19 @@ class Canvas:
         self._ground.blit(self._plain, (0, 0))
         self._ground.blit(self._edges, (0, 0))
         self._cells, self._row = cells, row
+
+    def _changes(self, shot: Shot) -> None:
+        """Draw the boxes that stand in the building besides its plan."""
+        for left, low, right, high in shot.boxes:
+            (x1, y1), (x2, y2) = np.rint(self.pixels(np.array([(left, high), (right, low)]))).astype(int).tolist()
+            symbols.box(self._surface, pygame.Rect(x1, y1, max(x2 - x1, 3), max(y2 - y1, 3)), self._line)
+
+    def _captions(self, shot: Shot) -> None:
+        """Write what has just happened above the lower edge of the map, the newest at the bottom."""
+        bottom, left = self._area.bottom + self._small // 2, self._captions_from
+        for text in shot.captions[::-1]:
+            drawn = self._letters.fitted(text, self._small, symbols.TEXT, self._area.right - left - 16)
+            bottom = symbols.caption(self._surface, drawn, left, bottom) - 2
 
     def _tiles(self, shot: Shot) -> None:
         rows, columns = (side * self._scene.lattice.cell * self._scale for side in self._scene.tile)
@@ -142,8 +160,13 @@ class Canvas:
             at = self.pixels(shot.goals[robot])
             symbols.goal(surface, (at[0], at[1]), 0.6 * self.radius, symbols.colour_of(robot))
         for robot in np.flatnonzero(~shot.alive).tolist():
-            symbols.dead(surface, places[robot], self.radius)
+            if shot.marks[robot] == "removed":
+                symbols.removed(surface, places[robot], self.radius)
+            elif shot.marks[robot] != "late":
+                symbols.dead(surface, places[robot], self.radius)
         for robot in np.flatnonzero(shot.alive).tolist():
+            if shot.marks[robot] == "fault":
+                symbols.fault(surface, places[robot], self.radius)
             colour, yaw = symbols.colour_of(robot), float(shot.pose[robot, 2])
             symbols.robot(surface, places[robot], yaw, self.radius, colour, self._ids[robot])
 

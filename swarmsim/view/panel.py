@@ -12,6 +12,8 @@ from swarmsim.view import symbols
 from swarmsim.view.scene import Scene, Shot
 from swarmsim.view.symbols import Colour, Lettering
 
+CROWDED = 11  # signs above which the legend is set closer
+
 
 class Panel:
     """A column of the picture; what stands still in it is drawn once."""
@@ -30,7 +32,8 @@ class Panel:
         self._still.fill(symbols.BACKGROUND)
         self._rows = self._headings()
         top = self._rows[-1][1] + self._line + round(16 * unit)
-        signs, row = _legend(scene, enlarged), round(1.15 * self._small)
+        signs = _legend(scene, enlarged)
+        row = round((1.15 if len(signs) <= CROWDED else 1.0) * self._small)
         room = area.height - len(signs) * row - round(20 * unit)
         if room - top < 6 * self._line:  # too small a picture to explain itself
             room, signs = area.height, []
@@ -103,8 +106,24 @@ class Panel:
             x = area.left + round(area.width * iteration / scene.iterations)
             pygame.draw.line(self._still, symbols.RULE, (x, area.bottom), (x, area.bottom + line // 4))
             self._write(str(iteration), (x, area.bottom + round(0.75 * line)), symbols.MUTED, "center")
+        self._name_marks(area)
         self._done = self._curve(area.size, 1.0)
         self._still.blit(self._curve(area.size, 0.35), area)
+
+    def _name_marks(self, area: pygame.Rect) -> None:
+        """Write upwards beside each mark what begins there, where nothing else is in the way."""
+        lines = [area.left + round(at * (area.width - 1) / self._scene.iterations) for at in self._scene.marks]
+        taken = [area.left - 1, *lines, area.right]
+        for iteration, name in sorted(self._scene.names.items()):
+            line = area.left + round(iteration * (area.width - 1) / self._scene.iterations)
+            drawn = self._letters.fitted(name, round(0.85 * self._small), symbols.MUTED, area.height - 4)
+            upright = pygame.transform.rotate(drawn, 90)
+            width = upright.get_width()
+            for left in (line + 2, line - 2 - width):
+                if not any(left - 1 < x < left + width + 1 for x in taken):
+                    self._still.blit(upright, (left, area.top + 2))
+                    taken.append(left + width // 2)
+                    break
 
     def _curve(self, size: tuple[int, int], strength: float) -> pygame.Surface:
         """Band, curve and marks on a transparent ground, in colours this strong (0 to 1)."""
@@ -140,15 +159,19 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
         ("aim", "its way ahead and goal"),
         ("mutual", "link: each hears the other"),
         ("one way", "link: the one at the arrow hears"),
+        ("fault", "robot with a fault"),
         ("dead", "dead robot"),
+        ("removed", "where a robot was removed"),
+        ("box", "box that was not there, or is moved"),
         ("free", "free, in the map of any robot"),
         ("seen", "occupied, in the map of any robot"),
         ("unexplored", "floor in no map yet"),
         ("curves", "curve: all together; band: single robots"),
         ("mark", "event"),
     ]
-    shown = {"dead": scene.deaths, "mark": bool(scene.marks)}
-    return [(kind, text) for kind, text in signs if shown.get(kind, True)]
+    rare = {kind: kind in scene.signs for kind in ("fault", "dead", "removed", "box")}
+    rare["mark"] = bool(scene.marks)
+    return [(kind, text) for kind, text in signs if rare.get(kind, True)]
 
 
 def _sign(surface: pygame.Surface, kind: str, at: tuple[int, int], unit: float) -> None:
@@ -172,6 +195,13 @@ def _sign(surface: pygame.Surface, kind: str, at: tuple[int, int], unit: float) 
             symbols.link(surface, *ends, broad)
         case "one way":
             symbols.link(surface, *ends, broad, 0.0)
+        case "fault":
+            symbols.fault(surface, at, 3.5 * unit)
+            symbols.robot(surface, at, 0.5, 3.5 * unit, colour, pygame.Surface((0, 0)))
+        case "removed":
+            symbols.removed(surface, at, 6 * unit)
+        case "box":
+            symbols.box(surface, box(-7, -5, 14, 10), broad)
         case "dead":
             symbols.dead(surface, at, 6 * unit)
         case "curves":

@@ -9,12 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Box
 from swarmsim.recording import Recording
 from swarmsim.replay import MapReplay
+from swarmsim.view.happenings import Happenings, Mark, Note
 from swarmsim.world.svg import read_floor_plan
 
 Points = NDArray[np.float64]  # (p, 2): x, y in m
 MARGIN = 2  # cells of surroundings shown around the walls
+HELD = 60.0  # s of simulated time that a caption stays: three seconds of a film at its usual speed
+CAPTIONS = 3  # at a time, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,9 @@ class Shot:
     row: int  # the recording's row that holds what changes from one iteration to the next
     pose: NDArray[np.float64]  # (n, 3): x, y in m, yaw in rad, between two iterations
     alive: NDArray[np.bool_]  # (n,)
+    marks: list[Mark]  # what is wrong with each robot
+    boxes: tuple[Box, ...]  # m: what stands in the building besides its plan
+    captions: list[str]  # what has just happened, the oldest first
     origins: Points  # (n, 2): the lower left corner of each tile, in m
     mutual: NDArray[np.int32]  # (a, 2): pairs that hear each other, the lower id first
     one_way: NDArray[np.int32]  # (b, 2): receiver, sender
@@ -67,8 +74,11 @@ class Scene:
         self.seed = scenario.seed
         self.topology = _described(scenario.network.topology)
         self.curves = _curves(recording)
-        self.marks = sorted({event.iteration for event in recording.events() if event.kind != "finished"})
-        self.deaths = not bool(recording["alive"].all())
+        self._happenings = Happenings(recording)
+        notes = self._happenings.notes
+        self.marks = sorted({note.iteration for note in notes if note.kind != "finished"})
+        self.names = _names(notes)
+        self.signs = _signs(self._happenings, recording)
         self._period = scenario.period
         self._messages = np.cumsum(recording["messages"], dtype=np.int64)
         self._starts: list[list[int]] = [[] for _ in range(self.robots)]
@@ -97,6 +107,9 @@ class Scene:
             row=row,
             pose=pose,
             alive=alive,
+            marks=[self._happenings.mark(robot, row) for robot in range(self.robots)],
+            boxes=self._happenings.boxes(row),
+            captions=[note.text for note in self._happenings.latest(row, HELD / self._period, CAPTIONS)],
             origins=recording["origins"][row][:, ::-1] * self.lattice.cell + corner,
             mutual=mutual,
             one_way=one_way,
@@ -123,6 +136,28 @@ class Scene:
         if first + 1 < len(path) and np.dot(here - path[first], path[first + 1] - path[first]) > 0.0:
             first += 1  # the nearest waypoint is passed
         return _corners(np.vstack([here, path[first:]]))
+
+
+def _names(notes: list[Note]) -> dict[int, str]:
+    """What begins in each iteration in which something does."""
+    kinds: dict[int, list[str]] = {}
+    for note in notes:
+        if not note.ends:
+            kinds.setdefault(note.iteration, []).append(note.kind)
+    return {iteration: ", ".join(dict.fromkeys(found)) for iteration, found in kinds.items()}
+
+
+def _signs(happenings: Happenings, recording: Recording) -> set[str]:
+    """Which of the signs that not every run needs are ever drawn: dead, removed, fault, box."""
+    signs: set[str] = set()
+    for iteration in {0, *(note.iteration for note in happenings.notes)}:
+        row = min(iteration, recording.iterations - 1)
+        marks = [happenings.mark(robot, row) for robot in range(recording.scenario.robots.count)]
+        for alive, mark in zip(recording["alive"][row].tolist(), marks, strict=True):
+            signs.add(mark if not alive and mark in ("removed", "late") else "dead" if not alive else mark)
+        if happenings.boxes(row):
+            signs.add("box")
+    return signs
 
 
 def _described(table: dict[str, object]) -> str:

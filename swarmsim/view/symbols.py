@@ -91,6 +91,34 @@ def dead(surface: pygame.Surface, at: Pixel, radius: float) -> None:
         pygame.draw.aaline(surface, EDGE, (at[0] - arm, at[1] - way * arm), (at[0] + arm, at[1] + way * arm), width)
 
 
+def removed(surface: pygame.Surface, at: Pixel, radius: float) -> None:
+    """A grey ring, where a body was."""
+    pygame.draw.aacircle(surface, DEAD, at, radius, max(2, round(0.45 * radius)))
+
+
+def fault(surface: pygame.Surface, at: Pixel, radius: float) -> None:
+    """A ring around a robot of this radius, which is drawn over it, with a dark edge on either side."""
+    width = max(2, round(0.3 * radius))
+    pygame.draw.aacircle(surface, EDGE, at, 2.1 * radius + 1.3, width + 3)
+    pygame.draw.aacircle(surface, MARK, at, 2.1 * radius, width)
+
+
+def box(surface: pygame.Surface, area: pygame.Rect, width: int) -> None:
+    """A solid rectangle with a bright edge."""
+    pygame.draw.rect(surface, SOLIDS["walls"], area)
+    pygame.draw.rect(surface, MARK, area, width)
+
+
+def caption(surface: pygame.Surface, text: pygame.Surface, left: int, bottom: int) -> int:
+    """A line of text on a ground of its own; gives its upper edge."""
+    ground = pygame.Surface((text.get_width() + 16, text.get_height() + 8), pygame.SRCALPHA, 32)
+    ground.fill((*BACKGROUND, 215))
+    ground.fill(MARK, (0, 0, 4, ground.get_height()))
+    ground.blit(text, (10, 4))
+    surface.blit(ground, (left, bottom - ground.get_height()))
+    return bottom - ground.get_height()
+
+
 def goal(surface: pygame.Surface, at: Pixel, radius: float, colour: Colour) -> None:
     """A diamond."""
     for reach, ink in ((radius + 1.5, EDGE), (radius, colour)):

@@ -8,9 +8,9 @@ from swarmsim.view.plots.network import contact_times, degrees, network_course, 
 from swarmsim.view.plots.rewiring import rewiring
 from swarmsim.view.plots.sheet import save
 from swarmsim.view.plots.style import COLOURS, FINEST
-from swarmsim.view.plots.trends import degradation, scaling, sweep
+from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "comparison", "contact_times", "coverage", "degradation", "degrees", "distributions",
+    "COLOURS", "FINEST", "Steps", "comparison", "contact_times", "coverage", "degrees", "distributions",
     "local_maps", "network_course", "padded", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

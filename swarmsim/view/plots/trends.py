@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.marks import area_key, counted, estimate_bars, line_key
+from swarmsim.view.plots.marks import counted, estimate_bars, line_key
 from swarmsim.view.plots.scales import mark_values, span_axis
 from swarmsim.view.plots.sheet import settled, sheet
-from swarmsim.view.plots.style import BLACK, BLUE, GREEN, GREY, PURPLE, TIME, VERMILLION, Reals, styled
+from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Reals, styled
 
 
 @styled
@@ -47,50 +49,48 @@ def scaling(
     return settled(figure, [*handles, line_key("in proportion to N", GREY, "", ":")])
 
 
-@styled
-def degradation(
-    share_lost: Reals, means: Reals, intervals: Reals, unfinished_share: Reals, title: str, runs: Sequence[int] = ()
-) -> Figure:
-    """Iterations, and below them the share of runs that did not finish, against the share of robots lost.
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """A measure at m values of what is varied."""
 
-    `share_lost` (m,) and `unfinished_share` (m,) are 0 to 1; `means` (m,) and `intervals` (m, 2), 95 %, are NaN
-    where no run finished; `runs`: how many were made at each share.
+    values: Reals  # (m,), ascending
+    means: Reals  # (m,), of the runs that finished; NaN where none did
+    intervals: Reals  # (m, 2), 95 %
+    unfinished: Reals  # (m,): share of runs that did not finish, 0 to 1
+    runs: Sequence[int]  # (m,)
+
+
+@styled
+def sweep(series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str, title: str) -> Figure:
+    """Iterations against what is varied, a line for each series, and below them the share of unfinished runs, if any.
+
+    `levels` have one value each, which is not on the axis: they are lines across. The label names the unit.
     """
-    figure = sheet(7.2, 5.6, title)
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    lost = 100.0 * np.asarray(share_lost, dtype=float)
-    upper.plot(lost, means, "-", color=BLUE, lw=1.2, alpha=0.5)
-    estimate_bars(upper, lost, means, intervals)
-    span_axis(upper, np.concatenate([means, np.ravel(intervals)]))
+    everything = [*series.values(), *levels.values()]
+    unfinished = any(steps.unfinished.any() for steps in series.values())
+    figure = sheet(7.6, 5.6 if unfinished else 4.6, title)
+    upper, *lower = figure.subplots(2 if unfinished else 1, 1, sharex=True, squeeze=False,
+                                    height_ratios=(3, 1) if unfinished else (1,))[:, 0]  # fmt: skip
+    handles: list[Artist] = []
+    for row, (name, steps) in enumerate(series.items()):
+        colour, marker = COLOURS[row % len(COLOURS)], MARKERS[row % len(MARKERS)]
+        upper.plot(steps.values, steps.means, "-", marker=marker, color=colour, lw=1.2, ms=5)
+        estimate_bars(upper, steps.values, steps.means, steps.intervals, colour, 2.0)
+        for panel in lower:
+            panel.plot(steps.values, 100.0 * steps.unfinished, "-", marker=marker, color=colour, lw=1.2, ms=5)
+        label = f"{name}: mean, 95 % interval" if name else "mean, 95 % interval"
+        handles.append(line_key(f"{label}{counted(steps.runs)}", colour, marker, "-"))
+    for row, (name, level) in enumerate(levels.items(), len(series)):
+        colour = COLOURS[row % len(COLOURS)]
+        upper.axhspan(*level.intervals[0], color=colour, alpha=0.12, lw=0)
+        upper.axhline(level.means[0], color=colour, lw=1.4, ls="--")
+        handles.append(line_key(f"{name}{counted(level.runs)}", colour, "", "--"))
+    span_axis(
+        upper, np.concatenate([np.ravel(part) for steps in everything for part in (steps.means, steps.intervals)])
+    )
     upper.set(ylabel=TIME)
-    gap = np.diff(np.unique(lost)).min(initial=10.0)
-    lower.bar(lost, 100.0 * np.asarray(unfinished_share), 0.5 * gap, color=VERMILLION)
-    lower.set(xlabel="robots lost, %", ylabel="unfinished\nruns, %", ylim=(0.0, 105.0), yticks=(0, 50, 100))
-    mark_values(figure, lower, lost)
-    handles = [line_key("mean of finished runs, 95 % interval", BLUE, "o", "-")]
-    return settled(figure, [*handles, area_key(f"unfinished runs{counted(runs)}", VERMILLION, "none")])
-
-
-@styled
-def sweep(
-    values: Reals, means: Reals, intervals: Reals, xlabel: str, title: str, best: float | None,
-    ylabel: str = TIME, runs: Sequence[int] = (),
-) -> Figure:  # fmt: skip
-    """A measure along one axis, and where it is best.
-
-    `values` (m,), ascending, of what is varied, `means` (m,) and `intervals` (m, 2), 95 %, of the measure; `best` is
-    where it is marked, or None; `runs`: how many were made at each value. The labels name the units.
-    """
-    figure = sheet(7.2, 4.6, title)
-    axes = figure.subplots()
-    axes.plot(values, means, "-", color=BLUE, lw=1.2, alpha=0.5)
-    estimate_bars(axes, values, means, intervals)
-    handles = [line_key(f"mean, 95 % interval{counted(runs)}", BLUE, "o", "-")]
-    if best is not None:
-        axes.axvline(best, color=GREEN, lw=14, alpha=0.16)
-        axes.plot([best], [np.interp(best, values, means)], "*", color=GREEN, mec=BLACK, ms=16)
-        handles += [line_key(f"best: {best:g}", GREEN, "*", edge=BLACK, size=12)]
-    span_axis(axes, np.concatenate([means, np.ravel(intervals)]))
-    axes.set(xlabel=xlabel, ylabel=ylabel)
-    mark_values(figure, axes, values)
+    for panel in lower:
+        panel.set(ylabel="unfinished\nruns, %", ylim=(-5.0, 105.0), yticks=(0, 50, 100))
+    (lower or [upper])[-1].set_xlabel(xlabel)
+    mark_values(figure, (lower or [upper])[-1], np.concatenate([steps.values for steps in series.values()]))
     return settled(figure, handles)
