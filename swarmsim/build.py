@@ -18,7 +18,7 @@ from swarmsim.core.parts import Box, Building, Fault, Parts, Sensor, Setting, Su
 from swarmsim.core.scenario import Robots, Scenario, Table, World
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
-from swarmsim.recording import Recorder
+from swarmsim.recorder import Recorder
 from swarmsim.simulation import Simulation
 from swarmsim.world.arena import Arena
 from swarmsim.world.svg import read_floor_plan

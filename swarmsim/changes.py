@@ -22,10 +22,11 @@ def boxes_at(events: Iterable[Event], iteration: int) -> list[Box]:
     """
     boxes: list[Box] = []
     for event in events:
-        what, *edges, fate = event.cause.split(" ")
-        if what != "box" or len(edges) != 4 or event.iteration > iteration:
+        words = event.cause.split(" ")
+        if words[0] != "box" or len(words) != 6 or event.iteration > iteration:
             continue
-        left, low, right, high = map(float, edges)
+        left, low, right, high = map(float, words[1:5])
+        fate = words[5]
         if fate == "stands":
             boxes.append((left, low, right, high))
         elif fate == "gone":

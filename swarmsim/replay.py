@@ -24,8 +24,8 @@ class MapReplay:
             raise ValueError(f"maps are at iteration {self.iteration} already; {iteration} lies behind")
         flat = self.maps.reshape(len(self.maps), -1)
         for t in range(self.iteration + 1, iteration + 1):
-            changed = self._recording.changes(t)
-            flat[changed["robot"], changed["cell"]] = changed["state"]
+            robot, cell, state = self._recording.changes(t).T
+            flat[robot, cell] = state
         self.iteration = iteration
 
     def collective(self) -> NDArray[np.uint8]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from swarmsim.core.parts import Parts, Probe
 from swarmsim.core.state import Coverage, Event, Moment, Observations
-from swarmsim.kernels import grid
+from swarmsim.kernels import occupancy
 
 
 class Simulation:
@@ -90,5 +90,5 @@ class Simulation:
             self._union = np.zeros_like(self._domain)
             self._cells = int(building.domain.sum())
         observed = self.parts.behaviour.observed.reshape(self.state.robots, -1).view(np.uint64)
-        each, union = grid.count_observed(observed, self._domain, self._union)
+        each, union = occupancy.count_observed(observed, self._domain, self._union)
         return Coverage(union, each, self._cells)

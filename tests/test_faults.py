@@ -131,3 +131,81 @@ def test_a_recording_tells_who_was_removed_and_verifies(tmp_path) -> None:
     digests = Digests()
     build(recording.scenario, "again", recording.world).simulation.run([digests])
     assert digests.total() == recording.digest()
+
+
+def in_room(faults: str, *overrides: str, iterations: int = 40, robots: int = 4) -> tuple[list[Moment], object]:
+    run = made(f"stop.iterations={iterations}", f"robots.count={robots}", f"faults=[{faults}]", *overrides)
+    moments: list[Moment] = []
+
+    class Keep:
+        def sample(self, moment: Moment) -> None:
+            moments.append(moment)
+
+    run.simulation.run([Keep()])
+    return moments, run
+
+
+def test_a_lost_map_does_not_come_back_with_its_robot() -> None:
+    moments, _ = in_room('{use="remove", at=10, robots=[1], lasts=5, map="lost"}')
+    each = [int(moment.coverage.each[1]) for moment in moments]
+    assert each[9] > each[15] > 0
+    assert each[10:15] == [0] * 5
+
+
+def test_the_absent_are_no_obstacles() -> None:
+    run = made("robots.count=3", 'faults=[{use="join", at=5, count=2}]')
+    assert run.simulation.parts.bodies.solid.tolist() == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("faults", "words"),
+    [
+        ('{use="join", at=3, count=4}', r"faults\[0\]\.count: 4 of 4 robots are late"),
+        ('{use="join", at=3, times=2}', r"faults\[0\]\.every: required key is missing"),
+        ('{use="join", at=0}', r"faults\[0\]\.at: .*>= 1"),
+        (f'{{use="join", at={10**30}}}', r"faults\[0\]\.at: "),
+        ('{use="remove", at=0, robots=[3]}, {use="join", at=3}', r"count: robots 3 are dead at the start already"),
+        ('{use="motor", at=0}', r"faults\[0\]\.failure: required key is missing"),
+        ('{use="motor", failure="off", at=0, factor=0.5}', r"faults\[0\]\.factor: .*'off' has none"),
+        ('{use="motor", failure="slow", at=0, speed=0.1}', r"faults\[0\]\.speed: .*'slow' has none"),
+        ('{use="motor", failure="stuck", at=0, speed=0.2}', r"faults\[0\]\.speed: 0.2 m/s is more than"),
+        ('{use="motor", failure="slow", at=0, wheel="middle"}', r"faults\[0\]\.wheel"),
+    ],
+)
+def test_what_cannot_happen_to_bodies_and_motors_is_refused(faults: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        in_room(faults)
+
+
+def test_the_stuck_motors_of_the_dead_do_not_run() -> None:
+    for death in ("crash", "remove"):
+        moments, _ = in_room(
+            f'{{use="motor", failure="stuck", at=0, robots=[0]}}, {{use="{death}", at=5, robots=[0]}}', robots=3
+        )
+        places = np.array([moment.state.pose[0, :2] for moment in moments])
+        assert np.ptp(places[7:], axis=0).max() < 0.02  # it may be pushed, or roll out
+        assert all((moment.state.wheels[0] == 0.0).all() for moment in moments[6:])
+
+
+def test_the_others_are_untouched_by_a_motor_until_they_meet_it() -> None:
+    plain, _ = in_room("", 'network.topology={use="none"}', iterations=12)
+    broken, _ = in_room(
+        '{use="motor", failure="off", at=3, robots=[0]}', 'network.topology={use="none"}', iterations=12
+    )
+    for ours, theirs in zip(broken, plain, strict=True):
+        np.testing.assert_array_equal(ours.state.pose[1:], theirs.state.pose[1:])
+        np.testing.assert_array_equal(ours.intents.goals[1:], theirs.intents.goals[1:])
+    assert (broken[5].state.pose[0] != plain[5].state.pose[0]).any()
+
+
+def test_a_run_that_was_interrupted_says_so_whatever_happened_to_the_building_last(tmp_path) -> None:
+    run = made("stop.iterations=30", 'faults=[{use="furniture", at=4, box=[4.0, 2.4, 4.3, 2.9]}]')
+    path = tmp_path / "recording.h5"
+    with run.recorder(path) as recorder:
+        for _ in range(8):
+            run.simulation.tick([recorder])
+    summary = Recording(path).summary()
+    assert summary["status"] == "interrupted"
+    assert summary["events"] == [
+        {"iteration": 4, "kind": "furniture placed", "cause": "box 4 2.4 4.3 2.9 stands", "robots": []}
+    ]

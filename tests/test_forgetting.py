@@ -17,7 +17,7 @@ from swarmsim.core.parts import Setting
 from swarmsim.core.scenario import Robots
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
 from swarmsim.core.streams import Streams
-from swarmsim.kernels import grid
+from swarmsim.kernels import grid, occupancy
 from swarmsim.recording import Digests
 
 CELL = 0.15
@@ -118,7 +118,7 @@ def test_fading_is_what_numpy_says(seed, kept, least) -> None:
     faded = np.where(alive[:, None], log_odds * kept, log_odds)
     sure = (np.abs(faded) >= least) | ~alive[:, None]
     ours, known = log_odds.copy(), observed.copy()
-    grid.fade(ours, known, alive, kept, least)
+    occupancy.fade(ours, known, alive, kept, least)
     assert_array_equal(ours, np.where(sure, faded, 0.0))
     assert_array_equal(known, observed & sure)
 
@@ -129,7 +129,8 @@ def test_a_reading_is_as_old_as_it_was_sensed_and_a_piece_of_a_map_says_nothing(
     tiles[1, 0, 1] = UNKNOWN
     heard, places = np.full((3, 1, 1), OCCUPIED, np.uint8), np.array([[0, 0], [4, 4], [5, 5]], np.int32)
     sources, sensed = np.array([1, 1, -1], np.int32), np.array([2, 3, 8], np.int32)
-    grid.see(seen, 9, np.array([True, True]), tiles, origins, np.zeros(3, np.int32), heard, places, sources, sensed)
+    receivers = np.zeros(3, np.int32)
+    occupancy.see(seen, 9, np.array([True, True]), tiles, origins, receivers, heard, places, sources, sensed)
     expected = np.zeros((2, 6, 6))
     expected[0, 0, :2] = 9  # one's own reading of now is not made older by another's
     expected[0, 4, 4] = 4
@@ -154,7 +155,7 @@ def walking(open_, start):
 
 @settings(deadline=None, derandomize=True, max_examples=100)
 @given(st.integers(0, 2**32))
-def test_the_stalest_cell_is_the_nearest_of_the_oldest_in_reach(seed) -> None:
+def test_a_patrol_goes_to_the_nearest_cell_at_least_half_as_old_as_the_oldest_in_reach(seed) -> None:
     rng = np.random.default_rng(seed)
     wall = rng.random((9, 9)) < 0.3
     wall[4, 4] = False
@@ -164,14 +165,15 @@ def test_the_stalest_cell_is_the_nearest_of_the_oldest_in_reach(seed) -> None:
     maps = grid.Maps(log_odds[None], observed[None], never, never)
     patrol = grid.Patrol(rng.integers(0, 5, (1, 9, 9)).astype(np.int32), np.zeros(1, np.int32))
     rules = grid.Rules(0.0, 0.0, CELL, np.zeros((1, 2), np.int32), 0, 4, True, 8, 4)
-    found = grid.stalest(maps, patrol, 0, 4, rules, 4 * 9 + 4, np.uint64(0), grid.scratch(81))
+    found = grid.nearest_stale(maps, patrol, 0, 4, rules, 4 * 9 + 4, np.uint64(0), grid.scratch(81))
     steps = walking(observed & ~wall, (4, 4))
     cells = [
-        (int(patrol.seen[0, r, c]), steps[r, c], 9 * r + c)
+        (4 - int(patrol.seen[0, r, c]), steps[r, c], 9 * r + c)
         for r, c in np.ndindex(9, 9)
         if 0 < steps[r, c] < np.inf and patrol.seen[0, r, c] < 4
     ]
-    assert found == (min(cells)[2] if cells else -1)
+    stale = [(way, cell) for age, way, cell in cells if 2 * age >= max(cells)[0]]
+    assert found == (min(stale)[1] if cells else -1)
 
 
 def ages(*overrides: str, iterations: int = 500):

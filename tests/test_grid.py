@@ -10,7 +10,7 @@ from numpy.testing import assert_array_equal
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from swarmsim.kernels import grid
+from swarmsim.kernels import grid, occupancy
 
 ONE_CELL = np.zeros((1, 2), np.int32)
 PLUS = np.array([[0, 0], [-1, 0], [0, -1], [0, 1], [1, 0]], np.int32)
@@ -361,7 +361,7 @@ def test_fusing_equals_dictionaries_of_clamped_sums():
             heard_origins = rng.integers(-8, 12, (len(receivers), 2)).astype(np.int32)
             fresh = np.full(robots + len(receivers), -1, np.int32)
             messages = (tiles, origins, receivers, heard, heard_origins)
-            grid.fuse(log_odds, observed, alive, *messages, HIT, MISS, LOW, HIGH, fresh)
+            occupancy.fuse(log_odds, observed, alive, *messages, HIT, MISS, LOW, HIGH, fresh)
             assert fresh.tolist() == fuse_plainly(shape, alive, *messages, belief)
             outside += np.sum(origins < 0)
         for robot in range(robots):
@@ -379,7 +379,7 @@ def test_fusing_equals_dictionaries_of_clamped_sums():
 def fuse_one_cell(own, *heard):
     log_odds, observed = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1, 1), bool)
     fresh = np.zeros(1 + len(heard), np.int32)
-    grid.fuse(
+    occupancy.fuse(
         log_odds, observed, np.ones(1, bool), np.full((1, 1, 1), own, np.uint8), np.zeros((1, 2), np.int32),
         np.zeros(len(heard), np.int32), np.array(heard, np.uint8).reshape(-1, 1, 1),
         np.zeros((len(heard), 2), np.int32), HIT, MISS, LOW, HIGH, fresh,
@@ -410,7 +410,7 @@ def test_counts_of_observed_cells_equal_numpy(robots, words, density, seed):
     observed = rng.random((robots, 8 * words)) < density
     domain = rng.random(8 * words) < rng.choice([0.7, 1.0])
     union = rng.random(8 * words) < 0.5
-    each, total = grid.count_observed(as_words(observed), as_words(domain), as_words(union))
+    each, total = occupancy.count_observed(as_words(observed), as_words(domain), as_words(union))
     assert_array_equal(each, (observed & domain).sum(axis=1))
     assert_array_equal(union, observed.any(axis=0))
     assert total == (observed.any(axis=0) & domain).sum()
@@ -420,6 +420,6 @@ def test_a_large_map_known_whole_is_counted_whole():
     """100 000 words of eight cells are more than any partial sum of bytes can hold."""
     observed = np.ones((1, 800_000), bool)
     union = np.zeros(800_000, bool)
-    each, total = grid.count_observed(as_words(observed), as_words(observed[0]), as_words(union))
+    each, total = occupancy.count_observed(as_words(observed), as_words(observed[0]), as_words(union))
     assert each.tolist() == [800_000]
     assert total == 800_000

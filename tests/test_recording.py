@@ -15,7 +15,8 @@ from conftest import made
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import FREE, OCCUPIED, Moment
-from swarmsim.recording import BLOCK, DIGESTED, Digests, Recording
+from swarmsim.recorder import BLOCK
+from swarmsim.recording import DIGESTED, Digests, Recording
 from swarmsim.replay import MapReplay
 
 

@@ -16,7 +16,8 @@ from PIL import Image
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import FREE, UNKNOWN, Event, Moment
-from swarmsim.recording import Recorder, Recording
+from swarmsim.recorder import Recorder
+from swarmsim.recording import Recording
 from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.scene import Scene

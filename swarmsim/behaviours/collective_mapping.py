@@ -17,7 +17,7 @@ from swarmsim.behaviours.mapping import OccupancyGrids, WaryGrids
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import Intents, Observations
-from swarmsim.kernels import grid
+from swarmsim.kernels import grid, occupancy
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
@@ -51,7 +51,7 @@ class CollectiveMapping(Struct, frozen=True, forbid_unknown_fields=True, kw_only
     lowest: Probability = 0.12
     highest: Probability = 0.97
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
-    idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes to the free cell seen longest ago
+    idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes where nobody looked for long
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
 
@@ -139,7 +139,7 @@ class CollectiveMappers:
         if self.forgets:
             rows = (len(observations.alive), -1)
             known, log_odds = self._grids.observed.reshape(rows), self._grids.log_odds.reshape(rows)
-            grid.fade(log_odds, known, observations.alive, self._kept, self._least)
+            occupancy.fade(log_odds, known, observations.alive, self._kept, self._least)
         fresh = self._grids.update(observations.alive, observations.tiles, observations.inbox)
         news = fresh[: len(observations.alive)].copy()
         np.add.at(news, observations.inbox.receivers, fresh[len(news) :])
@@ -163,14 +163,15 @@ class CollectiveMappers:
         longest = int((plans.steps - plans.cursor).max(initial=0)) + 1
         waypoints = np.zeros((len(plans.steps), longest, 2))
         counts = grid.way_ahead(plans, self._rules, self._columns, waypoints)
-        goals = np.stack([plans.goal // self._columns, plans.goal % self._columns], axis=1).astype(np.int32)
+        goals = np.empty((len(plans.goal), 2), np.int32)
+        np.divmod(plans.goal, self._columns, out=(goals[:, 0], goals[:, 1]))
         goals[plans.goal < 0] = -1
         return Intents(goals, waypoints, counts, plans.planned.copy())
 
     def _see(self, observations: Observations) -> None:
         """Note which cells were seen when."""
         tiles, inbox = observations.tiles, observations.inbox
-        grid.see(
+        occupancy.see(
             self._patrol.seen,
             observations.iteration + 1,
             observations.alive,

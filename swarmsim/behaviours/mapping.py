@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import Inbox, Tiles
-from swarmsim.kernels import grid, trust
+from swarmsim.kernels import occupancy, trust
 
 
 class OccupancyGrids:
@@ -36,7 +36,7 @@ class OccupancyGrids:
         if inbox.sources.min(initial=0) < 0:
             return self._update_and_fill(alive, tiles, inbox)
         fresh = np.empty(len(alive) + len(inbox.receivers), np.int32)
-        grid.fuse(
+        occupancy.fuse(
             self.log_odds,
             self.observed,
             alive,
@@ -58,7 +58,7 @@ class OccupancyGrids:
         added = self.update(alive, tiles, readings)
         fresh[: len(alive)], told[~pieces] = added[: len(alive)], added[len(alive) :]
         filled = np.empty(np.count_nonzero(pieces), np.int32)
-        grid.fill(
+        occupancy.fill(
             self.log_odds,
             self.observed,
             inbox.receivers[pieces],

@@ -52,7 +52,7 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
         module, _, name = use.partition(":")
         try:
             kind: type[msgspec.Struct] = getattr(importlib.import_module(module), name)
-        except (ImportError, AttributeError, ValueError) as problem:
+        except (ImportError, AttributeError, TypeError, ValueError) as problem:
             raise InputError(f"use: {use!r} cannot be imported ({problem}); expected 'module:Name'") from problem
         if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct) and callable(getattr(kind, "build", None))):
             raise InputError(f"use: {use!r} is not a part: expected a msgspec.Struct with a method 'build'")

@@ -46,6 +46,7 @@ class Said:
     sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
     ends: NDArray[np.int64]  # (n,): robot i says the tiles ends[i - 1] to ends[i]
     sizes: NDArray[np.int32]  # (n,): bytes of each robot's message
+    one_each: bool = False  # whether tile i is all that robot i says, which is faster to look up
 
 
 Letters = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes

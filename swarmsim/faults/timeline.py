@@ -110,6 +110,7 @@ class Timeline:
         active = self._since >= 0
         if fault.duty is not None:
             active &= (now - self._since) % sum(fault.duty) < fault.duty[0]
+            active &= state.alive | self.active  # whoever is out by another fault is not this one's to bring back
         begins, ends = np.flatnonzero(active & ~self.active), np.flatnonzero(self.active & ~active)
         self.active[:] = active
         return begins, ends

@@ -25,19 +25,15 @@ class CurrentTileSharing:
     def __init__(self, robots: int) -> None:
         self._ids = np.arange(robots, dtype=np.int32)
         self._ends = np.arange(1, robots + 1, dtype=np.int64)
+        self._sizes = np.empty(0, np.int32)
         self._said: dict[int, Said] = {}
 
     def say(self, state: State, tiles: Tiles) -> Said:
         """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        size = current_tile_bytes(*tiles.values.shape[1:])
-        said = Said(
-            tiles.values,
-            tiles.origins,
-            self._ids,
-            np.full(len(self._ids), state.iteration, np.int32),
-            self._ends,
-            np.full(len(self._ids), size, np.int32),
-        )
+        if len(self._sizes) != len(self._ids):
+            self._sizes = np.full(len(self._ids), current_tile_bytes(*tiles.values.shape[1:]), np.int32)
+        sensed = np.full(len(self._ids), state.iteration, np.int32)
+        said = Said(tiles.values, tiles.origins, self._ids, sensed, self._ends, self._sizes, one_each=True)
         self._said[state.iteration] = said
         return said
 
@@ -140,10 +136,9 @@ def opened(said: dict[int, Said], delivery: Delivery) -> Inbox:
 
 def _taken(said: Said, receivers: np.ndarray, senders: np.ndarray) -> Inbox:
     """What the senders said, message by message, for their receivers."""
-    starts = np.concatenate([[0], said.ends[:-1]])
-    if len(said.values) == len(said.ends) and (said.ends - starts == 1).all():
-        rows = senders
-    else:
+    rows = senders
+    if not said.one_each:
+        starts = np.concatenate([[0], said.ends[:-1]])
         counts = (said.ends - starts)[senders]
         receivers, first = np.repeat(receivers, counts), np.repeat(starts[senders] - np.cumsum(counts) + counts, counts)
         rows, senders = first + np.arange(len(receivers)), np.repeat(senders, counts)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Literal
 
+from swarmsim.changes import boxes_at
 from swarmsim.core.parts import Box
 from swarmsim.core.state import Event
 from swarmsim.recording import Recording, grouped
@@ -15,7 +15,7 @@ Mark = Literal["", "fault", "removed", "late"]
 #: What ends what, where the end is not called as its beginning with " over".
 ENDS = {"returned": "removed", "repaired": "crashed", "joined": "late"}
 BODIES = ("removed", "crashed", "late")  # what befalls bodies, which pictures show by itself
-BOX = re.compile(r"box (\S+) (\S+) (\S+) (\S+) (stands|gone|waits)")
+BOX = "box "  # how the cause of what happens to a building begins
 NAMED = 8  # robots that a note names; of more it gives the number
 
 
@@ -31,7 +31,7 @@ class Note:
     @property
     def text(self) -> str:
         """The note in a line, as in `iteration 50: motor off: robots 3, 7, 9`."""
-        if BOX.fullmatch(self.cause):
+        if self.cause.startswith(BOX):
             return f"iteration {self.iteration}: {self.kind}"  # pictures show where
         if not self.robots:
             who = self.cause
@@ -44,7 +44,7 @@ class Note:
     @property
     def ends(self) -> bool:
         """Whether something is over with it."""
-        gone = self.cause.startswith("box ") and self.cause.endswith(" gone")
+        gone = self.cause.startswith(BOX) and self.cause.endswith(" gone")
         return gone or _ended(self.kind) is not None or self.kind in ("finished", "not finished")
 
 
@@ -58,16 +58,15 @@ class Happenings:
         self._noted = [note.iteration for note in self.notes]
         self._changed: list[list[int]] = [[0] for _ in range(robots)]  # when each robot's mark changes ...
         self._marks: list[list[Mark]] = [[""] for _ in range(robots)]  # ... and to what
-        self._built, self._boxes = [0], [tuple[Box, ...]()]  # the same of the building
         has: list[list[tuple[str, str]]] = [[] for _ in range(robots)]  # kind and cause of what each has now
         for event in events:
             if event.robot >= 0:
                 _turn(has[event.robot], event)
                 self._changed[event.robot].append(event.iteration)
                 self._marks[event.robot].append(_mark(has[event.robot]))
-            elif found := BOX.fullmatch(event.cause):
-                self._built.append(event.iteration)
-                self._boxes.append(_rebuilt(self._boxes[-1], found))
+        building = [event for event in events if event.robot < 0 and event.cause.startswith(BOX)]
+        self._built = [0, *sorted({event.iteration for event in building})]  # when the building changes ...
+        self._boxes = [tuple(boxes_at(building, iteration)) for iteration in self._built]  # ... and to what
 
     def mark(self, robot: int, iteration: int) -> Mark:
         """How a robot is marked in an iteration."""
@@ -104,15 +103,3 @@ def _mark(has: list[tuple[str, str]]) -> Mark:
     if "removed" in kinds or any(kind == "battery empty" and "empty=remove" in cause for kind, cause in has):
         return "removed"
     return "fault" if any(kind not in BODIES for kind in kinds) else ""
-
-
-def _rebuilt(boxes: tuple[Box, ...], found: re.Match[str]) -> tuple[Box, ...]:
-    """The boxes after one has come or gone."""
-    left, low, right, high = (float(edge) for edge in found.groups()[:4])
-    box = (left, low, right, high)
-    if found[5] == "stands":
-        return (*boxes, box)
-    if found[5] == "waits" or box not in boxes:
-        return boxes
-    place = boxes.index(box)
-    return boxes[:place] + boxes[place + 1 :]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swarmsim.view.plots.marks import counted, estimate_bars, line_key
 from swarmsim.view.plots.scales import mark_values, span_axis
 from swarmsim.view.plots.sheet import settled, sheet
-from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Reals, styled
+from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Line, Reals, styled
 
 
 @styled
@@ -83,8 +83,9 @@ def sweep(series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str,
     for row, (name, level) in enumerate(levels.items(), len(series)):
         colour = COLOURS[row % len(COLOURS)]
         upper.axhspan(*level.intervals[0], color=colour, alpha=0.12, lw=0)
-        upper.axhline(level.means[0], color=colour, lw=1.4, ls="--")
-        handles.append(line_key(f"{name}{counted(level.runs)}", colour, "", "--"))
+        dash: Line = "--" if row % 2 else ":"
+        upper.axhline(level.means[0], color=colour, lw=1.8, ls=dash)
+        handles.append(line_key(f"{name}{counted(level.runs)}", colour, "", dash))
     span_axis(
         upper, np.concatenate([np.ravel(part) for steps in everything for part in (steps.means, steps.intervals)])
     )

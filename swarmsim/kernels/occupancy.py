@@ -1,0 +1,182 @@
+"""Occupancy grids of the whole swarm: how they learn, forget, change and are counted.
+
+Grids are indexed (robot, row, column).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def _fuse_tile(log_odds, observed, tile, row0, column0, hit, miss, low, high):
+    rows, columns = tile.shape
+    fresh = 0
+    for r in range(max(0, -row0), min(rows, observed.shape[0] - row0)):
+        for c in range(max(0, -column0), min(columns, observed.shape[1] - column0)):
+            seen = tile[r, c]
+            if seen == 0:
+                continue
+            if not observed[row0 + r, column0 + c]:
+                observed[row0 + r, column0 + c] = True
+                fresh += 1
+            changed = log_odds[row0 + r, column0 + c] + (hit if seen == 2 else miss)
+            log_odds[row0 + r, column0 + c] = min(max(changed, low), high)
+    return fresh
+
+
+@njit(cache=True)
+def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_origins, hit, miss, low, high, fresh):
+    """Update every occupancy grid with the robot's own tile, then with each tile it heard, in that order.
+
+    `log_odds` and `observed` (n, rows, columns), `tiles` (n, r, c), `heard` (m, r, c) for `receivers`
+    (m,). A cell seen occupied gains `hit`, one seen free gains `miss` (< 0), clamped to [low, high].
+    Writes to `fresh` (n + m,) how many cells each tile was the first to tell its robot.
+    """
+    robots = len(alive)
+    for i in range(robots):
+        fresh[i] = 0
+        if alive[i]:
+            fresh[i] = _fuse_tile(
+                log_odds[i], observed[i], tiles[i], origins[i, 0], origins[i, 1], hit, miss, low, high
+            )
+    for m in range(len(receivers)):
+        i = receivers[m]
+        fresh[robots + m] = _fuse_tile(
+            log_odds[i], observed[i], heard[m], heard_origins[m, 0], heard_origins[m, 1], hit, miss, low, high
+        )
+
+
+@njit(cache=True)
+def fill(log_odds, observed, receivers, pieces, origins, hit, miss, low, high, fresh):
+    """Let robots take over what others believe of cells that they have not observed, as if seen once.
+
+    `log_odds` and `observed` (n, rows, columns), `pieces` (m, r, c) of maps at `origins` (m, 2) for `receivers`
+    (m,), in that order. Writes to `fresh` (m,) how many cells each piece was the first to tell its robot.
+    """
+    rows, columns = observed.shape[1:]
+    for m in range(len(receivers)):
+        i = receivers[m]
+        fresh[m] = 0
+        for r in range(pieces.shape[1]):
+            for c in range(pieces.shape[2]):
+                believed = pieces[m, r, c]
+                row, column = origins[m, 0] + r, origins[m, 1] + c
+                if believed == 0 or not (0 <= row < rows and 0 <= column < columns) or observed[i, row, column]:
+                    continue
+                observed[i, row, column] = True
+                log_odds[i, row, column] = min(max(hit if believed == 2 else miss, low), high)
+                fresh[m] += 1
+
+
+@njit(cache=True)
+def fade(log_odds, observed, alive, kept, least):
+    """Let every live robot's map grow old by one iteration: what it holds for sure becomes less sure.
+
+    The log-odds (n, cells) are multiplied by `kept` (0 to 1). Where their absolute value falls below `least`, the
+    cell is as if never observed.
+    """
+    for i in range(len(alive)):
+        if not alive[i]:
+            continue
+        mine, known = log_odds[i], observed[i]
+        for cell in range(len(mine)):
+            faded = mine[cell] * kept
+            sure = abs(faded) >= least
+            mine[cell] = faded if sure else np.float32(0.0)
+            known[cell] = known[cell] & sure
+
+
+@njit(cache=True)
+def _see_tile(seen, tile, row0, column0, when):
+    rows, columns = tile.shape
+    for r in range(max(0, -row0), min(rows, seen.shape[0] - row0)):
+        for c in range(max(0, -column0), min(columns, seen.shape[1] - column0)):
+            if tile[r, c] != 0:
+                seen[row0 + r, column0 + c] = max(seen[row0 + r, column0 + c], when)
+
+
+@njit(cache=True)
+def see(seen, now, alive, tiles, origins, receivers, heard, heard_origins, sources, sensed):
+    """Note in `seen` (n, rows, columns) when each robot's cells were last seen, by itself or by who told it.
+
+    Iterations count from 1 in `seen` and `now`, from 0 in `sensed` (m,); otherwise as in `fuse`. A piece of
+    somebody's map (`sources` -1) does not say when its cells were seen, and changes nothing.
+    """
+    for i in range(len(alive)):
+        if alive[i]:
+            _see_tile(seen[i], tiles[i], origins[i, 0], origins[i, 1], now)
+    for m in range(len(receivers)):
+        if sources[m] >= 0:
+            _see_tile(seen[receivers[m]], heard[m], heard_origins[m, 0], heard_origins[m, 1], sensed[m] + 1)
+
+
+@njit(cache=True)
+def _note(log_odds, observed, held, robot, cell, found):
+    """Append the cell's state (0 unknown, 1 free, 2 occupied) to `found` (c, 3) if it is not the one `held`."""
+    state = (1 + (log_odds[robot, cell] > 0.0)) * observed[robot, cell]
+    if held[robot, cell] == state:
+        return 0
+    held[robot, cell] = state
+    found[0] = robot
+    found[1] = cell
+    found[2] = state
+    return 1
+
+
+@njit(cache=True)
+def changes_under(log_odds, observed, held, owners, origins, shape, columns, found):
+    """Which cells of the maps differ from `held` (n, cells), looked for under tiles alone; brings `held` up to date.
+
+    `log_odds` and `observed` (n, cells) are row-major with so many columns; tile t of `shape` (rows, columns) lies
+    at `origins` (t, 2) of the map of `owners` (t,). Writes robot, cell and state to `found` (c, 3); gives their number.
+    """
+    count = 0
+    rows = observed.shape[1] // columns
+    for t in range(len(owners)):
+        for r in range(max(0, origins[t, 0]), min(rows, origins[t, 0] + shape[0])):
+            for c in range(max(0, origins[t, 1]), min(columns, origins[t, 1] + shape[1])):
+                count += _note(log_odds, observed, held, owners[t], r * columns + c, found[count])
+    return count
+
+
+@njit(cache=True)
+def changes_anywhere(log_odds, observed, held, found):
+    """As `changes_under`, but looked for in every cell; `found` has room for all of them."""
+    count = 0
+    for robot in range(len(observed)):
+        for cell in range(observed.shape[1]):
+            count += _note(log_odds, observed, held, robot, cell, found[min(count, len(found) - 1)])
+    return count
+
+
+@njit(cache=True)
+def count_observed(observed, domain, union):
+    """How many cells of the domain each robot has observed, and how many any has.
+
+    `observed` (n, words) and `domain` (words,) are boolean grids read as 64-bit words, eight cells each.
+    Overwrites `union` (words,). Gives the counts (n,) and the count of the union.
+    """
+    each = np.empty(len(observed), np.int64)
+    union[:] = 0
+    for i in range(len(observed)):
+        each[i] = _count_both(observed[i], domain)
+        mine = observed[i]
+        for w in range(len(union)):
+            union[w] |= mine[w]
+    return each, _count_both(union, domain)
+
+
+@njit(cache=True)
+def _count_both(a, b):
+    """How many bytes are 1 in both of two rows of words that hold bytes 0 and 1."""
+    total = np.uint64(0)
+    for first in range(0, len(a), 255):  # a byte of `lanes` counts to 255
+        lanes = np.uint64(0)
+        left, right = a[first : first + 255], b[first : first + 255]  # slices, or the loop is not vectorised
+        for w in range(len(left)):
+            lanes += left[w] & right[w]
+        pairs = (lanes & np.uint64(0x00FF00FF00FF00FF)) + ((lanes >> np.uint64(8)) & np.uint64(0x00FF00FF00FF00FF))
+        total += (pairs * np.uint64(0x0001000100010001)) >> np.uint64(48)
+    return np.int64(total)
