@@ -30,8 +30,9 @@ def fuse_warily(
     """Update every occupancy grid with the robot's own tile, then with as much as it believes of what it heard.
 
     As `occupancy.fuse`, and with `pieces` (m,) for those of the `heard` tiles that are pieces of maps, as
-    `occupancy.fill` after the others, but: what is heard changes no cell that the robot has sensed itself; the first time it senses
-    one, all that it heard of it is void; what it hears counts once `witnesses.quorum` senders have said the same.
+    `occupancy.fill` after the others, but: what is heard changes no cell that the robot has sensed itself; the first
+    time it senses one, all that it heard of it is void; what it hears counts once `witnesses.quorum` senders have said
+    the same.
     """
     robots = len(alive)
     for i in range(robots):
