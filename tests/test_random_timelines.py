@@ -46,21 +46,19 @@ def boxes(draw: st.DrawFn, most: float = 1.0) -> list[float]:
     return [round(edge, 2) for edge in (left, low, min(left + width, 4.9), min(low + height, 3.7))]
 
 
-WHEN = st.one_of(
+WHEN = (
     some(needed={"at": st.integers(0, 25)}, every=st.integers(1, 10), lasts=iterations),
-    st.integers(0, 25).flatmap(
-        lambda first: st.fixed_dictionaries(
-            {"between": st.tuples(st.just(first), st.integers(first + 1, 30)).map(list)}
-        )
-    ),
+    st.tuples(st.integers(0, 25), iterations).map(lambda pair: {"between": [pair[0], sum(pair)]}),
     some(needed={"coverage": shares}, lasts=iterations),
     some(needed={"rate": st.sampled_from([0.05, 0.2, 1.0])}, lasts=iterations),
-    some(
-        needed={"life": some(needed={"mean": st.sampled_from([3.0, 12.0])}, shape=st.sampled_from([0.5, 3.0]))},
-        lasts=iterations,
-    ),
 )
-TIMED = merged(WHEN, some(duty=st.tuples(iterations, iterations).map(list)))
+LIFE = some(
+    needed={"life": some(needed={"mean": st.sampled_from([3.0, 12.0])}, shape=st.sampled_from([0.5, 3.0]))},
+    lasts=iterations,
+)
+DUTY = some(duty=st.tuples(iterations, iterations).map(list))
+OF_ALL = merged(st.one_of(WHEN), DUTY)
+TIMED = merged(st.one_of(*WHEN, LIFE), DUTY)
 
 
 def whom(robots: int) -> st.SearchStrategy[Table]:
@@ -89,7 +87,7 @@ def failing(use: str, **failures: st.SearchStrategy[Table]) -> st.SearchStrategy
 
 NOTHING = st.just({})
 MEMORY = some(map=st.sampled_from(["kept", "lost"]))
-CONSTANT = some(needed={"dx": metres.filter(bool)}, dy=metres, dyaw=metres)
+CONSTANT = some(needed={"dx": st.sampled_from([-0.4, 0.02, 0.15])}, dy=metres, dyaw=metres)
 OF_ROBOTS = {
     "remove": merged(st.just({"use": "remove"}), MEMORY),
     "crash": merged(st.just({"use": "crash"}), MEMORY),
@@ -163,10 +161,10 @@ def alone(robots: int) -> dict[str, st.SearchStrategy[Table]]:
             some(every=iterations, count=st.integers(1, 4)),
         ),
         "people": merged(st.just({"use": "people"}), some(count=st.integers(1, 3), speed=st.sampled_from([0.3, 1.5]))),
-        "radio jam": merged(st.just({"use": "radio", "failure": "jam"}), TIMED, some(needed={"area": boxes(4.0)})),
+        "radio jam": merged(st.just({"use": "radio", "failure": "jam"}), OF_ALL, some(needed={"area": boxes(4.0)})),
         "radio partition": merged(
             st.just({"use": "radio", "failure": "partition"}),
-            TIMED,
+            OF_ALL,
             st.one_of(st.just({"x": 2.0}), st.just({"y": 2.0}), st.fixed_dictionaries({"groups": groups})),
         ),
     }
@@ -187,8 +185,9 @@ def scenarios(draw: st.DrawFn) -> Table:
     robots = draw(st.sampled_from([3, 5]))
     timed = {kind: merged(fault, TIMED, whom(robots)) for kind, fault in OF_ROBOTS.items()}
     kinds = {**timed, **alone(robots)}
-    chosen = draw(st.lists(st.sampled_from(sorted(kinds)), min_size=1, max_size=4))
-    # Latecomers have to be there to be late, so nobody may be struck before them, and once is enough.
+    number = draw(st.sampled_from([2, 3, 4, 1]))
+    chosen = draw(st.lists(st.sampled_from(sorted(kinds)), min_size=number, max_size=number))
+    # Nobody may be dead before the latecomers are late, so they come first, and once.
     chosen = ["join"] * ("join" in chosen) + [kind for kind in chosen if kind != "join"]
     return {
         "title": "Random faults",
@@ -261,6 +260,7 @@ def messages_add_up(watch: Watch, channel: str, faults: tuple[Table, ...]) -> No
         new = [(*link, t) for link in moment.links.tolist()]
         assert len(set(new)) == len(new)
         under_way.update(new)
+        assert moment.state.alive[moment.delivery.heard[:, 0]].all()
         letters = [moment.delivery.heard, *(lost for _, lost in moment.delivery.lost)]
         ended = [tuple(letter) for letter in np.concatenate(letters)[:, :3].tolist()]
         under_way.subtract(ended)
