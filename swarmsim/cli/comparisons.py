@@ -28,9 +28,8 @@ def compare(
     for run, recording in zip(runs, opened, strict=True):
         if not recording.iterations:
             raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
-    names = [str(run) for run in runs]
-    costs = [comparison.cost(name, recording, opened[0]) for name, recording in zip(names, opened, strict=True)]
-    print_table("against " + names[0], comparison.HEAD, comparison.lines(costs))
+    costs = comparison.costs(dict(zip(map(str, runs), opened, strict=True)))
+    print_table(f"against {runs[0]}", comparison.HEAD, comparison.lines(costs))
     if plot is not None:
         for path in comparison.draw(costs, plot):
             print(path)

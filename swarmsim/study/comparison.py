@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -31,7 +31,7 @@ class Cost:
     finished: bool
     faults: tuple[int, ...]  # the iterations in which something began or ended
     slowdown: float | None  # its iterations over the reference's, T_f / T_0, where both finished
-    mean_coverage: float | None  # over the longer of the two runs
+    mean_coverage: float | None  # over the longest of the runs compared
     coverage_ratio: float | None  # of that to the reference's
     lag: int | None  # iterations that it is behind at half of what the reference still had to map at its first fault
     recovery: int | None  # iterations from the first fault until coverage is back where it was; None for never
@@ -40,14 +40,19 @@ class Cost:
     lost: int
 
 
-def cost(name: str, run: Recording, reference: Recording) -> Cost:
-    """What distinguishes a run from the reference."""
+def costs(named: Mapping[str, Recording]) -> list[Cost]:
+    """What distinguishes each run from the first; coverage is averaged over the longest of all runs."""
+    reference = next(iter(named.values()))
+    horizon = max(run.iterations for run in named.values())
+    return [_cost(name, run, reference, horizon) for name, run in named.items()]
+
+
+def _cost(name: str, run: Recording, reference: Recording, horizon: int) -> Cost:
     mine, theirs = run["coverage"], reference["coverage"]
     events = [event for event in run.events() if event.kind not in ("finished", "not finished")]
     faults = tuple(sorted({event.iteration for event in events}))
     summary = run.summary()
     both = summary["status"] == reference.summary()["status"] == "finished"
-    horizon = max(len(mine), len(theirs))
     area, base = mean_coverage(mine, horizon), mean_coverage(theirs, horizon)
     maps = MapReplay(run)
     maps.advance(run.iterations - 1)
@@ -87,25 +92,25 @@ def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
     return int(below[-1]) + 1 if below[-1] + 1 < len(mine) - faults[0] else None
 
 
-def lines(costs: Sequence[Cost]) -> list[tuple[str, ...]]:
+def lines(found: Sequence[Cost]) -> list[tuple[str, ...]]:
     """One line for each run, under HEAD."""
     return [
         (
-            found.name,
-            str(len(found.curve)) if found.finished else f"not finished ({len(found.curve)})",
-            _shown(found.slowdown, ".2f"),
-            _shown(found.mean_coverage, ".3f"),
-            _shown(found.coverage_ratio, ".3f"),
-            _shown(found.lag, "+d"),
-            _shown(found.recovery, "d"),
-            _shown(found.quality.precision, ".3f"),
-            _shown(found.quality.recall, ".3f"),
-            _shown(found.quality.iou, ".3f"),
-            str(found.messages),
-            str(found.lost),
-            ", ".join(map(str, found.faults[:6])) + (", ..." if len(found.faults) > 6 else "") or "-",
+            one.name,
+            str(len(one.curve)) if one.finished else f"not finished ({len(one.curve)})",
+            _shown(one.slowdown, ".2f"),
+            _shown(one.mean_coverage, ".3f"),
+            _shown(one.coverage_ratio, ".3f"),
+            _shown(one.lag, "+d"),
+            _shown(one.recovery, "d"),
+            _shown(one.quality.precision, ".3f"),
+            _shown(one.quality.recall, ".3f"),
+            _shown(one.quality.iou, ".3f"),
+            str(one.messages),
+            str(one.lost),
+            ", ".join(map(str, one.faults[:6])) + (", ..." if len(one.faults) > 6 else "") or "-",
         )
-        for found in costs
+        for one in found
     ]
 
 
@@ -113,11 +118,11 @@ def _shown(value: Any, how: str) -> str:
     return "-" if value is None else format(value, how)
 
 
-def draw(costs: Sequence[Cost], path: Path) -> tuple[Path, Path]:
+def draw(found: Sequence[Cost], path: Path) -> tuple[Path, Path]:
     """Draw the coverage curves, with marks at their faults, as PNG and SVG; gives the files."""
     figure = plots.coverage(
-        {found.name: [found.curve] for found in costs},
+        {one.name: [one.curve] for one in found},
         "Coverage, run by run",
-        {found.name: found.faults for found in costs if found.faults},
+        {one.name: one.faults for one in found if one.faults},
     )
     return plots.save(figure, path)
