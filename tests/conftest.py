@@ -8,7 +8,7 @@ import pytest
 from swarmsim.build import Run, build
 from swarmsim.core.parts import Building, Survey
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Inbox
+from swarmsim.core.state import Inbox, Moment
 
 ROOT = Path(__file__).parent.parent
 
@@ -34,6 +34,18 @@ def building(walls=()) -> Building:
 def made(*overrides: str, scenario: str = "room") -> Run:
     path = ROOT / "scenarios" / f"{scenario}.toml"
     return build(load(path, overrides), str(path))
+
+
+def moments_of(run: Run) -> list[Moment]:
+    """Every moment of a run, done to its end."""
+    moments: list[Moment] = []
+
+    class Keep:
+        def sample(self, moment: Moment) -> None:
+            moments.append(moment)
+
+    run.simulation.run([Keep()])
+    return moments
 
 
 @pytest.fixture(scope="session")

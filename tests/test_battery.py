@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, moments_of
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError
@@ -20,14 +20,7 @@ from swarmsim.faults.battery import Batteries, Battery, BatteryFault, PoweredBod
 
 def watch(*overrides: str, iterations: int = 60, scenario: str = "basilica") -> tuple[list[Moment], object]:
     run = made(f"stop.iterations={iterations}", *overrides, scenario=scenario)
-    moments: list[Moment] = []
-
-    class Keep:
-        def sample(self, moment: Moment) -> None:
-            moments.append(moment)
-
-    run.simulation.run([Keep()])
-    return moments, run
+    return moments_of(run), run
 
 
 def battery(keys: str) -> str:

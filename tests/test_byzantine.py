@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, moments_of
 from numpy.testing import assert_array_equal
 
 from swarmsim.behaviours.mapping import OccupancyGrids
@@ -203,14 +203,7 @@ def test_a_spoofer_is_heard_under_another_name_and_nobody_else_is(policy, lie) -
 
 def watch(*overrides: str, iterations: int = 25) -> tuple[list[Moment], object]:
     run = made(f"stop.iterations={iterations}", *overrides, scenario="basilica")
-    moments: list[Moment] = []
-
-    class Keep:
-        def sample(self, moment: Moment) -> None:
-            moments.append(moment)
-
-    run.simulation.run([Keep()])
-    return moments, run
+    return moments_of(run), run
 
 
 LATE = 'network.channel={use="latency", delay=3}'

@@ -5,7 +5,7 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, moments_of
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import Moment
@@ -16,14 +16,7 @@ SHRINKING = 'faults=[{use="remove", at=20, every=10, count=3, keep=4}]'
 
 def watch(*overrides: str, iterations: int = 60) -> tuple[list[Moment], object]:
     run = made(f"stop.iterations={iterations}", *overrides, scenario="basilica")
-    moments: list[Moment] = []
-
-    class Keep:
-        def sample(self, moment: Moment) -> None:
-            moments.append(moment)
-
-    run.simulation.run([Keep()])
-    return moments, run
+    return moments_of(run), run
 
 
 @pytest.fixture(scope="module")
@@ -135,14 +128,7 @@ def test_a_recording_tells_who_was_removed_and_verifies(tmp_path) -> None:
 
 def in_room(faults: str, *overrides: str, iterations: int = 40, robots: int = 4) -> tuple[list[Moment], object]:
     run = made(f"stop.iterations={iterations}", f"robots.count={robots}", f"faults=[{faults}]", *overrides)
-    moments: list[Moment] = []
-
-    class Keep:
-        def sample(self, moment: Moment) -> None:
-            moments.append(moment)
-
-    run.simulation.run([Keep()])
-    return moments, run
+    return moments_of(run), run
 
 
 def test_a_lost_map_does_not_come_back_with_its_robot() -> None:

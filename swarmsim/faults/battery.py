@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Bodies, Channel, Links, Motion, Parts, Report, Setting
 from swarmsim.core.state import Delivery, Event, State
+from swarmsim.faults.effect import WrappedBodies
 from swarmsim.faults.timeline import described
 
 Cost = Annotated[float, Meta(ge=0.0, le=1e9)]
@@ -94,7 +95,7 @@ class MeteredChannel:
         return self._inner.deliver(state, links, sizes)
 
 
-class PoweredBodies:
+class PoweredBodies(WrappedBodies):
     """Bodies that move while there is energy."""
 
     def __init__(self, inner: Bodies, fault: BatteryFault, report: Report) -> None:
@@ -121,23 +122,6 @@ class PoweredBodies:
             self._report.events.append(Event(after.iteration, int(robot), "battery empty", self._cause))
         self._reported[out] = True
         return self._inner.state()
-
-    def state(self) -> State:
-        """The state now."""
-        return self._inner.state()
-
-    @property
-    def solid(self) -> NDArray[np.bool_]:
-        """Whose bodies (n,) are in the world."""
-        return self._inner.solid
-
-    def remove(self, robots: NDArray[np.int64]) -> None:
-        """Take robots out of the world."""
-        self._inner.remove(robots)
-
-    def crash(self, robots: NDArray[np.int64]) -> None:
-        """Let robots stand as obstacles."""
-        self._inner.crash(robots)
 
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
         """Put robots back into the world, but for those without energy."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Box, Motion, Parts, Setting
 from swarmsim.core.state import Event, State
+from swarmsim.faults.effect import WrappedBodies
 from swarmsim.faults.timeline import Duration, Iteration, Share
 
 _TRIES = 100  # places drawn for a piece of rubble before it stays where it was
@@ -192,7 +193,7 @@ class ChangingBuilding:
         return replace(parts, bodies=builder)
 
 
-class Builder:
+class Builder(WrappedBodies):
     """Bodies that let the building change whenever they have been driven, where nobody is in the way."""
 
     def __init__(self, parts: Parts, change: ChangingBuilding) -> None:
@@ -239,27 +240,6 @@ class Builder:
         state = self._inner.drive(motion, period)
         self.advance(state)
         return state
-
-    def state(self) -> State:
-        """The state now."""
-        return self._inner.state()
-
-    @property
-    def solid(self) -> NDArray[np.bool_]:
-        """Whose bodies (n,) are in the world."""
-        return self._inner.solid
-
-    def remove(self, robots: NDArray[np.int64]) -> None:
-        """Take robots out of the world."""
-        self._inner.remove(robots)
-
-    def crash(self, robots: NDArray[np.int64]) -> None:
-        """Let robots stand as obstacles."""
-        self._inner.crash(robots)
-
-    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots back into the world."""
-        self._inner.place(robots, pose)
 
 
 def told(box: Box, what: str) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Motion, Parts
+from swarmsim.core.parts import Bodies, Motion, Parts
 from swarmsim.core.state import Event, State
 from swarmsim.faults.timeline import Robots
 
@@ -71,27 +72,14 @@ class TimedFault:
         return replace(wrapped, bodies=clock)
 
 
-class Clock:
-    """Bodies that move a fault's timeline forward whenever they have been driven."""
+class WrappedBodies(ABC):
+    """Bodies around others, which do all but what a fault changes."""
 
-    def __init__(self, parts: Parts, course: Course, effect: Effect, cause: str) -> None:
-        self._inner, self._parts, self._course, self._effect, self._cause = parts.bodies, parts, course, effect, cause
+    _inner: Bodies
 
-    def advance(self, state: State) -> State:
-        """Let the fault begin and end where its time has come, and report it; gives the state after that."""
-        begins, ends = self._course.advance(state, self._parts)
-        if len(begins) == len(ends) == 0:
-            return state
-        ended = self._effect.end(ends, state)
-        self._course.active[np.setdiff1d(ends, ended)] = True
-        self._effect.begin(begins, state)
-        for robots, word in zip((ended, begins), self._effect.words[::-1], strict=True):
-            self._parts.report.events.extend(Event(state.iteration, int(i), word, self._cause) for i in robots)
-        return self._inner.state()
-
+    @abstractmethod
     def drive(self, motion: Motion, period: float) -> State:
-        """The state one period later, after what has begun and ended."""
-        return self.advance(self._inner.drive(motion, period))
+        """The state one period (s) later."""
 
     def state(self) -> State:
         """The state now."""
@@ -113,3 +101,26 @@ class Clock:
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
         """Put robots back into the world."""
         self._inner.place(robots, pose)
+
+
+class Clock(WrappedBodies):
+    """Bodies that move a fault's timeline forward whenever they have been driven."""
+
+    def __init__(self, parts: Parts, course: Course, effect: Effect, cause: str) -> None:
+        self._inner, self._parts, self._course, self._effect, self._cause = parts.bodies, parts, course, effect, cause
+
+    def advance(self, state: State) -> State:
+        """Let the fault begin and end where its time has come, and report it; gives the state after that."""
+        begins, ends = self._course.advance(state, self._parts)
+        if len(begins) == len(ends) == 0:
+            return state
+        ended = self._effect.end(ends, state)
+        self._course.active[np.setdiff1d(ends, ended)] = True
+        self._effect.begin(begins, state)
+        for robots, word in zip((ended, begins), self._effect.words[::-1], strict=True):
+            self._parts.report.events.extend(Event(state.iteration, int(i), word, self._cause) for i in robots)
+        return self._inner.state()
+
+    def drive(self, motion: Motion, period: float) -> State:
+        """The state one period later, after what has begun and ended."""
+        return self.advance(self._inner.drive(motion, period))
