@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from swarmsim.build import build
 from swarmsim.core.scenario import load
+from swarmsim.engine.build import build
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarmsim.build import build
 from swarmsim.core import registry
 from swarmsim.core.parts import Setting, Topology
 from swarmsim.core.scenario import Robots, load
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
+from swarmsim.engine.build import build
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
 SIZES = (15, 100, 1000)
@@ -51,8 +51,8 @@ def test_links_are_quick() -> None:
     for table, most in CASES:
         costs = []
         for size in SIZES:
-            setting = Setting(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1))
-            net: Topology = registry.part("topology", table).build(setting, building)
+            setting = Setting(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1), building)
+            net: Topology = registry.part("topology", table).build(setting)
             pose = np.zeros((size, 3))
             pose[:, :2] = free[rng.choice(len(free), size, replace=False)]
             pose[:, :2] += rng.uniform(-0.5, 0.5, (size, 2)) * lattice.cell

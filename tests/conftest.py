@@ -1,14 +1,23 @@
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from swarmsim.build import Run, build
-from swarmsim.core.parts import Building, Survey
-from swarmsim.core.scenario import load
-from swarmsim.core.state import Inbox, Moment
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Inbox
+from swarmsim.core.parts import Building, Setting, Survey
+from swarmsim.core.scenario import Robots, load
+from swarmsim.core.state import Intents, Moment, Observations, Readings
+from swarmsim.core.streams import Streams
+from swarmsim.engine.build import Run, build
+from swarmsim.operations.mapping.computation import OccupancyGrid
+from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.message import TileItems
+from swarmsim.view.wording import cause_of
+from swarmsim.view.wording import worded as worded_as
 
 ROOT = Path(__file__).parent.parent
 
@@ -18,10 +27,11 @@ def root() -> Path:
     return ROOT
 
 
-def inbox_of(receivers, senders, values, origins, iteration: int = 0) -> Inbox:
+def inbox_of(receivers, senders, values, origins, iteration: int = 0) -> Inbox[TileItems]:
     """Messages of one tile each, which its sender has just sensed."""
-    senders = np.asarray(senders, np.int32)
-    return Inbox(receivers, senders, values, origins, senders, np.full(len(senders), iteration, np.int32))
+    receivers, senders = np.asarray(receivers, np.int32), np.asarray(senders, np.int32)
+    sent = np.full(len(senders), iteration, np.int32)
+    return Inbox(receivers, senders, sent, TileItems(values, origins, senders, sent), iteration)
 
 
 def building(walls=()) -> Building:
@@ -29,6 +39,13 @@ def building(walls=()) -> Building:
     segments = np.asarray(walls, float).reshape(-1, 4)
     nothing = np.zeros((0, 0), bool)
     return Building(segments, nothing, nothing, np.zeros((0, 2)), lambda boxes: Survey(segments, nothing, nothing))
+
+
+def setting_of(count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(), start=None, **robots) -> Setting:
+    """What parts are built for: so many robots on a lattice of this shape, in a building of these walls alone."""
+    start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
+    of = Robots(count=count, spawn="anywhere", **robots)
+    return Setting(of, Lattice(0.0, 0.0, cell, *shape), period, Streams(seed), building(walls), start)
 
 
 def made(*overrides: str, scenario: str = "room") -> Run:
@@ -56,3 +73,61 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with run.recorder(path) as recorder:
         assert run.simulation.run([recorder])
     return path
+
+
+@dataclass(frozen=True)
+class Worded:
+    """An event of one robot, or with robot -1 of the building or the run, in words."""
+
+    iteration: int
+    robot: int
+    kind: str
+    cause: str
+
+
+def worded(events, scenario) -> list[Worded]:
+    """Events in words, one for each robot."""
+    return [
+        Worded(event.iteration, robot, worded_as(event, scenario), cause_of(event, scenario))
+        for event in events
+        for robot in (getattr(event, "robots", ()) or (-1,))
+    ]
+
+
+def worded_of(moments, run: Run) -> list[Worded]:
+    """The events of moments in words, one for each robot."""
+    return worded([event for moment in moments for event in moment.events], run.scenario)
+
+
+def seen_as(iteration, pose, alive, tiles, inbox=None) -> Observations:
+    """What robots observe that sense tiles."""
+    return Observations(iteration, pose, np.zeros_like(pose), alive, Readings(tiles), inbox)
+
+
+def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
+    """An inbox of tiles, each said when it was sensed."""
+    return Inbox(receivers, senders, sensed, TileItems(values, origins, sources, sensed))
+
+
+class Mapper:
+    """The two halves of a mind that maps; parameters go to the half that has them."""
+
+    def __init__(self, **parameters) -> None:
+        fields = NearestFrontier.__struct_fields__
+        self._strategy = NearestFrontier(**{key: value for key, value in parameters.items() if key in fields})
+        self._computation = OccupancyGrid(**{key: value for key, value in parameters.items() if key not in fields})
+
+    def build(self, setting: Setting) -> Mapping:
+        return Mapping(self._computation.build(setting), self._strategy.build(setting))
+
+
+class Mapping:
+    """A mind that maps."""
+
+    def __init__(self, computation, strategy) -> None:
+        self.computation, self.strategy = computation, strategy
+        self.observed, self.log_odds = computation._grids.observed, computation._grids.log_odds  # for tests to write
+
+    def step(self, observations: Observations) -> Intents:
+        knowledge = self.computation.hear(observations)
+        return self.strategy.step(replace(observations, knowledge=knowledge))

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError
 from swarmsim.network.analysis import Spells, contacts, meetings, reach, snapshots
-from swarmsim.recording import Recording
+from swarmsim.recording.reader import Recording
 
 checked = settings(derandomize=True, deadline=None, max_examples=60)
 runner = CliRunner()

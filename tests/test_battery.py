@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import made, moments_of
+from conftest import made, moments_of, setting_of, worded_of
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Report, Setting
-from swarmsim.core.scenario import Robots
+from swarmsim.core.parts import Now, Setting
 from swarmsim.core.state import Moment, State
-from swarmsim.core.streams import Streams
-from swarmsim.faults.battery import Batteries, Battery, BatteryFault, PoweredBodies
+from swarmsim.faults.battery import Batteries, Battery, BatteryFault, Exhaustion
 
 
 def watch(*overrides: str, iterations: int = 60, scenario: str = "basilica") -> tuple[list[Moment], object]:
@@ -32,16 +30,16 @@ def alive(moments: list[Moment]) -> np.ndarray:
 
 
 def setting(robots: int, seed: int = 1) -> Setting:
-    return Setting(Robots(count=robots, spawn="here"), Lattice(0.0, 0.0, 0.15, 8, 8), 1.0, Streams(seed))
+    return setting_of(robots, (8, 8), seed)
 
 
 def test_an_idle_swarm_lasts_capacity_by_power() -> None:
     """12 J at 1 W are 12 s; with periods of half a second, 24 iterations."""
     for period, last in ((1.0, 12), (0.5, 24)):
         keys = "capacity=12.0, per_metre=0.0, per_byte=0.0, idle=1.0"
-        moments, _ = watch(battery(keys), f"period={period}", iterations=30)
+        moments, run = watch(battery(keys), f"period={period}", iterations=30)
         assert alive(moments).sum(axis=1).tolist() == [15] * last + [0] * (30 - last)
-        events = [event for moment in moments for event in moment.events]
+        events = worded_of(moments, run)
         assert [(event.iteration, event.kind) for event in events[:-1]] == [(last, "battery empty")] * 15
         assert [event.robot for event in events[:-1]] == list(range(15))
         assert events[0].cause == "battery capacity=12.0 per_metre=0.0 per_byte=0.0 idle=1.0"
@@ -63,7 +61,7 @@ def test_every_robot_is_out_once_it_has_spent_what_it_had(per_metre, per_byte, i
         spent += moment.state.alive * (per_metre * moved + per_byte * size * sends + idle)
         assert_array_equal(following.state.alive, spent < capacity)
     assert (spent >= capacity).any()
-    events = [event.robot for moment in moments for event in moment.events if event.kind == "battery empty"]
+    events = [event.robot for event in worded_of(moments, run) if event.kind == "battery empty"]
     assert sorted(events) == np.flatnonzero(spent >= capacity).tolist()
     assert_allclose(run.simulation.parts.channel._batteries.left, np.maximum(capacity - spent, 0.0), atol=per_metre)
 
@@ -89,15 +87,15 @@ def test_an_empty_robot_stays_in_the_way_or_is_taken_out() -> None:
 
 def test_capacities_have_the_mean_and_spread_asked_for_and_each_robot_its_own() -> None:
     fault = Battery(capacity=50.0, spread=0.3, per_metre=1.0, per_byte=0.0, idle=0.0)
-    many = Batteries(fault, setting(4000), 0).left
+    many = Batteries(fault, setting(4000)).left
     # within four standard errors, of the mean and (normal approximation) of the standard deviation
     assert many.mean() == pytest.approx(50.0, abs=4 * 15.0 / np.sqrt(4000))
     assert many.std() == pytest.approx(15.0, rel=0.08)
     assert many.min() > 0.0
-    assert_array_equal(Batteries(fault, setting(7), 0).left, many[:7])
-    assert not np.isin(Batteries(fault, setting(7), 1).left, many[:7]).any()
-    assert not np.isin(Batteries(fault, setting(7, seed=2), 0).left, many[:7]).any()
-    even = Batteries(Battery(capacity=50.0, per_metre=1.0, per_byte=0.0, idle=0.0, robots=[1]), setting(3), 0)
+    assert_array_equal(Batteries(fault, setting(7)).left, many[:7])
+    assert not np.isin(Batteries(fault, replace(setting(7), number=1)).left, many[:7]).any()
+    assert not np.isin(Batteries(fault, setting(7, seed=2)).left, many[:7]).any()
+    even = Batteries(Battery(capacity=50.0, per_metre=1.0, per_byte=0.0, idle=0.0, robots=[1]), setting(3))
     assert even.left.tolist() == [np.inf, 50.0, np.inf]
 
 
@@ -112,9 +110,9 @@ def test_a_repair_does_not_bring_back_a_robot_without_energy() -> None:
     late = '{use="crash", at=4, lasts=3, robots=[6]}, {use="crash", at=8, lasts=2, robots=[4]}'
     drained = drained.replace("5.0", "4.0")
     for faults in (f"{drained}, {late}", f"{late}, {drained}"):
-        moments, _ = watch(f"faults=[{faults}]", iterations=14)
+        moments, run = watch(f"faults=[{faults}]", iterations=14)
         assert np.flatnonzero(alive(moments)[:, [4, 6]].any(axis=1)).tolist() == [0, 1, 2, 3]
-        empty = [event.robot for moment in moments for event in moment.events if event.kind == "battery empty"]
+        empty = [event.robot for event in worded_of(moments, run) if event.kind == "battery empty"]
         assert empty == [4, 6]
 
 
@@ -124,17 +122,14 @@ def test_being_carried_costs_no_more_than_driving_at_top_speed() -> None:
 
     class Carried:
         def state(self) -> State:
-            return before
-
-        def drive(self, motion: object, period: float) -> State:
             return after
 
         def crash(self, robots: np.ndarray) -> None: ...
 
     place = setting(2)
     fault = Battery(capacity=100.0, per_metre=10.0, per_byte=0.0, idle=0.0)
-    batteries = Batteries(fault, place, 0)
-    PoweredBodies(Carried(), BatteryFault(fault, batteries, place), Report()).drive(None, 1.0)
+    batteries = Batteries(fault, place)
+    Exhaustion(Carried(), BatteryFault(fault, batteries, place)).advance(Now(1, before, after, 0.0))
     assert_allclose(batteries.left, [100.0 - 10.0 * place.robots.speed, 99.0])
 
 

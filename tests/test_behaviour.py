@@ -5,28 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from conftest import building, inbox_of
+from conftest import Mapper, building, inbox_of, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from swarmsim.behaviours.collective_mapping import CollectiveMapping
-from swarmsim.behaviours.mapping import OccupancyGrids
-from swarmsim.bodies import DifferentialDrive
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Parts, Setting
-from swarmsim.core.scenario import Physics, Robots
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents, Observations, Tiles
+from swarmsim.core.parts import Calendar, Parts, Setting
+from swarmsim.core.scenario import Robots
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents, Tiles
 from swarmsim.core.streams import Streams
-from swarmsim.localisation import PerfectLocalisation
-from swarmsim.measures import probability
-from swarmsim.motion import PurePursuit
+from swarmsim.engine.simulation import Simulation
 from swarmsim.network.channel import Perfect
-from swarmsim.network.sharing import CurrentTile
 from swarmsim.network.topology import Isolated
-from swarmsim.sensors import IrRing
-from swarmsim.simulation import Simulation
+from swarmsim.operations.mapping.coverage import Coverage
+from swarmsim.operations.mapping.grids import OccupancyGrids
+from swarmsim.operations.mapping.measures import probability
+from swarmsim.robots.bodies import DifferentialDrive, Pymunk
+from swarmsim.robots.localisation import PerfectLocalisation
+from swarmsim.robots.motion import PurePursuit
+from swarmsim.robots.sensors import IrRing
 
 CELL = 0.15
 PATIENCE = 4
@@ -47,7 +46,7 @@ def drawn(picture):
 
 
 def setting(count=1, shape=(16, 16), seed=5, **robots):
-    return Setting(Robots(count=count, spawn="anywhere", **robots), Lattice(0.0, 0.0, CELL, *shape), 1.0, Streams(seed))
+    return setting_of(count, shape, seed, CELL, **robots)
 
 
 def silence(window):
@@ -62,7 +61,7 @@ class Alone:
         self.world = drawn(picture)
         place = setting(shape=self.world.shape, seed=seed, radius=radius)
         self.lattice = place.lattice
-        self.mind = CollectiveMapping(**{"patience": PATIENCE, **parameters}).build(place)
+        self.mind = Mapper(**{"patience": PATIENCE, **parameters}).build(place)
         self.iteration = 0
 
     def at(self, row, column, picture=None):
@@ -71,7 +70,7 @@ class Alone:
             self.world = drawn(picture)
         pose = np.array([[*self.lattice.centres(np.array([row, column])), 0.0]])
         tiles = Tiles(self.world[None], np.zeros((1, 2), np.int32))
-        observations = Observations(self.iteration, pose, np.ones(1, bool), tiles, silence(self.world.shape))
+        observations = seen_as(self.iteration, pose, np.ones(1, bool), tiles, silence(self.world.shape))
         self.iteration += 1
         self.intents = self.mind.step(observations)
         return self.intents
@@ -272,7 +271,7 @@ def test_ties_go_by_rows_or_by_an_order_of_the_robots_own():
 @pytest.mark.parametrize("changes", [{"hit": 0.4}, {"miss": 0.6}, {"lowest": 0.45}, {"highest": 0.85}])
 def test_probabilities_out_of_order_are_refused(changes):
     with pytest.raises(InputError, match=r"^hit: expected lowest < miss < 0.5 < hit < highest, got "):
-        CollectiveMapping(**changes).build(setting())
+        Mapper(**changes).build(setting())
 
 
 # --- exploring whole maps ------------------------------------------------------------------------
@@ -308,12 +307,12 @@ def test_a_robot_explores_all_that_it_can_reach_of_a_maze_and_then_stands(replan
         wall[[0, -1]] = wall[:, [0, -1]] = True
         truth = np.where(wall, OCCUPIED, FREE).astype(np.uint8)
         start = here = tuple(np.argwhere(~wall)[rng.integers(0, (~wall).sum())].tolist())
-        mind = CollectiveMapping(replan=replan, neighbours=neighbours).build(setting(shape=lattice.shape, seed=seed))
+        mind = Mapper(replan=replan, neighbours=neighbours).build(setting(shape=lattice.shape, seed=seed))
         for iteration in range(5000):
             origin = np.array([[here[0] - 1, here[1] - 1]], np.int32)
             tile = truth[None, here[0] - 1 : here[0] + 2, here[1] - 1 : here[1] + 2]
             pose = np.array([[*lattice.centres(np.array(here)), 0.0]])
-            seen = Observations(iteration, pose, np.ones(1, bool), Tiles(tile, origin), silence((3, 3)))
+            seen = seen_as(iteration, pose, np.ones(1, bool), Tiles(tile, origin), silence((3, 3)))
             intents = mind.step(seen)
             observed, free = mind.observed[0], mind.observed[0] & (mind.log_odds[0] < 0.0)
             if intents.counts[0] == 0:
@@ -342,24 +341,26 @@ def random_observations(rng, iteration):
     heard = (rng.random((SWARM, SWARM)) < 0.4) & alive & alive[:, None] & ~np.eye(SWARM, dtype=bool)
     receivers, senders = (ids.astype(np.int32) for ids in np.nonzero(heard))
     inbox = inbox_of(receivers, senders, values[senders], origins[senders])
-    return Observations(iteration, pose, alive, Tiles(values, origins), inbox)
+    return seen_as(iteration, pose, alive, Tiles(values, origins), inbox)
+
+
+def columns_of(inbox):
+    return inbox.receivers, inbox.senders, inbox.content.values, inbox.content.origins
 
 
 def transplanted(mine, others, robot):
     """The observations `others`, but for what `robot` senses and hears, which is as in `mine`."""
     pose, alive = others.pose.copy(), others.alive.copy()
-    values, origins = others.tiles.values.copy(), others.tiles.origins.copy()
+    values, origins = others.readings.tiles.values.copy(), others.readings.tiles.origins.copy()
     pose[robot], alive[robot] = mine.pose[robot], mine.alive[robot]
-    values[robot], origins[robot] = mine.tiles.values[robot], mine.tiles.origins[robot]
+    values[robot], origins[robot] = mine.readings.tiles.values[robot], mine.readings.tiles.origins[robot]
     to_me, to_others = mine.inbox.receivers == robot, others.inbox.receivers != robot
     fields = [
-        np.concatenate([getattr(mine.inbox, field)[to_me], getattr(others.inbox, field)[to_others]])
-        for field in ("receivers", "senders", "values", "origins")
+        np.concatenate([ours[to_me], theirs[to_others]])
+        for ours, theirs in zip(columns_of(mine.inbox), columns_of(others.inbox), strict=True)
     ]
     order = np.lexsort((fields[1], fields[0]))
-    return Observations(
-        mine.iteration, pose, alive, Tiles(values, origins), inbox_of(*(field[order] for field in fields))
-    )
+    return seen_as(mine.iteration, pose, alive, Tiles(values, origins), inbox_of(*(field[order] for field in fields)))
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)
@@ -372,7 +373,7 @@ def transplanted(mine, others, robot):
 )
 def test_a_robot_decides_by_what_it_senses_and_hears_alone(robot, seed, replan, ties, patience):
     place = setting(SWARM, SHAPE)
-    parameters = CollectiveMapping(replan=replan, ties=ties, patience=patience)
+    parameters = Mapper(replan=replan, ties=ties, patience=patience)
     here, elsewhere = parameters.build(place), parameters.build(place)
     mine, others = np.random.default_rng(seed), np.random.default_rng(seed + 1)
     pose = None
@@ -400,11 +401,11 @@ def test_what_a_robot_hears_does_change_what_it_does():
     changed = 0
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        hearing, deaf = CollectiveMapping().build(place), CollectiveMapping().build(place)
+        hearing, deaf = Mapper().build(place), Mapper().build(place)
         for iteration in range(5):
             seen = random_observations(rng, iteration)
             one = hearing.step(seen)
-            two = deaf.step(Observations(iteration, seen.pose, seen.alive, seen.tiles, silence(WINDOW)))
+            two = deaf.step(seen_as(iteration, seen.pose, seen.alive, seen.readings.tiles, silence(WINDOW)))
             changed += not np.array_equal(one.goals, two.goals)
     assert changed > 20
 
@@ -416,22 +417,22 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
     order = np.array(order)  # row i of the second swarm is robot order[i] of the first
     rows = np.argsort(order)
     place = setting(SWARM, SHAPE)
-    parameters = CollectiveMapping(ties="row-order", patience=1000)
+    parameters = Mapper(ties="row-order", patience=1000)
     one, other = parameters.build(place), parameters.build(place)
     rng = np.random.default_rng(seed)
     for iteration in range(8):
         seen = random_observations(rng, iteration)
         inbox = seen.inbox
         first = np.unique(inbox.receivers, return_index=True)[1]  # one message each: their order would matter
-        inbox = inbox_of(*(field[first] for field in (inbox.receivers, inbox.senders, inbox.values, inbox.origins)))
+        inbox = inbox_of(*(field[first] for field in columns_of(inbox)))
         again = np.argsort(rows[inbox.receivers])
         renamed = inbox_of(
             rows[inbox.receivers][again].astype(np.int32), rows[inbox.senders][again].astype(np.int32),
-            inbox.values[again], inbox.origins[again],
+            inbox.content.values[again], inbox.content.origins[again],
         )  # fmt: skip
-        tiles = Tiles(seen.tiles.values[order], seen.tiles.origins[order])
-        a = one.step(Observations(iteration, seen.pose, seen.alive, seen.tiles, inbox))
-        b = other.step(Observations(iteration, seen.pose[order], seen.alive[order], tiles, renamed))
+        tiles = Tiles(seen.readings.tiles.values[order], seen.readings.tiles.origins[order])
+        a = one.step(seen_as(iteration, seen.pose, seen.alive, seen.readings.tiles, inbox))
+        b = other.step(seen_as(iteration, seen.pose[order], seen.alive[order], tiles, renamed))
         assert_array_equal(a.goals[order], b.goals)
         assert_array_equal(a.counts[order], b.counts)
         assert_array_equal(a.planned[order], b.planned)
@@ -442,13 +443,13 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
 
 def test_dead_robots_neither_map_nor_move():
     place = setting(SWARM, SHAPE)
-    mind = CollectiveMapping().build(place)
+    mind = Mapper().build(place)
     rng = np.random.default_rng(3)
     for iteration in range(5):
         mind.step(random_observations(rng, iteration))
     before = mind.log_odds.copy()
     seen = random_observations(rng, 5)
-    nobody = Observations(5, seen.pose, np.zeros(SWARM, bool), seen.tiles, silence(WINDOW))
+    nobody = seen_as(5, seen.pose, np.zeros(SWARM, bool), seen.readings.tiles, silence(WINDOW))
     intents = mind.step(nobody)
     assert np.all(intents.goals == -1)
     assert not intents.counts.any()
@@ -496,7 +497,7 @@ class Follow:
         none = np.full((len(paths), 2), -1, np.int32)
         self.motion.follow(Intents(none, waypoints, counts, np.ones(len(paths), bool)))
         self.poses, self.wanted = [], []
-        self.end = DifferentialDrive(place.robots, Physics(), building(), start).drive(self, seconds)
+        self.end = DifferentialDrive(place.robots, Pymunk(), building(), start).drive(self, seconds)
         self.poses, self.wanted = np.array(self.poses), np.array(self.wanted)
 
     def command(self, pose):
@@ -635,17 +636,17 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     """Nobody hears anybody, so each has to see the far room itself, and the corridor holds one robot at a time."""
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
     hall = replace(building(walls), domain=floor)
-    place = Setting(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed))
+    place = Setting(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall)
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
-    bodies = DifferentialDrive(place.robots, Physics(), hall, np.column_stack([starts, [0.0, np.pi]]))
-    mind = CollectiveMapping().build(place)
+    bodies = DifferentialDrive(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
+    mind = Mapper().build(place)
     parts = Parts(
-        sensor=IrRing().build(place, hall), localisation=PerfectLocalisation(),
-        sharing=CurrentTile().build(place, mind), topology=Isolated().build(place, hall),
-        channel=Perfect().build(place, hall), behaviour=mind, motion=PurePursuit().build(place), bodies=bodies,
-        building=hall,
+        sensor=IrRing().build(place), localisation=PerfectLocalisation(), computation=mind.computation,
+        strategy=mind.strategy, topology=Isolated().build(place), channel=Perfect().build(place),
+        motion=PurePursuit().build(place), bodies=bodies, task=Coverage().build(place), building=hall,
+        calendar=Calendar(bodies.state()),
     )  # fmt: skip
-    simulation = Simulation(parts, 1.0, 1.0, 10**6)
+    simulation = Simulation(parts, 1.0, 10**6, "go-on")
     blocked = 0
     for _ in range(2000):
         simulation.tick()

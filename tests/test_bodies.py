@@ -9,12 +9,12 @@ from numpy.testing import assert_array_equal
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
-from swarmsim.bodies import DifferentialDrive
-from swarmsim.core.scenario import Physics, Robots
+from swarmsim.core.scenario import Robots
+from swarmsim.robots.bodies import DifferentialDrive, Pymunk
 
 OPEN = np.empty((0, 4))
 RADIUS, BASE, SPEED, ACCELERATION = 0.055, 0.10, 0.15, 1.0
-SUBSTEP = Physics().substep
+SUBSTEP = Pymunk().substep
 
 
 def robots(count=1, **changes):
@@ -23,7 +23,7 @@ def robots(count=1, **changes):
 
 def bodies(pose, walls=OPEN, substep=SUBSTEP, **changes):
     pose = np.array(pose, float).reshape(-1, 3)
-    return DifferentialDrive(robots(len(pose), **changes), Physics(substep=substep), building(walls), pose)
+    return DifferentialDrive(robots(len(pose), **changes), Pymunk(substep=substep), building(walls), pose)
 
 
 class Steady:

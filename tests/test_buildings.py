@@ -3,26 +3,29 @@
 import math
 import re
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shapely
-from conftest import ROOT, made
+from conftest import ROOT, made, worded
 from numpy.testing import assert_array_equal
 
-from swarmsim.build import build
-from swarmsim.changes import Change, ChangeMeasures, boxes_at
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import boxes_at
 from swarmsim.core.scenario import load
 from swarmsim.core.state import FREE, OCCUPIED
+from swarmsim.engine.build import build
 from swarmsim.faults.building import Door, Schedule
-from swarmsim.recording import Digests, Recording
+from swarmsim.operations.mapping.changes import Change, ChangeMeasures
+from swarmsim.recording.digests import Digests
+from swarmsim.recording.reader import Recording
 
 ROOM = str(ROOT / "scenarios" / "room.toml")
 RADIUS = 0.055
 DOORWAY = (3.15, 1.65, 3.3, 2.55)  # the one between the two rooms
 SLACK = 0.0035  # m: how far contacts give way: a sub-step at full speed, and Chipmunk's own slop
-GO_ON = 'stop.at_coverage="go-on"'
+GO_ON = 'stop.when_done="go-on"'
 
 
 def fault(use: str, **keys: object) -> str:
@@ -39,19 +42,26 @@ class Watch:
 
     def __init__(self, run) -> None:
         self.building = run.simulation.parts.building
-        self.moments, self.events, self.now = [], [], self.seen()
+        self.run, self.moments, self.events = run, [], []
+        self._people = self.building.walkers()  # who walk while robots drive, so that they are kept from before
         self.walls, self.truths, self.domains, self.people = [], [], [], []
 
     def seen(self):
         building = self.building
-        return building.walls, building.occupied, building.domain, building.walkers()
+        return building.walls, building.occupied, building.domain
 
     def sample(self, moment) -> None:
         self.moments.append(moment)
         self.events.extend(moment.events)
-        for kept, value in zip((self.walls, self.truths, self.domains, self.people), self.now, strict=True):
+        for kept, value in zip((self.walls, self.truths, self.domains), self.seen(), strict=True):
             kept.append(value)
-        self.now = self.seen()
+        self.people.append(self._people)
+        self._people = self.building.walkers()
+
+    @property
+    def told(self):
+        """The events in words."""
+        return worded(self.events, self.run.scenario)
 
 
 def watched(*overrides: str, iterations: int = 200, scenario: str = "room"):
@@ -81,13 +91,17 @@ def closing():
 
 def test_truth_domain_and_walls_change_in_the_very_iteration(closing) -> None:
     run, watch = closing
-    assert [(e.iteration, e.robot, e.kind) for e in watch.events if "door" in e.kind] == [(130, -1, "door closed")]
+    assert [(e.iteration, e.robot, e.kind) for e in watch.told if "door" in e.kind] == [(130, -1, "door closed")]
     row, column = run.arena.lattice.cells(np.array([3.225, 2.1]))
     closed = [bool(truth[row, column]) for truth in watch.truths]
     assert closed == [False] * 130 + [True] * 70
     smaller = [domain.sum() < run.domain.sum() for domain in watch.domains]
     assert smaller == closed
-    assert [moment.coverage.domain for moment in watch.moments] == [int(domain.sum()) for domain in watch.domains]
+    assert all(
+        (moment.measured.values["coverage"] * domain.sum()) % 1 == pytest.approx(0.0, abs=1e-9)
+        or (moment.measured.values["coverage"] * domain.sum()) % 1 == pytest.approx(1.0, abs=1e-9)
+        for moment, domain in zip(watch.moments, watch.domains, strict=True)
+    )
     assert [len(walls) for walls in watch.walls] == [len(run.arena.segments)] * 130 + [len(watch.walls[-1])] * 70
 
 
@@ -104,10 +118,10 @@ def test_no_beam_passes_a_closed_door(closing) -> None:
     column = int(run.arena.lattice.cells(np.array([3.3 + 1e-6, 1.0]))[1])  # the first one beyond
     rows = run.arena.lattice.cells(np.array([[3.2, 1.65 + 1e-6], [3.2, 2.55 - 1e-6]]))[:, 0]
     for moment in watch.moments[130:]:
-        for robot, tile in enumerate(moment.tiles.values):
+        for robot, tile in enumerate(moment.readings.tiles.values):
             if moment.state.pose[robot, 0] > 3.15:
                 continue
-            row0, column0 = moment.tiles.origins[robot]
+            row0, column0 = moment.readings.tiles.origins[robot]
             beyond = tile[max(rows[0] - row0, 0) : max(rows[1] + 1 - row0, 0), max(column - column0, 0) :]
             assert not (beyond == FREE).any()
 
@@ -144,16 +158,16 @@ def test_a_door_waits_for_the_robot_in_it() -> None:
     for _ in range(5):
         run.simulation.tick([watch])
     assert building.boxes == ()
-    assert [(e.iteration, e.kind) for e in watch.events] == [(2, "door waits")]
+    assert [(e.iteration, e.kind) for e in watch.told] == [(2, "door waits")]
     bodies.remove(np.array([0]))  # whoever is gone is not waited for
     run.simulation.tick([watch])
     assert building.boxes == (DOORWAY,)
-    assert watch.events[-1].kind == "door closed"
+    assert watch.told[-1].kind == "door closed"
 
 
 def test_a_door_opens_and_closes_on_its_schedule_and_everything_comes_back() -> None:
     run, watch = watched(faults(fault("door", at=10, every=40, lasts=15, box=DOORWAY)), iterations=100)
-    told = [(e.iteration, e.kind) for e in watch.events if e.robot < 0 and e.kind.startswith("door")]
+    told = [(e.iteration, e.kind) for e in watch.told if e.robot < 0 and e.kind.startswith("door")]
     closed = [i for i, kind in told if kind == "door closed"]
     opened = [i for i, kind in told if kind == "door opened"]
     assert opened == [25, 65]
@@ -166,15 +180,15 @@ def test_a_door_opens_and_closes_on_its_schedule_and_everything_comes_back() -> 
 
 def test_a_door_can_be_closed_from_the_start_and_open_later() -> None:
     _, watch = watched(faults(fault("door", at=0, lasts=20, box=DOORWAY)), iterations=25)
-    assert [(e.iteration, e.kind) for e in watch.events[:2]] == [(0, "door closed"), (20, "door opened")]
+    assert [(e.iteration, e.kind) for e in watch.told[:2]] == [(0, "door closed"), (20, "door opened")]
     assert boxes_at(watch.events, 0) == boxes_at(watch.events, 19) == [DOORWAY]
     assert boxes_at(watch.events, 20) == []
 
 
 def test_a_door_can_wait_until_so_much_is_mapped() -> None:
-    _, watch = watched(faults(fault("door", coverage=0.5, box=DOORWAY)), iterations=120)
-    reached = next(m.state.iteration for m in watch.moments if m.coverage.share >= 0.5)
-    closed = [e.iteration for e in watch.events if e.kind in ("door closed", "door waits")]
+    _, watch = watched(faults(fault("door", progress=0.5, box=DOORWAY)), iterations=120)
+    reached = next(m.state.iteration for m in watch.moments if m.measured.values["coverage"] >= 0.5)
+    closed = [e.iteration for e in watch.told if e.kind in ("door closed", "door waits")]
     assert closed[0] == reached + 1
 
 
@@ -182,7 +196,7 @@ def test_a_run_that_goes_on_ends_at_its_limit_and_is_finished(closing) -> None:
     run, watch = closing
     assert run.simulation.finished
     assert len(watch.moments) == 200
-    assert watch.events[-1].kind == "finished"
+    assert watch.told[-1].kind == "finished"
     stopped = made("stop.iterations=200")
     assert stopped.simulation.run()
     assert stopped.simulation.state.iteration < 120
@@ -192,7 +206,7 @@ def test_before_a_change_the_run_is_what_it_would_have_been(closing) -> None:
     _, plain = watched(iterations=130)
     for ours, theirs in zip(closing[1].moments, plain.moments, strict=False):
         assert_array_equal(ours.state.pose, theirs.state.pose)
-        assert_array_equal(ours.tiles.values, theirs.tiles.values)
+        assert_array_equal(ours.readings.tiles.values, theirs.readings.tiles.values)
 
 
 @pytest.mark.parametrize("box", [(2.1, 0.6, 2.7, 1.2), (0.9, 2.83, 1.4, 3.3), (3.9, 0.3, 4.5, 0.77)])
@@ -226,7 +240,7 @@ def test_furniture_moves_as_a_whole_and_back() -> None:
     run, watch = watched(faults(fault("furniture", at=30, lasts=40, box=here, to=there)), iterations=100)
     for moment in watch.moments:
         assert boxes_at(watch.events, moment.state.iteration) in ([], [here], [there])
-    moves = [(e.iteration, e.kind) for e in watch.events if e.kind == "furniture placed"]
+    moves = [(e.iteration, e.kind) for e in watch.told if e.kind == "furniture placed"]
     assert len(moves) == 3
     assert moves[1][0] >= 30
     assert moves[2][0] >= 70
@@ -259,7 +273,7 @@ def test_rubble_falls_in_its_region_on_nobody_and_the_events_tell_where() -> Non
 def test_rubble_depends_on_the_seed_alone_and_each_fall_has_its_own_draws() -> None:
     def fallen(*overrides: str) -> list[str]:
         _, watch = watched(*overrides, iterations=20)
-        return [event.cause for event in watch.events if event.kind == "rubble fell"]
+        return [event.cause for event in watch.told if event.kind == "rubble fell"]
 
     assert fallen(faults(RUBBLE)) == fallen(faults(RUBBLE))
     assert fallen(faults(RUBBLE)) != fallen(faults(RUBBLE), "seed=2")
@@ -274,8 +288,8 @@ def test_rubble_can_be_cleared_away() -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (fault("door", box=DOORWAY), r"faults\[0\]\.at: expected either at or coverage"),
-        (fault("door", at=1, coverage=0.5, box=DOORWAY), r"faults\[0\]\.at: expected either"),
+        (fault("door", box=DOORWAY), r"faults\[0\]\.at: expected either at or progress"),
+        (fault("door", at=1, progress=0.5, box=DOORWAY), r"faults\[0\]\.at: expected either"),
         (fault("door", at=1), r"faults\[0\]\.box: required key is missing"),
         (fault("door", at=1, box=(3.0, 1.0, 3.0, 2.0)), r"faults\[0\]\.box: \[3, 1, 3, 2\] has no size"),
         (fault("door", at=1, box=(3.0, 1.0, 5.2, 2.0)), r"faults\[0\]\.box: .*reaches out of the page"),
@@ -367,7 +381,7 @@ def test_beams_end_at_people_but_the_truth_does_not_know_them(crowded) -> None:
     run, watch = crowded
     lattice, seen = run.arena.lattice, 0
     for moment, people in zip(watch.moments, watch.people, strict=True):
-        for tile, origin in zip(moment.tiles.values, moment.tiles.origins, strict=True):
+        for tile, origin in zip(moment.readings.tiles.values, moment.readings.tiles.origins, strict=True):
             cells = np.argwhere(tile == OCCUPIED) + origin
             cells = cells[~run.arena.occupied[cells[:, 0], cells[:, 1]]]  # no wall is there
             apart = lattice.centres(cells)[:, None] - people[:, :2]
@@ -397,27 +411,26 @@ def test_a_box_waits_for_people_too() -> None:
     run.simulation.parts.building.crowds[0].discs[0, :2] = (3.0, 2.1)
     run.simulation.parts.building.crowds[0]._people = None  # it does not walk in this test
     run.simulation.parts.building.crowds[0].walk = None
-    builder = run.simulation.parts.bodies
+    builder = run.simulation.parts.calendar._entries[-1]
     assert not builder._is_clear(DOORWAY)
     run.simulation.parts.building.crowds[0].discs[0, :2] = (1.0, 1.0)
     assert builder._is_clear(DOORWAY)
 
 
-def followed(behaviour: str) -> dict[str, float | int | None]:
-    run = made("stop.iterations=450", GO_ON, f"behaviour={behaviour}", faults(fault("door", at=130, box=DOORWAY)))
-    parts = run.simulation.parts
-    measures = ChangeMeasures(parts.building, parts.behaviour)
+def followed(*mind: str) -> dict[str, float | int | None]:
+    run = made("stop.iterations=450", GO_ON, *mind, faults(fault("door", at=130, box=DOORWAY)))
+    measures = ChangeMeasures(run.simulation.parts.building)
     run.simulation.run([measures])
     return measures.summary()
 
 
 def test_the_union_follows_a_door_with_forgetting_or_patrol_and_does_not_without() -> None:
-    for behaviour in ("{decay=0.02}", '{idle="patrol"}'):
-        found = followed(behaviour)
+    for key in ("mind.computation.decay=0.02", 'mind.strategy.idle="patrol"'):
+        found = followed(key)
         assert (found["changes"], found["changes_detected"], found["remapped_share"]) == (1, 1, 1.0)
         assert found["detection_half"] < 150
         assert found["stale_end"] == 0.0
-    stale = followed("{}")
+    stale = followed()
     assert (stale["changes"], stale["changes_detected"], stale["remapped_share"]) == (1, 0, 0.0)
     assert stale["stale_end"] > 0.0
 
@@ -431,11 +444,11 @@ def test_the_scenario_of_the_page_on_buildings_runs(tmp_path) -> None:
     watch = Watch(run)
     while run.simulation.state.iteration < 150:
         run.simulation.tick([watch])
-    assert "door closed" in [event.kind for event in watch.events]
+    assert "door closed" in [event.kind for event in watch.told]
 
 
 class Maps:
-    """A behaviour that has maps and nothing else."""
+    """Knowledge that is maps and nothing else."""
 
     def __init__(self, robots: int, shape: tuple[int, int]) -> None:
         self.observed = np.ones((robots, *shape), bool)
@@ -451,18 +464,17 @@ def test_delays_count_from_the_first_iteration_with_the_change() -> None:
     domain, nobody = np.ones((2, 4), bool), np.zeros((0, 2))
     building = Building(np.zeros((0, 4)), free, domain, nobody, lambda boxes: Survey(np.zeros((0, 4)), wall, domain))
     maps = Maps(2, (2, 4))
-    measures = ChangeMeasures(building, maps)
+    measures = ChangeMeasures(building)
 
     def after(iteration: int) -> None:
         empty = np.zeros((2, 3))
         state = State(iteration, empty, empty, empty[:, :2], np.ones(2, bool))
-        measures.sample(type("Moment", (), {"state": state})())
+        measures.sample(SimpleNamespace(state=state, building=building, knowledge=maps))
 
     for iteration in range(3):
-        if iteration == 2:
-            building.rebuild(())  # after the drive of iteration 2: the first one with it is 3
         after(iteration)
     assert measures.summary()["stale_end"] is None
+    building.rebuild(())  # between iterations 2 and 3
     after(3)
     maps.log_odds[0, 0, 0] = 1.0
     after(4)

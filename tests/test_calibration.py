@@ -19,7 +19,7 @@ seeds = [7, 8]
 keep = "summary"
 
 [[vary]]
-key = "behaviour.ties"
+key = "mind.strategy.ties"
 values = ["own-order", "row-order"]
 
 [[vary]]
@@ -37,7 +37,7 @@ def ranked(tmp_path: Path, root: Path):
     with Store(tmp_path / "two.sqlite") as store:
         for condition, seed in plan.runs:
             change = condition.changes
-            times = TIMES.get((change["behaviour.ties"], change["network.topology.k"]), (303, None))
+            times = TIMES.get((change["mind.strategy.ties"], change["network.topology.k"]), (303, None))
             took = times[seed - 7]
             status = "not finished" if took is None else "finished"
             identity = plan.identity(condition, seed)
@@ -48,8 +48,8 @@ def ranked(tmp_path: Path, root: Path):
 
 def test_the_best_has_the_lowest_root_mean_square_of_both_log_ratios(ranked) -> None:
     assert [candidate.choice for candidate in ranked] == [
-        {"behaviour.ties": "own-order"},
-        {"behaviour.ties": "row-order"},
+        {"mind.strategy.ties": "own-order"},
+        {"mind.strategy.ties": "row-order"},
     ]
     assert ranked[0].means == {1: 650.0, 5: 310.0}
     expected = math.sqrt((math.log(650 / 583) ** 2 + math.log(310 / 303) ** 2) / 2)
@@ -70,6 +70,6 @@ def test_the_shipped_search_has_other_seeds_than_the_reproduction_and_holds_what
     same = [
         condition for condition in plan.conditions
         if condition.scenario.world.scale == chosen.world.scale and condition.scenario.robots == chosen.robots
-        and condition.scenario.behaviour == chosen.behaviour and condition.scenario.network == chosen.network
+        and condition.scenario.mind == chosen.mind and condition.scenario.network == chosen.network
     ]  # fmt: skip
     assert len(same) == 1

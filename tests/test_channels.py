@@ -16,15 +16,15 @@ from conftest import ROOT, building, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmsim.build import build
-from swarmsim.core import registry
+from swarmsim.core import chance, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Channel, Setting
 from swarmsim.core.scenario import Robots, decode, load, schema
-from swarmsim.core.state import Delivery, State
+from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
-from swarmsim.network import chance
+from swarmsim.engine.build import build
 from swarmsim.network.delays import Bandwidth, Latency, Tdma
 from swarmsim.network.losses import Bernoulli, GilbertElliott, PathLoss, walls_between
 
@@ -48,13 +48,13 @@ TABLES = [{"use": name, **REQUIRED.get(name, {})} for name in registry.known("ch
 every_channel = pytest.mark.parametrize("table", TABLES, ids=lambda table: table["use"])
 
 
-def setting(robots: int, seed: int = 1, period: float = 1.0) -> Setting:
+def setting(robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Setting:
     lattice = Lattice(0.0, 0.0, 0.15, 40, 40)
-    return Setting(Robots(count=robots, spawn="room"), lattice, period, Streams(seed))
+    return Setting(Robots(count=robots, spawn="room"), lattice, period, Streams(seed), building(walls))
 
 
 def opened(table: dict, robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Channel:
-    return registry.part("channel", table).build(setting(robots, seed, period), building(walls))
+    return registry.part("channel", table).build(setting(robots, seed, period, walls))
 
 
 def state_of(iteration: int, alive: np.ndarray, places: np.ndarray | None = None) -> State:

@@ -46,7 +46,7 @@ def test_a_run_leaves_recording_summary_and_film_and_verifies(tmp_path: Path) ->
     assert sorted(path.name for path in out.iterdir()) == ["recording.h5", "summary.json"]
     assert film.stat().st_size > 10_000
     summary = json.loads((out / "summary.json").read_text())
-    assert (summary["status"], summary["seed"], summary["coverage"]) == ("finished", 3, 1.0)
+    assert (summary["status"], summary["seed"], summary["measures"]["coverage"]) == ("finished", 3, 1.0)
 
     shown = swarmsim("show", out)
     assert shown.returncode == 0
@@ -76,7 +76,7 @@ def test_verify_names_the_first_iteration_and_field_that_differ(tmp_path: Path) 
         file["digests"][...] = changed
     done = swarmsim("verify", tmp_path / "run")
     assert done.returncode == 1
-    assert "different: iteration 2, field 'tiles'" in done.stdout
+    assert "different: iteration 2, field 'readings'" in done.stdout
 
 
 def test_a_run_that_does_not_finish_says_so_with_exit_code_1(tmp_path: Path) -> None:
@@ -140,7 +140,7 @@ def test_an_open_building_is_refused(tmp_path: Path) -> None:
         (["robots.count=999"], ["s.toml: robots.count", "'room'", "holds"]),
         (["robots.radius=1.3"], ["w.svg", "robot"]),
         (["sensor.beams=4"], ["s.toml: sensor.beams", "at least"]),
-        (["behaviour.hit=0.3"], ["s.toml: behaviour.hit", "lowest < miss < 0.5 < hit < highest"]),
+        (["mind.computation.hit=0.3"], ["s.toml: mind.computation.hit", "lowest < miss < 0.5 < hit < highest"]),
         (["robots.cuont=3"], ["robots.cuont", "'count'"]),
         (["grid.cell=0.0001"], ["cells"]),
     ],

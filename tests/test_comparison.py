@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from conftest import made
 
-from swarmsim.recording import Recording
-from swarmsim.study.comparison import HEAD, _lag, _recovery, costs, lines
+from swarmsim.recording.reader import Recording
+from swarmsim.study.comparison import _lag, _recovery, costs, head, lines
 
 
 def test_lag_is_how_much_later_half_of_the_rest_was_mapped() -> None:
@@ -36,9 +36,10 @@ def test_runs_are_compared_with_the_first_over_the_longest_of_all(tmp_path: Path
             run.simulation.run([recorder])
         runs[name] = Recording(tmp_path / f"{name}.h5")
     sound, faulty = costs(runs)
-    assert (sound.slowdown, sound.coverage_ratio, sound.faults, sound.lag) == (1.0, 1.0, (), None)
+    assert (sound.slowdown, sound.ratio, sound.faults, sound.lag) == (1.0, 1.0, (), None)
     assert faulty.faults == (5,)
     assert faulty.slowdown == runs["faulty"].iterations / runs["sound"].iterations
-    assert faulty.coverage_ratio == pytest.approx(faulty.mean_coverage / sound.mean_coverage)
+    assert faulty.ratio == pytest.approx(faulty.mean / sound.mean)
     assert faulty.recovery > 0
-    assert all(len(line) == len(HEAD) for line in lines([sound, faulty]))
+    assert head(runs["sound"].curve)[3] == "mean coverage"
+    assert all(len(line) == len(head(runs["sound"].curve)) for line in lines([sound, faulty]))

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from swarmsim.build import build
 from swarmsim.core.scenario import load
+from swarmsim.engine.build import build
 from swarmsim.study.plan import open_study
 
 SCENARIOS = sorted(ROOT.glob("scenarios/*.toml")) + sorted(ROOT.glob("scenarios/faults/*.toml"))

@@ -4,7 +4,7 @@ import pytest
 from test_topology import pairs, topology
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import load, with_rows
+from swarmsim.core.scenario import load, with_files
 
 
 def test_edges_are_the_listed_links_in_order():
@@ -73,7 +73,7 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
 def test_files_are_found_in_inner_tables_too_and_other_tables_left_alone(tmp_path):
     (tmp_path / "a.csv").write_text("1.5,2\n")
     given = {"x": {"y": {"file": "a.csv"}, "z": {"file": "a.csv", "more": 1}}, "file": "a.csv"}
-    assert with_rows(given, tmp_path) == {"x": {"y": [[1.5, 2]], "z": {"file": "a.csv", "more": 1}}, "file": "a.csv"}
+    assert with_files(given, tmp_path) == {"x": {"y": [[1.5, 2]], "z": {"file": "a.csv", "more": 1}}, "file": "a.csv"}
     assert given["x"]["y"] == {"file": "a.csv"}
     with pytest.raises(InputError, match=r"^x\.y: .*b\.csv: cannot be read"):
-        with_rows({"x": {"y": {"file": "b.csv"}}}, tmp_path)
+        with_files({"x": {"y": {"file": "b.csv"}}}, tmp_path)

@@ -10,12 +10,12 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import numpy as np
 import pytest
 import shapely
-from conftest import made
+from conftest import made, worded_of
 from numpy.testing import assert_array_equal
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.recording import Digests
+from swarmsim.recording.digests import Digests
 
 RADIUS = 0.055  # m: the default of robots
 ITERATIONS = {"room": 30, "basilica": 40}
@@ -137,7 +137,7 @@ CASES = [
         **OUT,
     ),
     Case(f'use="door", box={DOORWAY}, {WHEN}'),
-    Case('use="door", box=[3.15, 1.65, 3.3, 2.55], coverage=0.3, lasts=5', onset=1),
+    Case('use="door", box=[3.15, 1.65, 3.3, 2.55], progress=0.3, lasts=5', onset=1),
     Case(f'use="furniture", box=[0.6, 0.6, 1.0, 0.9], {WHEN}'),
     Case(f'use="furniture", box=[0.6, 0.6, 1.0, 0.9], to=[2.4, 2.6, 2.8, 3.0], {WHEN}', onset=0),
     Case('use="rubble", region=[0.3, 0.3, 4.8, 3.6], count=4, at=8, every=6, lasts=9'),
@@ -154,7 +154,6 @@ class Watch:
     def __init__(self, run) -> None:
         self.run, self.moments, self.digests = run, [], Digests()
         self.boxes, self.walls, self.solid = [], [], []
-        self._now = self._seen()
 
     def _seen(self):
         parts = self.run.simulation.parts
@@ -163,23 +162,20 @@ class Watch:
     def sample(self, moment) -> None:
         self.digests.sample(moment)
         self.moments.append(moment)
-        for kept, value in zip((self.boxes, self.walls, self.solid), self._now, strict=True):
+        for kept, value in zip((self.boxes, self.walls, self.solid), self._seen(), strict=True):
             kept.append(value)
-        self._now = self._seen()
 
     @property
     def events(self):
         """Those of faults that the moments show."""
-        last = self.moments[-1].state.iteration
-        each = [event for moment in self.moments for event in moment.events if event.iteration <= last]
-        return [event for event in each if event.kind not in ("finished", "not finished")]
+        return [event for event in worded_of(self.moments, self.run) if event.kind not in ("finished", "not finished")]
 
 
 @lru_cache(maxsize=256)
 def watched(case: Case | None, scenario: str, *more: str, seed: int = 1) -> Watch:
     """A run with the fault, or without any for None."""
     faults = f"faults=[{{{case.keys}}}]" if case else "faults=[]"
-    settings = ('stop.at_coverage="go-on"', f"stop.iterations={ITERATIONS[scenario]}", f"seed={seed}")
+    settings = ('stop.when_done="go-on"', f"stop.iterations={ITERATIONS[scenario]}", f"seed={seed}")
     run = made(*settings, *MORE[scenario], *more, faults, scenario=scenario)
     watch = Watch(run)
     run.simulation.run([watch])

@@ -5,11 +5,11 @@ from itertools import pairwise
 import msgspec
 import numpy as np
 import pytest
-from conftest import made, moments_of
+from conftest import made, moments_of, worded, worded_of
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import Moment
-from swarmsim.recording import Recording
+from swarmsim.recording.reader import Recording
 
 SHRINKING = 'faults=[{use="remove", at=20, every=10, count=3, keep=4}]'
 
@@ -31,8 +31,8 @@ def test_robots_are_removed_when_asked_down_to_those_kept(shrunk) -> None:
 
 
 def test_every_removal_is_an_event_with_its_robot_and_cause(shrunk) -> None:
-    moments, _ = shrunk
-    events = [event for moment in moments for event in moment.events if event.kind == "removed"]
+    moments, run = shrunk
+    events = [event for event in worded_of(moments, run) if event.kind == "removed"]
     assert [event.iteration for event in events] == [20] * 3 + [30] * 3 + [40] * 3 + [50] * 2
     assert all("remove at=20 every=10" in event.cause for event in events)
     gone = {event.robot for event in events}
@@ -45,14 +45,14 @@ def test_the_removed_neither_sense_nor_hear_nor_speak_nor_move(shrunk) -> None:
     for moment, following in pairwise(moments[50:]):
         dead = np.flatnonzero(~moment.state.alive)
         assert not np.isin(moment.links, dead).any()
-        assert not moment.tiles.values[dead].any()
+        assert not moment.readings.tiles.values[dead].any()
         assert (moment.intents.counts[dead] == 0).all()
         np.testing.assert_array_equal(following.state.pose[dead], moment.state.pose[dead])
 
 
 def test_nobody_meets_the_body_of_a_removed_robot() -> None:
     run = made("robots.count=2", 'faults=[{use="remove", at=1, count=1}]', "stop.iterations=5", scenario="room")
-    space = run.simulation.parts.bodies._inner.space
+    space = run.simulation.parts.bodies.space
     before = len(space.shapes)
     run.simulation.run()
     assert len(space.shapes) == before - 1
@@ -62,18 +62,18 @@ def test_what_happened_before_the_first_removal_is_untouched(shrunk) -> None:
     plain, _ = watch(iterations=20)
     for ours, theirs in zip(shrunk[0][:20], plain, strict=True):
         np.testing.assert_array_equal(ours.state.pose, theirs.state.pose)
-        np.testing.assert_array_equal(ours.tiles.values, theirs.tiles.values)
+        np.testing.assert_array_equal(ours.readings.tiles.values, theirs.readings.tiles.values)
         np.testing.assert_array_equal(ours.intents.goals, theirs.intents.goals)
 
 
 def test_a_lost_map_leaves_the_union_and_a_kept_one_stays() -> None:
     kept, _ = watch('faults=[{use="remove", at=20, count=10, keep=1, map="kept"}]', iterations=21)
     lost, _ = watch('faults=[{use="remove", at=20, count=10, keep=1, map="lost"}]', iterations=21)
-    assert kept[20].coverage.union >= kept[19].coverage.union
-    assert lost[20].coverage.union < lost[19].coverage.union
+    assert kept[20].measured.values["coverage"] >= kept[19].measured.values["coverage"]
+    assert lost[20].measured.values["coverage"] < lost[19].measured.values["coverage"]
     dead = np.flatnonzero(~lost[20].state.alive)
-    assert (lost[20].coverage.each[dead] == 0).all()
-    assert (kept[20].coverage.each[dead] > 0).all()
+    assert (lost[20].measured.robots["covered"][dead] == 0).all()
+    assert (kept[20].measured.robots["covered"][dead] > 0).all()
 
 
 def test_the_choice_depends_on_the_seed_alone() -> None:
@@ -109,17 +109,17 @@ def test_a_fault_that_cannot_work_is_refused(fault: str, words: str) -> None:
 
 
 def test_a_recording_tells_who_was_removed_and_verifies(tmp_path) -> None:
-    from swarmsim.recording import Digests
+    from swarmsim.recording.digests import Digests
 
     run = made("stop.iterations=30", 'faults=[{use="remove", at=10, count=5}]', scenario="basilica")
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:
         run.simulation.run([recorder])
     recording = Recording(path)
-    assert [event.kind for event in recording.events()] == ["removed"] * 5 + ["not finished"]
+    assert [event.kind for event in worded(recording.events(), run.scenario)] == ["removed"] * 5 + ["not finished"]
     assert recording["alive"].sum(axis=1).tolist() == [15] * 10 + [10] * 20
     assert recording.scenario == msgspec.structs.replace(run.scenario)
-    from swarmsim.build import build
+    from swarmsim.engine.build import build
 
     digests = Digests()
     build(recording.scenario, "again", recording.world).simulation.run([digests])
@@ -133,9 +133,9 @@ def in_room(faults: str, *overrides: str, iterations: int = 40, robots: int = 4)
 
 def test_a_lost_map_does_not_come_back_with_its_robot() -> None:
     moments, _ = in_room('{use="remove", at=10, robots=[1], lasts=5, map="lost"}')
-    each = [int(moment.coverage.each[1]) for moment in moments]
+    each = [float(moment.measured.robots["covered"][1]) for moment in moments]
     assert each[9] > each[15] > 0
-    assert each[10:15] == [0] * 5
+    assert each[10:15] == [0.0] * 5
 
 
 def test_the_absent_are_no_obstacles() -> None:
@@ -192,6 +192,4 @@ def test_a_run_that_was_interrupted_says_so_whatever_happened_to_the_building_la
             run.simulation.tick([recorder])
     summary = Recording(path).summary()
     assert summary["status"] == "interrupted"
-    assert summary["events"] == [
-        {"iteration": 4, "kind": "furniture placed", "cause": "box 4 2.4 4.3 2.9 stands", "robots": []}
-    ]
+    assert summary["events"] == [{"event": "box-stands", "iteration": 4, "fault": 0, "box": (4.0, 2.4, 4.3, 2.9)}]

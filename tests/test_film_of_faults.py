@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from conftest import made
 
-from swarmsim.recording import Recording
+from swarmsim.core.events import Begins
+from swarmsim.recording.reader import Recording
 from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
-from swarmsim.view.happenings import Note
+from swarmsim.view.occurrences import noted
 from swarmsim.view.panel import _legend
 from swarmsim.view.scene import Scene
 from swarmsim.view.video import frame
@@ -77,8 +78,10 @@ def test_captions_go_after_a_minute(tmp_path: Path) -> None:
 
 
 def test_a_note_counts_robots_that_are_too_many_to_name() -> None:
-    assert Note(7, "motor off", "motor", (3, 7, 9)).text == "iteration 7: motor off: robots 3, 7, 9"
-    assert Note(7, "radio off", "radio", tuple(range(40))).text == "iteration 7: radio off: 40 robots"
+    scenario = made('faults=[{use="motor", failure="off", at=7}, {use="radio", failure="off", at=7}]').scenario
+    few, many = Begins(7, 0, (3, 7, 9)), Begins(7, 1, tuple(range(40)))
+    assert noted(few, scenario).text == "iteration 7: motor off: robots 3, 7, 9"
+    assert noted(many, scenario).text == "iteration 7: radio off: 40 robots"
 
 
 def test_marks_on_the_curve_are_named_by_what_begins(scene: Scene) -> None:

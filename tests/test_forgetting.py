@@ -6,19 +6,15 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import inbox_of, made
+from conftest import Mapper, inbox_of, made, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from swarmsim.behaviours.collective_mapping import CollectiveMapping
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting
-from swarmsim.core.scenario import Robots
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
-from swarmsim.core.streams import Streams
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
 from swarmsim.kernels import grid, occupancy
-from swarmsim.recording import Digests
+from swarmsim.recording.digests import Digests
 
 CELL = 0.15
 LATTICE = Lattice(0.0, 0.0, CELL, 16, 16)
@@ -31,8 +27,8 @@ def logit(p):
 
 
 def minds(robots=1, **parameters):
-    setting = Setting(Robots(count=robots, spawn="s"), LATTICE, 1.0, Streams(1))
-    return CollectiveMapping(**parameters).build(setting)
+    setting = setting_of(robots, seed=1)
+    return Mapper(**parameters).build(setting)
 
 
 def observe(mind, iteration, value, robots=1, alive=None):
@@ -41,7 +37,7 @@ def observe(mind, iteration, value, robots=1, alive=None):
     tiles = Tiles(np.full((robots, 1, 1), value, np.uint8), np.tile(np.array(SPOT, np.int32), (robots, 1)))
     nobody = inbox_of(NOBODY, NOBODY, np.empty((0, 1, 1), np.uint8), np.empty((0, 2), np.int32))
     alive = np.ones(robots, bool) if alive is None else alive
-    return mind.step(Observations(iteration, pose, alive, tiles, nobody))
+    return mind.step(seen_as(iteration, pose, alive, tiles, nobody))
 
 
 @pytest.mark.parametrize("decay", [0.0, 0.01, 0.05, 0.2])
@@ -90,8 +86,6 @@ def test_a_cell_not_seen_again_is_forgotten_when_the_formula_says(decay, value) 
 
 def test_without_decay_nothing_is_ever_forgotten() -> None:
     mind = minds()
-    assert not mind.forgets
-    assert minds(decay=0.01).forgets
     observe(mind, 0, FREE)
     before = mind.log_odds.copy()
     for iteration in range(1, 2000):
@@ -178,12 +172,12 @@ def test_a_patrol_goes_to_the_nearest_cell_at_least_half_as_old_as_the_oldest_in
 
 def ages(*overrides: str, iterations: int = 500):
     """When each cell of the domain was last sensed by anybody, in a run that goes on after 100 %."""
-    run = made(f"stop.iterations={iterations}", 'stop.at_coverage="go-on"', *overrides)
+    run = made(f"stop.iterations={iterations}", 'stop.when_done="go-on"', *overrides)
     building, last = run.simulation.parts.building, np.full(run.domain.shape, -1)
 
     class Watch:
         def sample(self, moment) -> None:
-            for tile, (row, column) in zip(moment.tiles.values, moment.tiles.origins, strict=True):
+            for tile, (row, column) in zip(moment.readings.tiles.values, moment.readings.tiles.origins, strict=True):
                 window = last[row : row + tile.shape[0], column : column + tile.shape[1]]
                 window[tile != UNKNOWN] = moment.state.iteration
 
@@ -192,21 +186,21 @@ def ages(*overrides: str, iterations: int = 500):
 
 
 def test_a_patrol_sees_every_cell_again_and_those_who_stand_do_not() -> None:
-    patrolled, _ = ages('behaviour.idle="patrol"')
+    patrolled, _ = ages('mind.strategy.idle="patrol"')
     stood, _ = ages()
     assert patrolled.max() < 200
     assert stood.max() > 400
 
 
 def test_forgetting_robots_come_back_to_what_they_forgot() -> None:
-    seen, _ = ages("behaviour.decay=0.02")
+    seen, _ = ages("mind.computation.decay=0.02")
     assert seen.max() < 200
 
 
 def test_on_patrol_a_frontier_comes_first() -> None:
     """One that appears behind the robot turns it round within its patience."""
-    setting = Setting(Robots(count=1, spawn="s"), LATTICE, 1.0, Streams(1))
-    mind = CollectiveMapping(idle="patrol").build(setting)
+    setting = setting_of(1, seed=1)
+    mind = Mapper(idle="patrol").build(setting)
     mind.observed[:] = True
     mind.log_odds[:] = 1.0
     mind.log_odds[0, 8, 1:15] = -1.0  # a corridor along row 8
@@ -216,7 +210,7 @@ def test_on_patrol_a_frontier_comes_first() -> None:
     for iteration in range(20):
         if iteration == 6:
             mind.observed[0, 7, 2] = False  # beside the corridor
-        intents = mind.step(Observations(iteration, pose, np.ones(1, bool), blind, nobody))
+        intents = mind.step(seen_as(iteration, pose, np.ones(1, bool), blind, nobody))
         goals.append(tuple(int(place) for place in intents.goals[0]))
         pose[0, :2] = intents.waypoints[0, 0]
     assert set(goals[:6]) <= {(8, c) for c in range(1, 15)} - {(8, 2)}  # on patrol in the corridor
@@ -234,7 +228,7 @@ def test_what_one_robot_forgets_and_patrols_depends_on_its_own_row_alone() -> No
             values = np.stack([draw.choice([0, 1, 1, 1, 2], (6, 7)).astype(np.uint8) for draw in (own, others)])
             origins = np.stack([draw.integers(0, 9, 2).astype(np.int32) for draw in (own, others)])
             pose = np.array([[*own.uniform(1.0, 1.4, 2), 0.0], [*others.uniform(1.0, 1.4, 2), 0.0]])
-            seen = Observations(iteration, pose, np.ones(2, bool), Tiles(values, origins), nobody)
+            seen = seen_as(iteration, pose, np.ones(2, bool), Tiles(values, origins), nobody)
             goals.append(tuple(mind.step(seen).goals[0]))
         outcomes.append((goals, mind.log_odds[0].copy()))
     assert outcomes[0][0] == outcomes[1][0]
@@ -245,19 +239,24 @@ def test_a_run_that_forgets_and_patrols_is_the_same_again() -> None:
     totals = []
     for _ in range(2):
         digests = Digests()
-        keys = ('behaviour={idle="patrol", decay=0.02}', 'stop.at_coverage="go-on"', "stop.iterations=200")
+        keys = (
+            'mind.strategy.idle="patrol"',
+            "mind.computation.decay=0.02",
+            'stop.when_done="go-on"',
+            "stop.iterations=200",
+        )
         made(*keys).simulation.run([digests])
         totals.append(digests.total())
     assert totals[0] == totals[1]
 
 
 def test_a_map_that_forgets_shrinks_and_grows() -> None:
-    run = made("behaviour.decay=0.02", 'stop.at_coverage="go-on"', "stop.iterations=200")
+    run = made("mind.computation.decay=0.02", 'stop.when_done="go-on"', "stop.iterations=200")
     curve = []
 
     class Watch:
         def sample(self, moment) -> None:
-            curve.append(moment.coverage.union)
+            curve.append(moment.measured.values["coverage"])
 
     run.simulation.run([Watch()])
     assert any(later < earlier for earlier, later in pairwise(curve))

@@ -5,17 +5,17 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, worded_of
 
-from swarmsim.build import Run
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Building, Parts, Setting
-from swarmsim.core.state import Intents, Moment, Observations, State, Tiles
+from swarmsim.core.state import Intents, Moment, Observations, State
 from swarmsim.core.streams import Streams
+from swarmsim.engine.build import Run
 from swarmsim.faults.localisation import Belief, Localisation, landing_places
-from swarmsim.measures import Measures
-from swarmsim.recording import Digests
+from swarmsim.operations.mapping.measures import MapMeasures
+from swarmsim.recording.digests import Digests
 
 STRUCK = "at=4, lasts=3, robots=[1]"
 WITH = range(4, 7)  # the iterations with the fault
@@ -31,14 +31,13 @@ class Watch:
         self.believed: list[np.ndarray] = []
         self.digests = Digests()
         simulation = self.run.simulation
-        self._behaviour = simulation.parts.behaviour
-        self.observed, self.log_odds, self.forgets = self._behaviour.observed, self._behaviour.log_odds, False
-        simulation.parts = replace(simulation.parts, behaviour=self)
+        self._strategy, self.reads = simulation.parts.strategy, simulation.parts.strategy.reads
+        simulation.parts = replace(simulation.parts, strategy=self)
         simulation.run([self, self.digests])
 
     def step(self, observations: Observations) -> Intents:
         self.believed.append(observations.pose.copy())
-        return self._behaviour.step(observations)
+        return self._strategy.step(observations)
 
     def sample(self, moment: Moment) -> None:
         self.moments.append(moment)
@@ -60,7 +59,7 @@ def biased() -> Watch:
 
 
 def setting(run: Run) -> Setting:
-    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1))
+    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
 def test_a_biased_estimate_errs_by_so_much_from_the_onset_to_the_end(biased: Watch) -> None:
@@ -75,11 +74,11 @@ def test_a_biased_estimate_errs_by_so_much_from_the_onset_to_the_end(biased: Wat
 def test_a_tile_lies_as_many_cells_aside_as_its_robot_errs(biased: Watch) -> None:
     lattice, parts = biased.run.arena.lattice, biased.run.simulation.parts
     for t, moment in enumerate(biased.moments):
-        sensed = parts.sensor.sense(moment.state)
-        np.testing.assert_array_equal(moment.tiles.values, sensed.values)
+        sensed = parts.sensor.sense(moment.state).tiles
+        np.testing.assert_array_equal(moment.readings.tiles.values, sensed.values)
         aside = lattice.cells(biased.believed[t][:, :2]) - lattice.cells(moment.state.pose[:, :2])
-        np.testing.assert_array_equal(moment.tiles.origins - sensed.origins, aside)
-        assert moment.tiles.origins.dtype == np.int32
+        np.testing.assert_array_equal(moment.readings.tiles.origins - sensed.origins, aside)
+        assert moment.readings.tiles.origins.dtype == np.int32
         assert not aside[[0, 2]].any()
         assert aside[1].any() == (t in WITH)
 
@@ -87,7 +86,7 @@ def test_a_tile_lies_as_many_cells_aside_as_its_robot_errs(biased: Watch) -> Non
 def test_nothing_differs_before_the_onset_and_the_events_say_when(biased: Watch, plain: Watch) -> None:
     assert biased.digests.rows[:4] == plain.digests.rows[:4]
     assert biased.digests.rows[4] != plain.digests.rows[4]
-    events = [(event.iteration, event.robot, event.kind) for moment in biased.moments for event in moment.events]
+    events = [(event.iteration, event.robot, event.kind) for event in worded_of(biased.moments, biased.run)]
     assert events[:2] == [(4, 1, "localisation bias"), (7, 1, "localisation bias over")]
 
 
@@ -103,7 +102,7 @@ def test_motion_is_asked_at_believed_poses_and_others_rows_are_bit_equal(plain: 
             return np.zeros((len(pose), 2))
 
     parts = replace(run.simulation.parts, motion=Still())
-    fault = Localisation(failure="bias", dx=0.3, dyaw=0.5, at=0, robots=[1]).build(setting(run), 0)
+    fault = Localisation(failure="bias", dx=0.3, dyaw=0.5, at=0, robots=[1]).build(setting(run))
     motion = fault.install(parts).motion
     pose = np.array([[-0.0, 1.0, -0.0], [2.0, 1.0, 0.0], [3.0, 1.0, -0.0]])
     given = pose.copy()
@@ -117,14 +116,16 @@ def test_motion_is_asked_at_believed_poses_and_others_rows_are_bit_equal(plain: 
 
 
 def test_a_lone_biased_robot_maps_its_world_aside_and_steers_by_that_map() -> None:
-    alone = ("robots.count=1", "network.topology.k=0", "behaviour.ties='row-order'")
+    alone = ("robots.count=1", "network.topology.k=0", "mind.strategy.ties='row-order'")
     right = Watch(iterations=60, more=alone)
     wrong = Watch('failure="bias", dx=0.30, at=0, keep=0', iterations=60, more=alone)
-    np.testing.assert_array_equal(wrong.moments[0].tiles.origins - right.moments[0].tiles.origins, [[0, 2]])
+    np.testing.assert_array_equal(
+        wrong.moments[0].readings.tiles.origins - right.moments[0].readings.tiles.origins, [[0, 2]]
+    )
     # Two whole cells aside, it sees, decides and goes just as it would without the error.
     np.testing.assert_allclose(wrong.moments[-1].state.pose, right.moments[-1].state.pose, atol=1e-6)
-    known = right.observed[0]
-    np.testing.assert_array_equal(wrong.observed[0][:, 2:], known[:, :-2])
+    known = right.run.simulation.parts.computation.maps.observed[0]
+    np.testing.assert_array_equal(wrong.run.simulation.parts.computation.maps.observed[0][:, 2:], known[:, :-2])
     assert known.any()
 
 
@@ -167,9 +168,9 @@ def test_errors_of_several_faults_add_up() -> None:
     both = Watch(f'failure="bias", dx=0.1, {STRUCK}', 'failure="bias", dx=0.2, dyaw=0.1, at=5, robots=[1]')
     np.testing.assert_allclose(both.error[4:8, 1, 0], [0.1, 0.3, 0.3, 0.2], atol=1e-12)
     lattice, moment = both.run.arena.lattice, both.moments[5]
-    sensed = both.run.simulation.parts.sensor.sense(moment.state)
+    sensed = both.run.simulation.parts.sensor.sense(moment.state).tiles
     aside = lattice.cells(both.believed[5][:, :2]) - lattice.cells(moment.state.pose[:, :2])
-    np.testing.assert_array_equal(moment.tiles.origins - sensed.origins, aside)
+    np.testing.assert_array_equal(moment.readings.tiles.origins - sensed.origins, aside)
 
 
 def test_a_drift_that_begins_again_begins_at_nothing() -> None:
@@ -205,7 +206,7 @@ def kidnapped() -> Watch:
 
 def test_a_kidnapped_robot_is_elsewhere_and_does_not_notice(kidnapped: Watch) -> None:
     plain = Watch(iterations=7, scenario="basilica")
-    events = [event for moment in kidnapped.moments for event in moment.events]
+    events = worded_of(kidnapped.moments, kidnapped.run)
     carried = sorted(event.robot for event in events if event.kind == "localisation kidnap")
     assert {event.iteration for event in events if event.robot in carried} == {6, 14}
     assert len(carried) == 4
@@ -270,7 +271,7 @@ def test_a_robot_stays_where_there_is_nowhere_to_put_it() -> None:
     parts = run.simulation.parts
     parts.building.domain = np.zeros_like(parts.building.domain)
     before = parts.bodies.state()
-    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run), 0).install(parts)
+    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run)).install(parts)
     np.testing.assert_array_equal(installed.bodies.state().pose, before.pose)
     pose, _ = installed.localisation.locate(before, parts.sensor.sense(before))
     np.testing.assert_array_equal(pose, before.pose)
@@ -289,10 +290,10 @@ def test_nobody_is_put_onto_people() -> None:
         parts.building.crowds.append(Crowd())
     # 0.15 m between centres are less than the radii's sum, so the place itself is not free either.
     before = parts.bodies.state()
-    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run), 0).install(parts)
+    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run)).install(parts)
     np.testing.assert_array_equal(installed.bodies.state().pose, before.pose)
     Crowd.discs = Crowd.discs[np.hypot(*(Crowd.discs[:, :2] - free).T) > 0.155]
-    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run), 0).install(parts)
+    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run)).install(parts)
     np.testing.assert_allclose(installed.bodies.state().pose[1, :2], free)
 
 
@@ -311,10 +312,10 @@ def test_however_wrong_an_estimate_lies_on_the_map(fault: str, tmp_path) -> None
         cells = lattice.cells(watch.believed[t][:, :2])
         assert (cells >= 0).all()
         assert (cells < lattice.shape).all()
-        assert (moment.tiles.origins > -7).all()
-        assert (moment.tiles.origins < lattice.shape).all()
+        assert (moment.readings.tiles.origins > -7).all()
+        assert (moment.readings.tiles.origins < lattice.shape).all()
     # What watches a run must not fall over tiles that lie beside the map.
-    probe = Measures(run.simulation.parts.building, run.scenario.robots, 1.0, watch)
+    probe = MapMeasures(run.scenario.robots.count, run.domain)
     with run.recorder(tmp_path / "recording.h5") as recorder:
         for moment in watch.moments:
             probe.sample(moment)
@@ -341,12 +342,13 @@ def test_localisation_beneath_keeps_its_own_arrays() -> None:
     run = made()
     parts: Parts = run.simulation.parts
     state: State = parts.bodies.state()
-    tiles: Tiles = parts.sensor.sense(state)
+    readings = parts.sensor.sense(state)
+    tiles = readings.tiles
     pose, origins = state.pose.copy(), tiles.origins.copy()
-    fault = Localisation(failure="bias", dx=1.0, at=0, robots=[1]).build(setting(run), 0)
-    believed, moved = fault.install(parts).localisation.locate(state, tiles)
+    fault = Localisation(failure="bias", dx=1.0, at=0, robots=[1]).build(setting(run))
+    believed, moved = fault.install(parts).localisation.locate(state, readings)
     assert (believed[1] != pose[1]).any()
-    assert (moved.origins[1] != origins[1]).any()
+    assert (moved.tiles.origins[1] != origins[1]).any()
     np.testing.assert_array_equal(state.pose, pose)
     np.testing.assert_array_equal(tiles.origins, origins)
 

@@ -11,29 +11,30 @@ from conftest import building, inbox_of, made
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swarmsim.behaviours.mapping import OccupancyGrids
+from swarmsim.core.events import Ended
+from swarmsim.core.messages import Delivery
 from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Coverage, Delivery, Event, Intents, Moment, State, Tiles
-from swarmsim.measures import (
-    Measures,
+from swarmsim.core.state import Intents, Measured, Moment, Readings, State, Tiles
+from swarmsim.network.channel import letters
+from swarmsim.operations.mapping.grids import OccupancyGrids
+from swarmsim.operations.mapping.measures import (
+    MapMeasures,
     Quality,
     brier,
     disagreement,
     discovery_time,
     entropy,
-    jain,
     mean_coverage,
     overlap,
     probability,
     quality,
-    reached,
     union_occupied,
     union_probability,
 )
-from swarmsim.network.channel import letters
-from swarmsim.network.message import current_tile_bytes
-from swarmsim.recording import Recording
-from swarmsim.replay import MapReplay
+from swarmsim.operations.mapping.message import current_tile_bytes
+from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.recording.measures import RunMeasures, jain, reached
+from swarmsim.recording.reader import Recording
 
 LOG4 = math.log(4.0)  # the log-odds of p = 0.8
 H = 0.7219280948873623  # bits, the entropy of p = 0.8
@@ -41,10 +42,11 @@ H = 0.7219280948873623  # bits, the entropy of p = 0.8
 
 @dataclass
 class Believer:
-    """A behaviour that only believes."""
+    """What robots know that only believe."""
 
     observed: np.ndarray
     log_odds: np.ndarray
+    taken: object = None
 
 
 def grid(rows: str) -> np.ndarray:
@@ -77,8 +79,11 @@ def moment(iteration, xy, alive, tiles, origins, links, heard, covered, events=(
     sizes = np.full(2, current_tile_bytes(2, 3), np.int32)
     delivery = Delivery(letters(iteration, arrived, sizes), (), iteration)
     intents = Intents(np.zeros((2, 2), np.int32), np.zeros((2, 1, 2)), np.zeros(2, np.int32), np.zeros(2, np.bool_))
-    coverage = Coverage(covered[0], np.array(covered[1:], np.int64), 20)
-    return Moment(state, Tiles(values, origins), links, delivery, inbox, intents, coverage, tuple(events))
+    share = covered[0] / 20
+    measured = Measured({"coverage": share}, {"covered": np.array(covered[1:]) / 20}, share)
+    knowledge = replace(believer(), taken=inbox)
+    readings = Readings(Tiles(values, origins))
+    return Moment(state, tuple(events), HALL, readings, links, delivery, inbox, knowledge, intents, measured)
 
 
 def story(last_events=()) -> list[Moment]:
@@ -95,24 +100,12 @@ def story(last_events=()) -> list[Moment]:
     ]  # fmt: skip
 
 
-def told(last_events=()) -> Measures:
-    measures = Measures(HALL, PAIR, 0.5, believer())
+def told(last_events=()) -> dict:
+    run, maps = RunMeasures(PAIR, 0.5), MapMeasures(2, DOMAIN)
     for each in story(last_events):
-        measures.sample(each)
-    return measures
-
-
-def test_curve_holds_the_union_and_the_maps_of_the_living():
-    expected = [[0.5, 0.2, 0.35, 0.5], [0.7, 0.6, 0.65, 0.7], [0.7, 0.7, 0.7, 0.7], [0.7, 0.7, 0.7, 0.7]]
-    np.testing.assert_allclose(told().curve(), expected)
-
-
-def test_curve_without_survivors_has_no_own_maps():
-    measures = Measures(HALL, PAIR, 0.5, believer())
-    last = story()[3]
-    dead = State(3, last.state.pose, last.state.velocity, last.state.wheels, np.zeros(2, np.bool_))
-    measures.sample(Moment(dead, last.tiles, last.links, last.delivery, last.inbox, last.intents, last.coverage, ()))
-    np.testing.assert_array_equal(measures.curve(), [[0.7, np.nan, np.nan, np.nan]])
+        run.sample(each)
+        maps.sample(each)
+    return {**run.summary(), **maps.summary()}
 
 
 def test_summary_of_a_hand_made_run():
@@ -144,30 +137,35 @@ def test_summary_of_a_hand_made_run():
         "age": 0.0,
         "fresh_share": (5 + 2 + 4) / (5 + 4 + 6),
     }  # fmt: skip
-    found = told().summary()
-    assert list(found) == list(expected)
+    found = told()
+    assert found.keys() == expected.keys()
     for name, value in expected.items():
         assert found[name] == (None if value is None else pytest.approx(value, rel=1e-6)), name  # float32 beliefs
 
 
 def test_a_finished_run_has_a_length():
-    found = told([Event(3, -1, "finished", "coverage 0.7 reached")]).summary()
+    found = told([Ended(3, True)])
     assert (found["finished"], found["iterations"], found["seconds"]) == (1, 4, 2.0)
 
 
 def test_a_run_at_its_limit_has_none():
-    found = told([Event(3, -1, "not finished", "limit of 4 iterations")]).summary()
+    found = told([Ended(3, False)])
     assert (found["finished"], found["iterations"], found["iterations_run"]) == (0, None, 4)
 
 
 def test_what_nothing_defines_is_none():
-    empty = Believer(np.zeros((2, 5, 5), np.bool_), np.zeros((2, 5, 5), np.float32))
-    found = Measures(HALL, PAIR, 1.0, empty).summary()
+    run, maps = RunMeasures(PAIR, 1.0), MapMeasures(2, DOMAIN)
+    nothing = {**run.summary(), **maps.summary()}
+    assert (nothing["coverage"], nothing["path_sum"], nothing["messages"]) == (0.0, 0.0, 0)
+    assert {nothing[name] for name in ("mean_coverage", "discovery_time", "jain_path", "delivered_share")} == {None}
+    empty = Believer(np.zeros((2, 5, 5), np.bool_), np.zeros((2, 5, 5), np.float32), story()[3].inbox)
+    maps.sample(replace(story()[3], knowledge=empty))
+    found = maps.summary()
     assert found["union_entropy"] == 20.0
-    assert (found["coverage"], found["path_sum"], found["messages"], found["union_false_occupied"]) == (0.0, 0.0, 0, 0)
+    assert found["union_false_occupied"] == 0
     undefined = {name for name, value in found.items() if value is None}
-    assert {"mean_coverage", "discovery_time", "union_f1", "robot_brier", "disagreement", "overlap_maps"} <= undefined
-    assert {"redundancy", "heard_share", "jain_path", "jain_sensed", "delivered_share", "fresh_share"} <= undefined
+    assert {"union_f1", "robot_brier", "disagreement", "overlap_maps"} <= undefined
+    assert {"redundancy", "heard_share", "jain_sensed", "fresh_share"} <= undefined
 
 
 CURVE = np.array([0.25, 0.5, 0.5, 1.0])
@@ -283,33 +281,35 @@ def heard(recording: Recording) -> tuple[int, int, int]:
         inbox = inbox_of(links[:, 0], links[:, 1], values[links[:, 1]], origins[links[:, 1]])
         fresh += int(grids.update(recording["alive"][t], Tiles(values, origins), inbox)[robots:].sum())
         messages += len(links)
-        carried += int((inbox.values != 0).sum())
+        carried += int((inbox.content.values != 0).sum())
     return messages, carried, fresh
 
 
 def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     run = made("network.topology.k=2")
     domain, truth, robots, parts = run.domain, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
-    probe = Measures(parts.building, run.scenario.robots, run.scenario.period, parts.behaviour)
+    probes = [RunMeasures(run.scenario.robots, run.scenario.period), *parts.task.summaries()]
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:
-        run.simulation.run([recorder, probe])
-    found, recording = probe.summary(), Recording(path)
+        run.simulation.run([recorder, *probes])
+    found = {name: value for probe in probes for name, value in probe.summary().items()}
+    recording = Recording(path)
 
     reference = recording.summary()
     assert found["iterations"] == found["iterations_run"] == recording.iterations
     assert [found[f"t{share}"] for share in (50, 75, 90, 95, 99, 100)] == list(reference["reached"].values())
-    np.testing.assert_array_equal(probe.curve()[:, 0], recording["coverage"])
-    np.testing.assert_allclose(probe.curve()[:, 3], recording["covered"].max(axis=1) / domain.sum())
-    np.testing.assert_allclose(probe.curve()[:, 1], recording["covered"].min(axis=1) / domain.sum())
 
     replay = MapReplay(recording)
-    replay.advance(recording.iterations - 1)
+    for t in range(recording.iterations):  # what was measured is what the maps of the recording say
+        replay.advance(t)
+        held = (replay.maps > 0) & domain
+        np.testing.assert_allclose(recording["covered"][t], held.sum(axis=(1, 2)) / domain.sum())
+        assert recording["coverage"][t] == held.any(axis=0).sum() / domain.sum()
     union = replay.collective()[domain]
     hits = int(((union == 2) & truth[domain]).sum())
     assert found["union_precision"] == hits / int((union == 2).sum())
     assert found["union_recall"] == hits / int(truth[domain].sum())  # all of the domain is observed
-    entropies = [entropy_of(row, domain) for row in run.simulation.parts.behaviour.log_odds]
+    entropies = [entropy_of(row, domain) for row in run.simulation.parts.computation.maps.log_odds]
     assert found["robot_entropy"] == pytest.approx(np.mean(entropies))
     held = (replay.maps > 0) & domain
     assert found["overlap_maps"] == pytest.approx(held.sum() / held.any(axis=0).sum() - 1)

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from swarmsim.network import message
-from swarmsim.network.message import Reading
+from swarmsim.operations.mapping import message
+from swarmsim.operations.mapping.message import Reading
 
 checked = settings(max_examples=150, deadline=None, derandomize=True)
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))

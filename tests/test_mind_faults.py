@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import Mapper, made, seen_as, setting_of, worded_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from swarmsim.behaviours.collective_mapping import CollectiveMapping
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts, Setting
-from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Moment, Observations
+from swarmsim.core.state import Moment
 from swarmsim.core.streams import Streams
 from swarmsim.faults.mind import FailingMind, Mind, RandomWalk
-from swarmsim.recording import Recording
-from swarmsim.replay import MapReplay
+from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.recording.reader import Recording
 
 FAILURES = ["frozen", "random-walk", "reboot"]
 ONSET, END = 20, 50
@@ -37,7 +37,7 @@ class Watch:
         self.run.simulation.run([self])
 
     def sample(self, moment: Moment) -> None:
-        mind = self.run.simulation.parts.behaviour
+        mind = self.run.simulation.parts.computation.maps
         self.moments.append(moment)
         self.maps.append((mind.observed[ROBOT].copy(), mind.log_odds[ROBOT].copy()))
 
@@ -81,9 +81,11 @@ def test_nothing_happens_before_the_onset_and_events_tell_when_it_begins_and_end
     name = {"frozen": "frozen", "random-walk": "wandering", "reboot": "rebooted"}[failure]
     watch = request.getfixturevalue(name)
     for ours, theirs in zip(watch.moments[:ONSET], plain.moments, strict=False):
-        for part, field in [("state", "pose"), ("tiles", "values"), ("intents", "goals"), ("intents", "waypoints")]:
+        for part, field in [("state", "pose"), ("intents", "goals"), ("intents", "waypoints")]:
             assert_array_equal(getattr(getattr(ours, part), field), getattr(getattr(theirs, part), field))
-    events = [(event.iteration, event.robot, event.kind) for moment in watch.moments for event in moment.events[:1]]
+    for ours, theirs in zip(watch.moments[:ONSET], plain.moments, strict=False):
+        assert_array_equal(ours.readings.tiles.values, theirs.readings.tiles.values)
+    events = [(event.iteration, event.robot, event.kind) for event in worded_of(watch.moments, watch.run)]
     assert events[:2] == [(ONSET, ROBOT, f"mind {failure}"), (END, ROBOT, f"mind {failure} over")]
     assert not np.array_equal(watch.moments[-1].state.pose[ROBOT], plain.moments[-1].state.pose[ROBOT])
 
@@ -92,12 +94,13 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
     """What failing minds decide, and know, that are shown what a sound swarm perceived."""
     robots = watch.run.scenario.robots
     lattice = watch.run.arena.lattice
-    place = Setting(robots, lattice, 1.0, Streams(watch.run.scenario.seed))
+    place = Setting(robots, lattice, 1.0, Streams(watch.run.scenario.seed), watch.run.simulation.parts.building)
     active = np.zeros(robots.count, np.bool_)
-    effect = Mind(at=0, failure=failure).build(place, 0).effect
-    parts = Parts(*[None] * 5, CollectiveMapping().build(place), *[None] * 3)
-    mind = effect.wrap(parts, active).behaviour
-    assert isinstance(mind, FailingMind)
+    effect = Mind(at=0, failure=failure).build(place).effect
+    plain = Mapper().build(place)
+    parts = Parts(None, None, plain.computation, plain.strategy, *[None] * 7)
+    parts = effect.wrap(parts, active)
+    assert isinstance(parts.strategy, FailingMind)
     seen = []
     for moment in watch.moments:
         now = moment.state.iteration
@@ -106,8 +109,10 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
             effect.begin(np.array(struck, np.int64), moment.state)
         if now == ends:
             active[:] = False
-        intents = mind.step(Observations(now, moment.state.pose, moment.state.alive, moment.tiles, moment.inbox))
-        seen.append((intents, mind.observed.copy(), mind.log_odds.copy()))
+        observed = seen_as(now, moment.state.pose, moment.state.alive, moment.readings.tiles, moment.inbox)
+        knowledge = parts.computation.hear(observed)
+        intents = parts.strategy.step(replace(observed, knowledge=knowledge))
+        seen.append((intents, knowledge.observed.copy(), knowledge.log_odds.copy()))
     return seen
 
 
@@ -237,7 +242,7 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
         known = np.pad(wall & observed, 1)
         free &= ~(known[:-2, 1:-1] | known[2:, 1:-1] | known[1:-1, :-2] | known[1:-1, 2:])
     start = tuple(rng.integers(0, lattice.shape).tolist())
-    place = Setting(Robots(count=1, spawn="here", radius=radius), lattice, 1.0, Streams(seed))
+    place = setting_of(1, lattice.shape, seed, radius=radius)
 
     class Known:
         pass
@@ -249,7 +254,7 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
     walk = RandomWalk(place, steps * 0.15 + 0.01, "walk")
     for _ in range(40 * steps * steps):
         walk.begin(np.array([0]), mind, None)
-        decision = walk.decided(0, pose, mind)
+        decision = walk.decided(0, SimpleNamespace(pose=pose[None], knowledge=mind))
         assert decision.new == (len(decision.way) > 0)
         assert len(decision.way) <= steps
         drawn.add(tuple(decision.goal.tolist()))
@@ -258,14 +263,16 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
 
 def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
     lattice = Lattice(0.0, 0.0, 0.15, 8, 8)
-    walk = RandomWalk(Setting(Robots(count=1, spawn="here"), lattice, 1.0, Streams(1)), 0.75, "walk")
+    walk = RandomWalk(setting_of(1, lattice.shape, 1), 0.75, "walk")
 
     class Known:
         observed = np.ones((1, 8, 8), np.bool_)
         log_odds = np.full((1, 8, 8), -2.0, np.float32)
 
     pose = np.array([*lattice.centres(np.array([4, 4])), 0.0])
-    new = [walk.decided(0, pose, Known()).new for _ in range(60)]  # it never gets anywhere
+    new = [
+        walk.decided(0, SimpleNamespace(pose=pose[None], knowledge=Known())).new for _ in range(60)
+    ]  # it never gets anywhere
     gaps = np.diff(np.flatnonzero(new))
     assert len(gaps) > 2
     assert gaps.min() >= 4
@@ -276,14 +283,14 @@ def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
 
 
 def test_a_reboot_empties_the_map_and_the_robot_stands_until_it_is_up_again(rebooted) -> None:
-    assert rebooted.moments[ONSET - 1].coverage.each[ROBOT] > 50
+    assert rebooted.moments[ONSET - 1].measured.robots["covered"][ROBOT] * rebooted.run.domain.sum() > 50
     for iteration in range(ONSET, END):
         observed, log_odds = rebooted.maps[iteration]
         assert not observed.any()
         assert not log_odds.any()
         assert len(rebooted.way(iteration)) == 0
         assert rebooted.goal(iteration) == (-1, -1)
-    tile = rebooted.moments[END].tiles.values[ROBOT]
+    tile = rebooted.moments[END].readings.tiles.values[ROBOT]
     assert rebooted.maps[END][0].sum() >= (tile > 0).sum() > 0
     assert len(rebooted.way(END)) > 0
     assert rebooted.moments[END].intents.planned[ROBOT]
@@ -291,17 +298,17 @@ def test_a_reboot_empties_the_map_and_the_robot_stands_until_it_is_up_again(rebo
 
 def test_a_reboot_takes_one_iteration_unless_told_otherwise_and_can_strike_again() -> None:
     watch = Watch('faults=[{use="mind", failure="reboot", at=10, every=8, robots=[3]}]', iterations=30)
-    empty = [iteration for iteration in range(30) if watch.moments[iteration].coverage.each[ROBOT] == 0]
+    empty = [iteration for iteration in range(30) if watch.moments[iteration].measured.robots["covered"][ROBOT] == 0]
     assert empty == [10, 18, 26]
 
 
 def test_a_recording_shows_what_a_reboot_has_wiped(tmp_path: Path) -> None:
     fault = 'faults=[{use="mind", failure="reboot", at=12, lasts=4, count=5}]'
-    run = made("stop.iterations=40", fault, 'behaviour.trust="quorum"', scenario="basilica")
+    run = made("stop.iterations=40", fault, 'mind.computation.trust="quorum"', scenario="basilica")
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:
         run.simulation.run([recorder])
     replay = MapReplay(Recording(path))
     replay.advance(39)
-    mind = run.simulation.parts.behaviour
+    mind = run.simulation.parts.computation.maps
     assert_array_equal(replay.maps, np.where(mind.observed, 1 + (mind.log_odds > 0.0), 0))

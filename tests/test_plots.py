@@ -33,7 +33,7 @@ def runs(labels):
 
 def coverage(labels=("chain", "2NN")):
     curves = {label: [np.linspace(0, 1, 80 + 9 * run + row) for run in range(6)] for row, label in enumerate(labels)}
-    return plots.coverage(curves, "Coverage", {labels[0]: (20, 40), labels[1]: (40,)})
+    return plots.curves(curves, "Coverage", {labels[0]: (20, 40), labels[1]: (40,)})
 
 
 def distributions(labels=SHORT):
@@ -161,7 +161,7 @@ def test_figures_say_what_they_show_in_which_unit_and_from_how_many_runs(draw, s
 
 def test_a_run_that_is_over_keeps_its_last_value():
     curves = [np.array([0.2, 1.0]), np.array([0.1, 0.3, 0.5, 0.6])]
-    figure = plots.coverage({"a": curves}, "Coverage")
+    figure = plots.curves({"a": curves}, "Coverage")
     (line,) = figure.axes[0].lines
     np.testing.assert_array_equal(line.get_xdata(), [1, 2, 3, 4])
     np.testing.assert_allclose(line.get_ydata(), [15.0, 65.0, 75.0, 80.0])
@@ -172,7 +172,7 @@ def test_a_run_that_is_over_keeps_its_last_value():
 
 
 def test_long_curves_are_thinned_but_keep_their_ends():
-    (line,) = plots.coverage({"a": [np.linspace(0, 1, 5000)]}, "Coverage").axes[0].lines
+    (line,) = plots.curves({"a": [np.linspace(0, 1, 5000)]}, "Coverage").axes[0].lines
     assert len(line.get_xdata()) == plots.FINEST
     assert line.get_xdata()[[0, -1]].tolist() == [1, 5000]
 
@@ -188,9 +188,9 @@ def test_faults_that_share_an_iteration_are_dashed_in_turns():
 
 def test_conditions_without_runs_and_unknown_conditions_are_refused():
     with pytest.raises(ValueError, match="at least one run"):
-        plots.coverage({"a": []}, "Coverage")
+        plots.curves({"a": []}, "Coverage")
     with pytest.raises(ValueError, match="no such condition: b; there are a"):
-        plots.coverage({"a": [np.ones(2)]}, "Coverage", {"b": (1,)})
+        plots.curves({"a": [np.ones(2)]}, "Coverage", {"b": (1,)})
     with pytest.raises(ValueError, match=r"spans of shape \(2, 4\)"):
         plots.sweep({"": plots.Steps(LOST, MEANS, SPANS.T, np.zeros(4), [30] * 4)}, {}, "k", "Neighbours")
 
@@ -292,7 +292,7 @@ def test_saved_bytes_are_always_the_same(draw, tmp_path):
 
 
 def test_labels_are_no_formulae():
-    assert "a $x_1$ (n = 1)" in words(plots.coverage({"a $x_1$": [np.ones(3)]}, "costs $5 and $6"))
+    assert "a $x_1$ (n = 1)" in words(plots.curves({"a $x_1$": [np.ones(3)]}, "costs $5 and $6"))
 
 
 def test_neither_pyplot_nor_pygame_is_imported():

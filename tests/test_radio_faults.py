@@ -1,21 +1,23 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Parts, Report, Setting
-from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Delivery, Moment, State
-from swarmsim.core.streams import Streams
+from swarmsim.core.events import Begins, Ends
+from swarmsim.core.messages import Delivery
+from swarmsim.core.parts import Calendar, Now, Parts
+from swarmsim.core.state import Moment, State
 from swarmsim.faults.radio import Radio
 from swarmsim.network.channel import PerfectChannel
 from swarmsim.network.delays import LatentChannel
-from swarmsim.recording import Digests
+from swarmsim.recording.digests import Digests
 
 POSE = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [5.0, 1.0, 0.0], [7.0, 3.0, 0.0]])
 SIZES = np.array([10, 20, 30, 40], np.int32)
@@ -42,13 +44,14 @@ class Trial:
 
     def __init__(self, *faults: Radio, inner: object | None = None, pose: np.ndarray = POSE, seed: int = 1) -> None:
         self.bodies = Walking(pose)
-        self.report = Report()
-        setting = Setting(Robots(count=len(pose), spawn="x"), None, 1.0, Streams(seed))
+        self.calendar, self.events = Calendar(self.bodies.state()), []
+        setting = setting_of(len(pose), seed=seed)
         inner = PerfectChannel() if inner is None else inner
-        parts = Parts(*[None] * 4, inner, None, None, self.bodies, None, self.report)
+        parts = Parts(*[None] * 5, inner, None, self.bodies, None, None, self.calendar)
         for number, fault in enumerate(faults):
-            parts = fault.build(setting, number).install(parts)
+            parts = fault.build(replace(setting, number=number)).install(parts)
         self.parts = parts
+        self._advance()
         self.sent: set[Letter] = set()
         self.deliveries: list[Delivery] = []
 
@@ -61,7 +64,12 @@ class Trial:
             sizes = np.resize(SIZES, len(state.alive))
             self.deliveries.append(self.parts.channel.deliver(state, links, sizes))
             self.parts.bodies.drive(None, 1.0)
+            self._advance()
         return self
+
+    def _advance(self) -> None:
+        state = self.bodies.state()
+        self.events += self.calendar.advance(Now(state.iteration, state, state, 0.0))
 
     def heard(self, iteration: int) -> set[Letter]:
         return {tuple(row[:3]) for row in self.deliveries[iteration].heard.tolist()}
@@ -85,10 +93,7 @@ def test_a_dead_radio_loses_what_it_should_from_the_onset_to_the_end(failure: st
         lost = {letter for letter in pairs(t) if any(letter[end] == 1 for end in ends)} if 2 <= t < 5 else set()
         assert trial.lost(t) == dict.fromkeys(lost, "radio off")
         assert trial.heard(t) == pairs(t) - lost
-    assert [(event.iteration, event.robot, event.kind) for event in trial.report.events] == [
-        (2, 1, f"radio {failure}"),
-        (5, 1, f"radio {failure} over"),
-    ]
+    assert trial.events == [Begins(2, 0, (1,)), Ends(5, 0, (1,))]
 
 
 def test_lost_messages_keep_their_size_and_the_rest_its_order() -> None:
@@ -218,10 +223,7 @@ def test_whoever_is_in_a_jammed_area_neither_sends_nor_hears_while_there() -> No
         inside = {i for i in range(4) if 2.0 <= pose[i, 0] <= 6.0 and 0.0 <= pose[i, 1] <= 2.0} if t < 5 else set()
         trial.tick()
         assert trial.lost(t) == {letter: "jammed" for letter in pairs(t) if inside & set(letter[:2])}
-    assert [(event.iteration, event.robot, event.kind) for event in trial.report.events] == [
-        (1, -1, "radio jam"),
-        (5, -1, "radio jam over"),
-    ]
+    assert trial.events == [Begins(1, 0), Ends(5, 0)]
 
 
 def test_what_is_under_way_into_a_jammed_area_is_lost_on_arrival() -> None:
@@ -317,9 +319,11 @@ def test_in_a_run_late_tiles_are_those_that_were_sent() -> None:
     late, _ = moments('failure="delay", delay=3, at=0, share=1.0, keep=0')
     for t, moment in enumerate(late):
         assert len(moment.inbox.receivers) == (len(late[t - 3].links) if t >= 3 else 0)
-        for sender, values, sensed in zip(moment.inbox.senders, moment.inbox.values, moment.inbox.sensed, strict=True):
+        for sender, values, sensed in zip(
+            moment.inbox.senders, moment.inbox.content.values, moment.inbox.content.sensed, strict=True
+        ):
             assert sensed == t - 3
-            np.testing.assert_array_equal(values, late[t - 3].tiles.values[sender])
+            np.testing.assert_array_equal(values, late[t - 3].readings.tiles.values[sender])
 
 
 def test_in_a_run_nothing_differs_before_the_onset() -> None:
@@ -352,9 +356,9 @@ def test_in_a_run_nothing_differs_before_the_onset() -> None:
     ],
 )
 def test_a_fault_that_cannot_work_is_refused(keys: dict[str, object], words: str) -> None:
-    setting = Setting(Robots(count=4, spawn="x"), None, 1.0, Streams(1))
+    setting = setting_of(4)
     with pytest.raises(InputError, match=words):
-        Radio(at=1, **keys).build(setting, 0)
+        Radio(at=1, **keys).build(setting)
 
 
 @pytest.mark.parametrize(

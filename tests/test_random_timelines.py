@@ -15,10 +15,10 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from test_fault_contract import RADIUS, Watch, deepest
 
-from swarmsim.build import Run, build
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import Table, decode, load
+from swarmsim.engine.build import Run, build
 
 ITERATIONS = 30
 OUT = {"removed", "crashed", "late", "battery empty"}  # events after which a robot is dead ...
@@ -49,7 +49,7 @@ def boxes(draw: st.DrawFn, most: float = 1.0) -> list[float]:
 WHEN = (
     some(needed={"at": st.integers(0, 25)}, every=st.integers(1, 10), lasts=iterations),
     st.tuples(st.integers(0, 25), iterations).map(lambda pair: {"between": [pair[0], sum(pair)]}),
-    some(needed={"coverage": shares}, lasts=iterations),
+    some(needed={"progress": shares}, lasts=iterations),
     some(needed={"rate": st.sampled_from([0.05, 0.2, 1.0])}, lasts=iterations),
 )
 LIFE = some(
@@ -142,7 +142,7 @@ COSTS = some(
     empty=st.sampled_from(["crash", "remove"]),
 )
 SCHEDULE = st.one_of(
-    some(needed={"at": st.integers(0, 25)}, lasts=iterations), some(needed={"coverage": shares}, lasts=iterations)
+    some(needed={"at": st.integers(0, 25)}, lasts=iterations), some(needed={"progress": shares}, lasts=iterations)
 )
 
 
@@ -197,9 +197,9 @@ def scenarios(draw: st.DrawFn) -> Table:
         "network": {
             "topology": {"use": "knn", "k": draw(st.integers(1, 2))},
             "channel": draw(CHANNELS),
-            "sharing": {"use": draw(st.sampled_from(["current-tile", "relay", "map"]))},
         },
-        "stop": {"iterations": ITERATIONS, "at_coverage": "go-on"},
+        "mind": {"computation": {"share": {"use": draw(st.sampled_from(["current-tile", "relay", "map"]))}}},
+        "stop": {"iterations": ITERATIONS, "when_done": "go-on"},
         "faults": [draw(kinds[kind]) for kind in chosen],
     }
 
@@ -214,10 +214,10 @@ def check(run: Run) -> None:
     alive_as_told(watch)
     messages_add_up(watch, run.scenario.network.channel["use"], run.scenario.faults)
     if keeps_what_it_knows(run.scenario.faults):
-        unions = [moment.coverage.union for moment in watch.moments]
+        unions = [moment.measured.values["coverage"] for moment in watch.moments]
         assert (np.diff(unions) >= 0).all()
-        assert (np.diff([moment.coverage.each for moment in watch.moments], axis=0) >= 0).all()
-        assert {moment.coverage.domain for moment in watch.moments} == {int(run.domain.sum())}
+        assert (np.diff([moment.measured.robots["covered"] for moment in watch.moments], axis=0) >= 0).all()
+        assert run.simulation.parts.building.domain.sum() == run.domain.sum()
 
 
 def keeps_what_it_knows(faults: tuple[Table, ...]) -> bool:

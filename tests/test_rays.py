@@ -19,7 +19,7 @@ from swarmsim.core.scenario import Robots
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.core.streams import Streams
 from swarmsim.kernels import rays
-from swarmsim.sensors import IrRing
+from swarmsim.robots.sensors import IrRing
 
 CELL = 0.15
 NO_WALLS = np.empty((0, 4))
@@ -67,7 +67,7 @@ def swarm(pose, alive=None):
 
 def sensor(walls=NO_WALLS, grid=None, radius=0.055, **parameters):
     robots = Robots(count=1, spawn="anywhere", radius=radius)
-    return IrRing(**parameters).build(Setting(robots, grid or lattice(), 1.0, Streams(1)), building(walls))
+    return IrRing(**parameters).build(Setting(robots, grid or lattice(), 1.0, Streams(1), building(walls)))
 
 
 def outline(solid):
@@ -270,7 +270,7 @@ def test_tiles_do_not_depend_on_the_coarse_squares():
     walls = rng.uniform(0.0, 4.0, (40, 4))
     walls[:, 2:] = walls[:, :2] + rng.uniform(-0.4, 0.4, (40, 2))
     state = swarm(np.column_stack([rng.uniform(0.0, 4.0, (100, 2)), rng.uniform(-4.0, 4.0, 100)]))
-    near, far = sensor(walls, reach=1.0).sense(state), sensor(walls, reach=50.0).sense(state)
+    near, far = sensor(walls, reach=1.0).sense(state).tiles, sensor(walls, reach=50.0).sense(state).tiles
     assert_array_equal(near.values, far.values)
 
 
@@ -280,7 +280,7 @@ def test_tiles_do_not_depend_on_the_coarse_squares():
 def test_in_the_open_all_42_cells_are_free_from_2000_random_poses():
     rng = np.random.default_rng(1)
     pose = np.column_stack([rng.uniform(0.0, 4.0, 2000), rng.uniform(0.0, 4.0, 2000), rng.uniform(-7.0, 7.0, 2000)])
-    tiles = sensor().sense(swarm(pose))
+    tiles = sensor().sense(swarm(pose)).tiles
     assert tiles.values.shape == (2000, 6, 7)
     assert np.all(tiles.values == FREE)
 
@@ -291,7 +291,7 @@ def test_in_the_open_all_cells_are_free_from_cell_centres_edges_and_corners():
         (grid.x0 + (20 + 0.5 * i) * CELL, grid.y0 + (20 + 0.5 * j) * CELL, k * math.pi / 36)
         for i in range(3) for j in range(3) for k in range(72)
     ]  # fmt: skip
-    assert np.all(sensor().sense(swarm(halves)).values == FREE)
+    assert np.all(sensor().sense(swarm(halves)).tiles.values == FREE)
 
 
 @settings(derandomize=True, deadline=None, max_examples=150)
@@ -306,7 +306,7 @@ def test_the_least_number_of_beams_that_is_accepted_sees_every_cell_in_the_open(
         sensor(grid=grid, tile=(rows, columns), reach=reach, beams=needed - 1)
     rng = np.random.default_rng(seed)
     pose = np.column_stack([rng.uniform(20.0 * cell, 40.0 * cell, (20, 2)), rng.uniform(-4.0, 4.0, 20)])
-    tiles = sensor(grid=grid, tile=(rows, columns), reach=reach, beams=needed).sense(swarm(pose))
+    tiles = sensor(grid=grid, tile=(rows, columns), reach=reach, beams=needed).sense(swarm(pose)).tiles
     assert np.all(tiles.values == FREE)
 
 
@@ -314,7 +314,7 @@ def test_the_least_number_of_beams_that_is_accepted_sees_every_cell_in_the_open(
 @given(st.integers(1, 9), st.integers(1, 9), st.floats(0.0, 4.0), st.floats(0.0, 4.0))
 def test_odd_sides_centre_on_the_robots_cell_and_even_sides_on_the_nearest_edge(rows, columns, x, y):
     grid = lattice()
-    origin = sensor(tile=(rows, columns), beams=400).sense(swarm([x, y, 0.3])).origins[0]
+    origin = sensor(tile=(rows, columns), beams=400).sense(swarm([x, y, 0.3])).tiles.origins[0]
     for first, size, position in ((origin[0], rows, (y - grid.y0) / CELL), (origin[1], columns, (x - grid.x0) / CELL)):
         if size % 2:
             assert first + (size - 1) / 2 == math.floor(position)
@@ -325,7 +325,7 @@ def test_odd_sides_centre_on_the_robots_cell_and_even_sides_on_the_nearest_edge(
 def test_cells_beyond_reach_stay_unknown():
     grid = lattice()
     pose = np.array([[2.02, 2.03, 0.4]])
-    tiles = sensor(grid=grid, reach=0.3).sense(swarm(pose))
+    tiles = sensor(grid=grid, reach=0.3).sense(swarm(pose)).tiles
     free = 0
     for row, column, value in observed_cells(tiles):
         assert value == FREE
@@ -336,15 +336,15 @@ def test_cells_beyond_reach_stay_unknown():
 
 def test_dead_robots_have_unknown_tiles_and_do_not_stop_beams():
     pose = [[1.0, 1.0, 0.0], [1.3, 1.0, 0.0]]
-    tiles = sensor(robots="occupied").sense(swarm(pose, [True, False]))
+    tiles = sensor(robots="occupied").sense(swarm(pose, [True, False])).tiles
     assert np.all(tiles.values[1] == UNKNOWN)
     assert np.all(tiles.values[0] == FREE)
-    assert np.any(sensor(robots="occupied").sense(swarm(pose)).values[0] == OCCUPIED)
+    assert np.any(sensor(robots="occupied").sense(swarm(pose)).tiles.values[0] == OCCUPIED)
 
 
 def test_a_robot_that_is_ignored_changes_nothing():
     pose = [[1.0, 1.0, 0.0], [1.3, 1.0, 0.0]]
-    assert np.all(sensor(robots="ignored").sense(swarm(pose)).values == FREE)
+    assert np.all(sensor(robots="ignored").sense(swarm(pose)).tiles.values == FREE)
     assert IrRing().robots == "ignored"
 
 
@@ -357,7 +357,7 @@ def test_a_robot_that_occludes_hides_what_is_behind_it(seen):
         x, y = rng.uniform(1.0, 2.0, 2)
         bearing, apart = rng.uniform(-np.pi, np.pi), rng.uniform(0.12, 0.7)
         other = (x + apart * math.cos(bearing), y + apart * math.sin(bearing))
-        tiles = sensor(grid=grid, robots=seen).sense(swarm([[x, y, rng.uniform(-4.0, 4.0)], [*other, 0.0]]))
+        tiles = sensor(grid=grid, robots=seen).sense(swarm([[x, y, rng.uniform(-4.0, 4.0)], [*other, 0.0]])).tiles
         body = shapely.Point(other).buffer(0.055, quad_segs=64)
         visible = visible_from(x, y, [body])
         for row, column, value in observed_cells(tiles):
@@ -382,7 +382,7 @@ def test_a_straight_wall_on_a_cell_edge_splits_the_tile_exactly():
         x_wall = grid.x0 + column * CELL
         solid = shapely.box(x_wall, -5.0, x_wall + 20 * CELL, 10.0)
         pose = [x_wall - rng.uniform(0.06, 0.5), rng.uniform(1.0, 3.0), rng.uniform(-4.0, 4.0)]
-        tiles = sensor(outline(solid), grid).sense(swarm(pose))
+        tiles = sensor(outline(solid), grid).sense(swarm(pose)).tiles
         values, first = tiles.values[0], tiles.origins[0, 1]
         columns = first + np.arange(7)
         assert np.all(values[:, columns < column] == FREE)
@@ -411,7 +411,7 @@ def test_among_walls_on_cell_edges_occupied_is_wall_free_is_floor_and_nothing_is
         offsets = np.vstack([rng.uniform(-0.45, 0.45, (5, 2)), np.zeros((3, 2))]) * CELL
         yaw = np.append(rng.uniform(-4.0, 4.0, 5), [0.0, math.pi / 4.0, -math.pi / 2.0])
         pose = np.column_stack([grid.centres(cells) + offsets, yaw])
-        tiles = sensor(outline(shapely.union_all(pieces)), grid).sense(swarm(pose))
+        tiles = sensor(outline(shapely.union_all(pieces)), grid).sense(swarm(pose)).tiles
         for robot in range(len(pose)):
             for row, column, value in observed_cells(tiles, robot):
                 assert wall[row, column] == (value == OCCUPIED)
@@ -427,7 +427,7 @@ def test_no_beam_slips_between_two_wall_cells_that_touch_at_a_corner():
         pieces = [cell_box(grid, row + down, column), cell_box(grid, row, column + right)]
         x, y = grid.centres(np.array([row, column]))
         for turn in range(8):
-            tiles = sensor(outline(shapely.union_all(pieces)), grid).sense(swarm([x, y, turn * math.pi / 4.0]))
+            tiles = sensor(outline(shapely.union_all(pieces)), grid).sense(swarm([x, y, turn * math.pi / 4.0])).tiles
             values = {(r, c): value for r, c, value in observed_cells(tiles)}
             assert (row + down, column + right) not in values
             assert values[row + down, column] == values[row, column + right] == OCCUPIED
@@ -447,7 +447,7 @@ def test_among_walls_anywhere_no_cell_is_observed_that_light_does_not_reach(chun
         places = rng.uniform(1.2, 3.0, (30, 2))
         places = places[shapely.distance(shapely.points(places), solid) > 0.055][:5]
         pose = np.column_stack([places, rng.uniform(-4.0, 4.0, len(places))])
-        tiles = sensor(outline(solid), grid).sense(swarm(pose))
+        tiles = sensor(outline(solid), grid).sense(swarm(pose)).tiles
         assert_sees_no_further_than_light(tiles, grid, pose, pieces)
         for value in seen:
             seen[value] += np.sum(tiles.values == value)
@@ -468,7 +468,7 @@ def test_from_inside_a_closed_box_nothing_outside_is_observed(angle):
         points = shapely.points(rng.uniform((left, low), (right, high), (50, 2)))
         points = points[shapely.contains(inner.buffer(-0.06), points)][:5]
         pose = np.column_stack([shapely.get_coordinates(points), rng.uniform(-4.0, 4.0, len(points))])
-        tiles = sensor(walls, grid).sense(swarm(pose))
+        tiles = sensor(walls, grid).sense(swarm(pose)).tiles
         for robot in range(len(pose)):
             for row, column, value in observed_cells(tiles, robot):
                 box = cell_box(grid, row, column)

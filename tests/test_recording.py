@@ -14,30 +14,31 @@ import pytest
 from conftest import made
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Ended
 from swarmsim.core.state import FREE, OCCUPIED, Moment
-from swarmsim.recorder import BLOCK
-from swarmsim.recording import DIGESTED, Digests, Recording
-from swarmsim.replay import MapReplay
+from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.recording.digests import DIGESTED, Digests
+from swarmsim.recording.reader import Recording
+from swarmsim.recording.recorder import BLOCK
 
 
 class Snapshots:
     """Keeps every map of every robot, as the reference that a replay must meet."""
 
-    def __init__(self, run) -> None:
-        self.behaviour = run.simulation.parts.behaviour
+    def __init__(self) -> None:
         self.maps: list[tuple[np.ndarray, np.ndarray]] = []
         self.moments: list[Moment] = []
 
     def sample(self, moment: Moment) -> None:
         self.moments.append(moment)
-        self.maps.append((self.behaviour.observed.copy(), self.behaviour.log_odds.copy()))
+        self.maps.append((moment.knowledge.observed.copy(), moment.knowledge.log_odds.copy()))
 
 
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory):
     run = made("robots.count=4", "network.topology.k=2")
     path = tmp_path_factory.mktemp("watched") / "recording.h5"
-    snapshots = Snapshots(run)
+    snapshots = Snapshots()
     with run.recorder(path) as recorder:
         run.simulation.run([recorder, snapshots])
     return run, Recording(path), snapshots
@@ -50,13 +51,14 @@ def test_everything_that_happened_reads_back(watched) -> None:
     for t, moment in enumerate(snapshots.moments):
         np.testing.assert_array_equal(recording["pose"][t], moment.state.pose)
         np.testing.assert_array_equal(recording["alive"][t], moment.state.alive)
-        np.testing.assert_array_equal(recording["tiles"][t], moment.tiles.values)
-        np.testing.assert_array_equal(recording["origins"][t], moment.tiles.origins)
+        np.testing.assert_array_equal(recording["tiles"][t], moment.readings.tiles.values)
+        np.testing.assert_array_equal(recording["origins"][t], moment.readings.tiles.origins)
         np.testing.assert_array_equal(recording["goals"][t], moment.intents.goals)
-        np.testing.assert_array_equal(recording["covered"][t], moment.coverage.each)
+        np.testing.assert_array_equal(recording["covered"][t], moment.measured.robots["covered"])
         np.testing.assert_array_equal(recording.links(t), moment.links)
         np.testing.assert_array_equal(recording.letters(t)[:, :4], moment.delivery.heard)
-        assert recording["coverage"][t] == moment.coverage.share
+        assert recording["coverage"][t] == moment.measured.values["coverage"]
+        assert recording.progress[t] == moment.measured.progress
         assert recording["messages"][t] == len(moment.inbox.receivers)
         for robot in np.flatnonzero(moment.intents.planned):
             iteration, who, way = next(new)
@@ -67,7 +69,7 @@ def test_everything_that_happened_reads_back(watched) -> None:
     assert recording.world == run.world
     assert recording.lattice == run.arena.lattice
     np.testing.assert_array_equal(recording["domain"], run.domain)
-    assert [event.kind for event in recording.events()] == ["finished"]
+    assert recording.events() == [Ended(recording.iterations - 1, True)]
 
 
 def test_every_map_at_every_iteration_is_rebuilt_from_its_changes(watched) -> None:
@@ -93,7 +95,7 @@ def test_the_finished_map_equals_the_truth_on_its_domain(watched) -> None:
 def test_the_summary_tells_when_each_share_was_reached(watched) -> None:
     _, recording, snapshots = watched
     summary = recording.summary()
-    shares = [moment.coverage.share for moment in snapshots.moments]
+    shares = [moment.measured.values["coverage"] for moment in snapshots.moments]
     assert summary["status"] == "finished"
     assert summary["reached"]["100 %"] == summary["iterations"] == len(shares)
     assert summary["reached"]["50 %"] == 1 + next(t for t, share in enumerate(shares) if share >= 0.5)
@@ -116,15 +118,14 @@ def test_coverage_never_falls_and_counts_add_up(watched) -> None:
     _, recording, _ = watched
     assert (np.diff(recording["coverage"]) >= 0).all()
     assert (np.diff(recording["covered"], axis=0) >= 0).all()
-    domain = recording["domain"].sum()
-    assert (recording["covered"].max(axis=1) <= np.round(recording["coverage"] * domain)).all()
+    assert (recording["covered"].max(axis=1) <= recording["coverage"]).all()
 
 
 KILLED = """
 import sys, os, signal
 sys.path.insert(0, {tests!r})
 from conftest import made
-run = made("robots.count=2", "stop.coverage=1.0", "network.topology={{use='none'}}", "robots.speed=0.01")
+run = made("robots.count=2", "task.share=1.0", "network.topology={{use='none'}}", "robots.speed=0.01")
 recorder = run.recorder({path!r})
 for _ in range({ticks}):
     run.simulation.tick([recorder])
@@ -194,7 +195,7 @@ def test_another_format_or_another_file_is_refused(room: Path, tmp_path: Path) -
     other.write_bytes(room.read_bytes())
     with h5py.File(other, "r+") as file:
         file.attrs["swarmsim-recording"] = 99
-    with pytest.raises(InputError, match=r"format 99.*reads format 2"):
+    with pytest.raises(InputError, match=r"format 99.*reads format 3"):
         Recording(other)
     plain = tmp_path / "plain.h5"
     with h5py.File(plain, "w") as file:

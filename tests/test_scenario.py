@@ -64,9 +64,9 @@ def test_a_complete_scenario_reads_back_as_itself(tmp_path: Path) -> None:
 def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
     read = load(
         scenario(tmp_path),
-        ["robots.count=7", "network.topology.k=2", 'title="a = b"', "stop.coverage=0.5", "sensor.tile=[5, 5]"],
+        ["robots.count=7", "network.topology.k=2", 'title="a = b"', "task.share=0.5", "sensor.tile=[5, 5]"],
     )
-    assert (read.robots.count, read.title, read.stop.coverage) == (7, "a = b", 0.5)
+    assert (read.robots.count, read.title, read.task["share"]) == (7, "a = b", 0.5)
     assert read.network.topology == {"use": "knn", "k": 2, "mutual": False}
     assert read.sensor["tile"] == [5, 5]
 
@@ -91,19 +91,19 @@ def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:
         (["period=-1"], ["period", "> 0"]),
         (["period=nan"], ["period", "finite"]),
         (["period=inf"], ["period", "finite"]),
-        (["stop.coverage=1.5"], ["stop.coverage", "<= 1"]),
+        (["task.share=1.5"], ["task.share", "<= 1"]),
         (["seed=-1"], ["seed", ">= 0"]),
         (["network.topology.k=-1"], ["network.topology.k", ">= 0"]),
         (['network.topology={use="knm"}'], ["network.topology.use", "'knm'", "'knn'"]),
         (['network.topology={use="knn"}'], ["network.topology.k", "missing"]),
         (["network.topology={k=1}"], ["network.topology.use", "missing"]),
         (['sensor={use="no.such.module:Part"}'], ["sensor.use", "no.such.module"]),
-        (['sensor={use="json:dumps"}'], ["sensor.use", "not a part"]),
+        (['sensor={use="json:dumps"}'], ["sensor.use", "--allow-code"]),
         (["robots=3"], ["robots", "expected `object`"]),
         (["robots.count.deep=3"], ["robots.count is 3, not a table"]),
         (["robots.count"], ["key=value"]),
         (["title=plain"], ["plain", "quotes"]),
-        (['behaviour.replan="never"'], ["behaviour.replan", "never"]),
+        (['mind.strategy.replan="never"'], ["mind.strategy.replan", "never"]),
     ],
 )
 def test_a_bad_value_is_refused_with_file_key_and_remedy(
@@ -119,7 +119,9 @@ def test_a_bad_value_is_refused_with_file_key_and_remedy(
 def test_broken_files_are_refused_with_the_place(tmp_path: Path) -> None:
     assert "cannot be read" in refusal(tmp_path / "none.toml")
     assert "line 2" in refusal(scenario(tmp_path, 'title = "x"\nworld = \n'))
-    assert "robots: required key is missing" in refusal(scenario(tmp_path, 'title = "x"\nworld = "w.svg"'))
+    assert "robots.count, robots.spawn, network.topology: required keys are missing" in refusal(
+        scenario(tmp_path, 'title = "x"\nworld = "w.svg"')
+    )
     binary = tmp_path / "b.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     assert "UTF-8" in refusal(binary)
@@ -167,3 +169,21 @@ def test_the_schema_accepts_every_shipped_scenario_and_refuses_unknown_keys(root
         validator.validate(table)
         assert not validator.is_valid(table | {"sede": 1})
         assert not validator.is_valid(table | {"sensor": {"use": "ir-ring", "beems": 3}})
+
+
+def test_old_keys_are_refused_with_the_new_ones(tmp_path: Path) -> None:
+    for override, now in (
+        ("behaviour={decay=0.1}", "mind.computation and mind.strategy"),
+        ('network.sharing={use="map"}', "mind.computation.share"),
+        ("stop.coverage=0.5", "task.share"),
+        ('stop.at_coverage="go-on"', "stop.when_done"),
+    ):
+        message = refusal(scenario(tmp_path), override)
+        assert override.partition("=")[0] in message
+        assert f"expected {now}" in message
+
+
+def test_a_file_without_a_title_is_called_as_the_file(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    path.write_text("\n".join(line for line in path.read_text().splitlines() if not line.startswith("title")))
+    assert load(path).title == path.stem

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from conftest import made
 
-from swarmsim.build import Run
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Begins, Ends
 from swarmsim.core.parts import Parts, Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, State, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Readings, State, Tiles
 from swarmsim.core.streams import Streams
+from swarmsim.engine.build import Run
 from swarmsim.faults.sensor import Sensor
 
 STRUCK = "at=4, lasts=3, robots=[1]"
@@ -45,14 +46,14 @@ def parts(plain: Run) -> Parts:
 
 def setting(run: Run, robots: int = 3) -> Setting:
     assert run.scenario.robots.count == robots
-    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1))
+    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
 def check_the_rest(moments: list[Moment], parts: Parts) -> list[tuple[State, Tiles, Tiles]]:
     """All rows but robot 1's while it has the fault are as sensed; gives state, tiles sensed and tiles given then."""
     struck = []
     for moment in moments:
-        sensed, given = parts.sensor.sense(moment.state), moment.tiles
+        sensed, given = parts.sensor.sense(moment.state).tiles, moment.readings.tiles
         rows = np.ones(len(sensed.values), bool)
         if moment.state.iteration in WITH:
             rows[1] = False
@@ -86,7 +87,7 @@ def test_garbage_is_any_value_and_new_in_every_iteration(parts: Parts) -> None:
 
 def test_garbage_of_one_robot_depends_neither_on_others_nor_on_other_faults() -> None:
     def first(*faults: str) -> np.ndarray:
-        return watch(*faults, iterations=5)[4].tiles.values[1]
+        return watch(*faults, iterations=5)[4].readings.tiles.values[1]
 
     alone = first(f'failure="garbage", {STRUCK}')
     together = first('failure="garbage", at=4, robots=[0, 1, 2], keep=0')
@@ -130,7 +131,7 @@ def test_tiles_that_are_put_off_the_lattice_map_nothing(offset: list[int], tmp_p
     keep = Keep()
     with run.recorder(tmp_path / "recording.h5") as recorder:
         run.simulation.run([keep, recorder])
-    assert [moment.coverage.union for moment in keep.moments] == [0] * 12
+    assert [moment.measured.values["coverage"] for moment in keep.moments] == [0] * 12
 
 
 def test_two_halves_of_the_ring_see_together_what_the_whole_ring_sees(parts: Parts) -> None:
@@ -156,26 +157,29 @@ def test_dead_beams_add_up_over_faults(parts: Parts) -> None:
     both = watch(f'failure="beams", beams={ahead}, {STRUCK}', f'failure="beams", beams={behind}, at=4, robots=[1, 2]')
     whole = watch(f'failure="beams", beams={ahead + behind}, {STRUCK}')
     other = watch(f'failure="beams", beams={behind}, at=4, robots=[2]')
-    np.testing.assert_array_equal(both[4].tiles.values[1], whole[4].tiles.values[1])
-    np.testing.assert_array_equal(both[4].tiles.values[2], other[4].tiles.values[2])
-    assert (both[4].tiles.values != parts.sensor.sense(both[4].state).values).any(axis=(1, 2)).tolist()[1:] == [
-        True
-    ] * 2
-    assert (whole[4].tiles.values[1] != watch(f'failure="beams", beams={ahead}, {STRUCK}')[4].tiles.values[1]).any()
+    np.testing.assert_array_equal(both[4].readings.tiles.values[1], whole[4].readings.tiles.values[1])
+    np.testing.assert_array_equal(both[4].readings.tiles.values[2], other[4].readings.tiles.values[2])
+    assert (both[4].readings.tiles.values != parts.sensor.sense(both[4].state).tiles.values).any(axis=(1, 2)).tolist()[
+        1:
+    ] == [True] * 2
+    assert (
+        whole[4].readings.tiles.values[1]
+        != watch(f'failure="beams", beams={ahead}, {STRUCK}')[4].readings.tiles.values[1]
+    ).any()
 
 
 def test_dead_beams_lie_beneath_what_spoils_the_tile_in_either_order() -> None:
     dead, garbage = f'failure="beams", beams={list(range(36))}, {STRUCK}', f'failure="range", range=0.4, {STRUCK}'
     for one, other in zip(watch(dead, garbage), watch(garbage, dead), strict=True):
-        np.testing.assert_array_equal(one.tiles.values, other.tiles.values)
+        np.testing.assert_array_equal(one.readings.tiles.values, other.readings.tiles.values)
 
 
 def test_the_dead_see_nothing_whatever_their_sensor_does() -> None:
     keep = Keep()
     faults = '{use="crash", at=2, robots=[1]}, {use="sensor", failure="stuck", value="occupied", at=0, robots=[1]}'
     made("stop.iterations=4", f"faults=[{faults}]").simulation.run([keep])
-    assert (keep.moments[1].tiles.values[1] == OCCUPIED).all()
-    assert not keep.moments[2].tiles.values[1].any()
+    assert (keep.moments[1].readings.tiles.values[1] == OCCUPIED).all()
+    assert not keep.moments[2].readings.tiles.values[1].any()
 
 
 def test_nothing_differs_before_the_onset_and_the_events_say_when() -> None:
@@ -185,18 +189,18 @@ def test_nothing_differs_before_the_onset_and_the_events_say_when() -> None:
     for ours, theirs in zip(moments[:4], keep.moments[:4], strict=True):
         np.testing.assert_array_equal(ours.state.pose, theirs.state.pose)
         np.testing.assert_array_equal(ours.intents.goals, theirs.intents.goals)
-        np.testing.assert_array_equal(ours.inbox.values, theirs.inbox.values)
-    events = [(event.iteration, event.robot, event.kind) for moment in moments for event in moment.events]
-    assert events[:2] == [(4, 1, "sensor garbage"), (7, 1, "sensor garbage over")]
+        np.testing.assert_array_equal(ours.inbox.content.values, theirs.inbox.content.values)
+    events = [event for moment in moments for event in moment.events]
+    assert events[:2] == [Begins(4, 0, (1,)), Ends(7, 0, (1,))]
 
 
 def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> None:
     state = parts.bodies.state()
-    own = parts.sensor.sense(state)
+    own = parts.sensor.sense(state).tiles
 
     class Same:
-        def sense(self, state: State) -> Tiles:
-            return own
+        def sense(self, state: State) -> Readings:
+            return Readings(own)
 
     before = own.values.copy(), own.origins.copy()
     for fault in (
@@ -204,7 +208,7 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
         Sensor(failure="offset", offset=(1, 1), at=0),
         Sensor(failure="stuck", value="free", at=0),
     ):
-        spoilt = fault.build(setting(plain), 0).install(replace(parts, sensor=Same())).sensor.sense(state)
+        spoilt = fault.build(setting(plain)).install(replace(parts, sensor=Same())).sensor.sense(state).tiles
         assert (spoilt.values != own.values).any() or (spoilt.origins != own.origins).any()
     np.testing.assert_array_equal(own.values, before[0])
     np.testing.assert_array_equal(own.origins, before[1])
@@ -212,10 +216,10 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
 
 def test_a_sensor_without_beams_cannot_lose_any(parts: Parts, plain: Run) -> None:
     class Blind:
-        def sense(self, state: State) -> Tiles:
-            return Tiles(np.zeros((3, 6, 7), np.uint8), np.zeros((3, 2), np.int32))
+        def sense(self, state: State) -> Readings:
+            return Readings(Tiles(np.zeros((3, 6, 7), np.uint8), np.zeros((3, 2), np.int32)))
 
-    fault = Sensor(failure="beams", beams=[1], at=0).build(setting(plain), 0)
+    fault = Sensor(failure="beams", beams=[1], at=0).build(setting(plain))
     with pytest.raises(InputError, match=r"failure: this sensor has no beams.*ir-ring"):
         fault.install(replace(parts, sensor=Blind()))
 
@@ -242,6 +246,6 @@ def test_a_fault_that_cannot_work_is_refused(fault: str, words: str) -> None:
 
 
 def test_a_beam_that_is_not_there_is_refused_by_its_number(parts: Parts, plain: Run) -> None:
-    fault = Sensor(failure="beams", beams=[3, 72], at=0).build(setting(plain), 0)
+    fault = Sensor(failure="beams", beams=[3, 72], at=0).build(setting(plain))
     with pytest.raises(InputError, match="beams: there is no beam 72; expected 0 to 71"):
         fault.install(parts)

@@ -1,27 +1,26 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import items, made, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmsim.behaviours.mapping import OccupancyGrids
 from swarmsim.core import registry
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting, Sharing
-from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Delivery, Inbox, Said, State, Tiles
-from swarmsim.core.streams import Streams
-from swarmsim.network import message
+from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import State, Tiles
+from swarmsim.engine import contracts
 from swarmsim.network.channel import letters
-from swarmsim.network.message import Reading
-from swarmsim.network.relaying import Relay
-from swarmsim.network.sharing import WholeMap, pieces
-from swarmsim.recording import Digests, Recording
-from swarmsim.replay import MapReplay
+from swarmsim.operations.mapping.grids import OccupancyGrids
+from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.operations.mapping.sharing import pieces
+from swarmsim.recording.digests import DIGESTED, Digests
+from swarmsim.recording.reader import Recording
 
 LATTICE = Lattice(0.0, 0.0, 0.15, 20, 24)
 TILE = (6, 7)
@@ -34,12 +33,28 @@ def grids(robots: int) -> OccupancyGrids:
 
 
 def setting(robots: int) -> Setting:
-    return Setting(Robots(count=robots, spawn="room"), LATTICE, 1.0, Streams(1))
+    return setting_of(robots, LATTICE.shape, 1)
 
 
-def opened(table: dict, robots: int, maps: OccupancyGrids | None = None) -> Sharing:
-    behaviour = maps if maps is not None else grids(robots)
-    return registry.part("sharing", table).build(setting(robots), behaviour)
+class Policy:
+    """A sharing policy of robots that stand still, with its post office."""
+
+    def __init__(self, table: dict, robots: int, maps: OccupancyGrids) -> None:
+        self.inner, self.maps, self.post = registry.part("sharing", table).build(setting(robots)), maps, PostOffice()
+
+    def say(self, state: State, tiles: Tiles) -> Said:
+        self.observed = seen_as(state.iteration, state.pose, state.alive, tiles)
+        said = self.inner.say(self.observed, self.maps)
+        self.post.post(state.iteration, said)
+        return said
+
+    def hear(self, delivery: Delivery) -> Inbox:
+        inbox = self.post.open(self.observed.iteration, delivery)
+        return self.inner.taken(replace(self.observed, inbox=inbox))
+
+
+def opened(table: dict, robots: int, maps: OccupancyGrids | None = None) -> Policy:
+    return Policy(table, robots, maps if maps is not None else grids(robots))
 
 
 def state_of(iteration: int, alive: np.ndarray) -> State:
@@ -63,7 +78,7 @@ def at_once(iteration: int, links: np.ndarray, said: Said) -> Delivery:
 
 def nobody(robots: int) -> Inbox:
     none = np.empty(0, np.int32)
-    return Inbox(none, none, np.empty((0, *TILE), np.uint8), np.empty((0, 2), np.int32), none, none)
+    return items(none, none, np.empty((0, *TILE), np.uint8), np.empty((0, 2), np.int32), none, none)
 
 
 @every_policy
@@ -75,37 +90,28 @@ def test_what_is_said_and_heard_has_the_shapes_of_the_seam(table: dict, robots: 
         alive = alive & ~((np.arange(robots) == 1) & (t >= 6))
         state, tiles = state_of(t, alive), tiles_of(stream, alive)
         said = policy.say(state, tiles)
-        assert said.values.shape[1:] == TILE
-        assert said.values.dtype == np.uint8
-        assert said.origins.shape == (len(said.values), 2)
-        assert len(said.sources) == len(said.sensed) == len(said.values) == said.ends[-1]
+        assert said.content.values.shape[1:] == TILE
+        assert said.content.values.dtype == np.uint8
+        assert said.content.origins.shape == (len(said.content.values), 2)
+        assert len(said.content.sources) == len(said.content.sensed) == len(said.content.values) == said.ends[-1]
         assert said.ends.shape == said.sizes.shape == (robots,)
         assert said.sizes.dtype == np.int32
         assert (np.diff(said.ends, prepend=0) >= 0).all()
-        assert (said.sensed <= t).all()
+        assert (said.content.sensed <= t).all()
         told = np.diff(said.ends, prepend=0)
-        assert not said.values[np.repeat(~alive, told)].any()  # the dead tell nothing
+        assert not said.content.values[np.repeat(~alive, told)].any()  # the dead tell nothing
         links = chain(robots).reshape(-1, 2)
         inbox = policy.hear(at_once(t, links[alive[links].all(axis=1)], said))
         keys = list(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
         assert keys == sorted(keys)
         assert alive[inbox.receivers].all()
-        assert (inbox.receivers != inbox.sources).all()
-        for name, column in zip(Inbox.__slots__, (getattr(inbox, name) for name in Inbox.__slots__), strict=True):
-            assert len(column) == len(inbox.receivers), name
-            assert column.dtype == (np.uint8 if name == "values" else np.int32), name
+        assert (inbox.receivers != inbox.content.sources).all()
+        for column in (*inbox.arrays()[:3], *inbox.content.arrays()):
+            assert len(column) == len(inbox.receivers)
+        assert inbox.content.values.dtype == np.uint8
+        for column in (*inbox.arrays()[:3], inbox.content.origins, inbox.content.sources, inbox.content.sensed):
+            assert column.dtype == np.int32
         maps.update(alive, tiles, inbox)
-
-
-def packed(table: dict, sender: int, said: Said, t: int, maps: OccupancyGrids) -> bytes:
-    if table["use"] == "map":
-        known = np.where(maps.log_odds[sender] > 0.0, 2, 1) * maps.observed[sender]
-        return message.pack_map(sender, t, known.astype(np.uint8))
-    start, end = said.ends[sender - 1] if sender else 0, said.ends[sender]
-    own, *others = range(start, end)
-    assert (said.sources[own], said.sensed[own]) == (sender, t)
-    relayed = [Reading(int(said.sources[i]), int(said.sensed[i]), 1, said.origins[i], said.values[i]) for i in others]
-    return message.pack_relay(sender, t, said.origins[own], said.values[own], relayed)
 
 
 @every_policy
@@ -117,9 +123,8 @@ def test_a_message_is_charged_with_the_bytes_that_it_packs_to(table: dict) -> No
         state, tiles = state_of(t, alive), tiles_of(stream, alive)
         said = policy.say(state, tiles)
         for sender in range(robots):
-            data = packed(table, sender, said, t, maps)
-            assert len(data) == said.sizes[sender]
-            lengths.add(len(data))
+            assert contracts.message_sizes(said, policy.inner.codec, t) is None
+            lengths.add(int(said.sizes[sender]))
         maps.update(alive, tiles, policy.hear(at_once(t, chain(robots), said)))
     assert len(lengths) == 1 if table["use"] == "current-tile" else len(lengths) > 1
 
@@ -131,9 +136,9 @@ def test_a_policy_forgets_what_has_arrived(table: dict) -> None:
     for t in range(60):
         said = policy.say(state_of(t, alive), tiles_of(stream, alive))
         policy.hear(at_once(t, chain(robots), said))
-        assert len(policy._said) <= 2
+        assert len(policy.post._said) <= 2
     if table["use"] == "relay":
-        assert len(policy._known._keys) <= robots * robots * 5
+        assert len(policy.inner._known._keys) <= robots * robots * 5
 
 
 @pytest.mark.parametrize("hops", [1, 2, 3, 7])
@@ -147,7 +152,10 @@ def test_a_reading_reaches_exactly_the_robots_within_its_hops_one_link_an_iterat
         said = policy.say(state_of(t, alive), tiles)
         inbox = policy.hear(at_once(t, chain(robots), said))
         found = sorted(
-            zip(*(column.tolist() for column in (inbox.receivers, inbox.sources, inbox.sensed)), strict=True)
+            zip(
+                *(column.tolist() for column in (inbox.receivers, inbox.content.sources, inbox.content.sensed)),
+                strict=True,
+            )
         )
         expected = sorted(
             (i, j, t - abs(i - j) + 1)
@@ -156,9 +164,9 @@ def test_a_reading_reaches_exactly_the_robots_within_its_hops_one_link_an_iterat
             if 0 < abs(i - j) <= hops and t >= abs(i - j) - 1
         )
         assert found == expected
-        for row, (source, sensed) in enumerate(zip(inbox.sources, inbox.sensed, strict=True)):
-            np.testing.assert_array_equal(inbox.values[row], told[sensed].values[source])
-            np.testing.assert_array_equal(inbox.origins[row], told[sensed].origins[source])
+        for row, (source, sensed) in enumerate(zip(inbox.content.sources, inbox.content.sensed, strict=True)):
+            np.testing.assert_array_equal(inbox.content.values[row], told[sensed].values[source])
+            np.testing.assert_array_equal(inbox.content.origins[row], told[sensed].origins[source])
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -175,7 +183,7 @@ def test_no_reading_is_taken_in_twice_whatever_the_network_and_its_delays(seed: 
         linked = np.argwhere(stream.random((robots, robots)) < 0.4)
         for receiver, sender in linked[(linked[:, 0] != linked[:, 1]) & alive[linked].all(axis=1)].tolist():
             rows = range(starts[sender], said.ends[sender])
-            content = [(int(said.sources[r]), int(said.sensed[r])) for r in rows]
+            content = [(int(said.content.sources[r]), int(said.content.sensed[r])) for r in rows]
             under_way.append((t + int(stream.geometric(0.5)) - 1, receiver, sender, t, content))
         now = sorted(m for m in under_way if m[0] <= t and alive[m[1]])
         under_way = [m for m in under_way if m[0] > t]
@@ -189,7 +197,12 @@ def test_no_reading_is_taken_in_twice_whatever_the_network_and_its_delays(seed: 
                     assert links <= hops
                     expected[(receiver, *reading)] = min(links, expected.get((receiver, *reading), links))
         heard_of.update(expected)
-        found = list(zip(*(column.tolist() for column in (inbox.receivers, inbox.sources, inbox.sensed)), strict=True))
+        found = list(
+            zip(
+                *(column.tolist() for column in (inbox.receivers, inbox.content.sources, inbox.content.sensed)),
+                strict=True,
+            )
+        )
         assert sorted(found) == sorted(expected)
         assert not taken & set(found)
         taken |= set(found)
@@ -216,7 +229,7 @@ def test_two_robots_that_tell_each_other_their_maps_then_know_the_same(seed: int
     stream, maps, alive = np.random.default_rng(seed), grids(2), np.ones(2, bool)
     for _ in range(6):
         maps.update(alive, tiles_of(stream, alive), nobody(2))
-    policy = WholeMap().build(setting(2), maps)
+    policy = opened({"use": "map"}, 2, maps)
     before, beliefs = maps.observed.copy(), maps.log_odds.copy()
     said = policy.say(state_of(0, alive), Tiles(np.zeros((2, *TILE), np.uint8), np.zeros((2, 2), np.int32)))
     inbox = policy.hear(at_once(0, chain(2), said))
@@ -241,7 +254,7 @@ def test_readings_are_counted_and_pieces_of_maps_fill_what_is_left(seed: int) ->
     sources = stream.integers(-1, robots, count).astype(np.int32)
     values = stream.integers(0, 3, (count, *TILE)).astype(np.uint8)
     origins = stream.integers(-8, 26, (count, 2)).astype(np.int32)
-    inbox = Inbox(receivers, np.zeros(count, np.int32), values, origins, sources, np.zeros(count, np.int32))
+    inbox = items(receivers, np.zeros(count, np.int32), values, origins, sources, np.zeros(count, np.int32))
     tiles = tiles_of(stream, alive)
 
     hit, miss, low, high = (np.float32(np.log(p / (1.0 - p))) for p in (0.9, 0.4, 0.12, 0.97))
@@ -266,8 +279,10 @@ def test_readings_are_counted_and_pieces_of_maps_fill_what_is_left(seed: int) ->
 
 
 def test_linked_robots_that_share_maps_know_all_that_the_other_knew_an_iteration_ago() -> None:
-    run = made('network={topology={use="chain"}, sharing={use="map"}}', "robots.count=2", "stop.iterations=60")
-    simulation, behaviour = run.simulation, run.simulation.parts.behaviour
+    run = made(
+        'network.topology={use="chain"}', 'mind.computation.share={use="map"}', "robots.count=2", "stop.iterations=60"
+    )
+    simulation, behaviour = run.simulation, run.simulation.parts.computation.maps
     before = behaviour.observed.copy()
     grown = 0
     while not simulation.over:
@@ -283,9 +298,9 @@ LATE = 'network.channel={use="latency", delay=2, law="geometric", over={use="ber
 
 @pytest.mark.parametrize("table", ['{use="relay", hops=3}', '{use="map"}', '{use="current-tile"}'])
 def test_maps_replayed_from_a_recording_are_the_behaviours(table: str, tmp_path) -> None:
-    run = made(f"network.sharing={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120")
+    run = made(f"mind.computation.share={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120")
     path = tmp_path / "recording.h5"
-    behaviour = run.simulation.parts.behaviour
+    behaviour = run.simulation.parts.computation.maps
     kept = []
     delays = set()
 
@@ -305,16 +320,17 @@ def test_maps_replayed_from_a_recording_are_the_behaviours(table: str, tmp_path)
     assert "loss" in recording.summary()["lost"]
     digests = Digests()
     made(
-        f"network.sharing={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120"
+        f"mind.computation.share={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120"
     ).simulation.run([digests])
     assert digests.total() == recording.digest()
 
 
 def test_with_one_hop_relaying_is_sharing_the_current_tile() -> None:
-    def digest(table: str) -> str:
+    def digest(table: str) -> bytes:
         digests = Digests()
-        made(f"network.sharing={table}", "robots.count=6", "network.topology.k=3").simulation.run([digests])
-        return digests.total()
+        made(f"mind.computation.share={table}", "robots.count=6", "network.topology.k=3").simulation.run([digests])
+        heard = DIGESTED.index("heard")  # which tells the hops as well
+        return b"".join(row[: 8 * heard] + row[8 * heard + 8 :] for row in digests.rows)
 
     assert digest('{use="relay", hops=1}') == digest('{use="current-tile"}')
     assert digest('{use="relay", hops=2}') != digest('{use="current-tile"}')
@@ -322,11 +338,11 @@ def test_with_one_hop_relaying_is_sharing_the_current_tile() -> None:
 
 def test_a_relay_says_each_reading_of_another_robot_one_time() -> None:
     robots, alive, stream = 6, np.ones(6, bool), np.random.default_rng(6)
-    policy, told = Relay(hops=5).build(setting(robots), grids(robots)), set()
+    policy, told = opened({"use": "relay", "hops": 5}, robots), set()
     for t in range(15):
         said = policy.say(state_of(t, alive), tiles_of(stream, alive))
         speakers = np.repeat(np.arange(robots), np.diff(said.ends, prepend=0))
-        content = list(zip(speakers.tolist(), said.sources.tolist(), said.sensed.tolist(), strict=True))
+        content = list(zip(speakers.tolist(), said.content.sources.tolist(), said.content.sensed.tolist(), strict=True))
         assert len(set(content)) == len(content)
         assert not told & set(content)
         told |= set(content)

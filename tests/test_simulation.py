@@ -10,8 +10,9 @@ from conftest import made
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Ended
 from swarmsim.core.state import Moment
-from swarmsim.recording import Digests
+from swarmsim.recording.digests import Digests
 
 
 def digest(*overrides: str, scenario: str = "room") -> str:
@@ -61,12 +62,11 @@ def test_a_run_ends_at_its_limit_and_says_so() -> None:
     simulation = made("stop.iterations=4").simulation
     assert not simulation.run([Keep()])
     assert simulation.state.iteration == len(moments) == 4
-    assert [event.kind for moment in moments for event in moment.events] == ["not finished"]
-    assert "limit of 4" in moments[-1].events[0].cause
+    assert [event for moment in moments for event in moment.events] == [Ended(3, False)]
 
 
 def test_a_run_may_stop_at_less_than_everything() -> None:
-    simulation = made("stop.coverage=0.6").simulation
+    simulation = made("task.share=0.6").simulation
     whole = made().simulation
     assert simulation.run()
     assert whole.run()
@@ -76,9 +76,9 @@ def test_a_run_may_stop_at_less_than_everything() -> None:
 def test_switches_of_the_model_change_the_run() -> None:
     plain = digest("seed=2")
     for change in (
-        'behaviour.replan="every-iteration"',
-        'behaviour.ties="row-order"',
-        "behaviour.neighbours=4",
+        'mind.strategy.replan="every-iteration"',
+        'mind.strategy.ties="row-order"',
+        "mind.strategy.neighbours=4",
         "period=0.5",
         "robots.speed=0.1",
     ):
@@ -91,7 +91,7 @@ def test_robots_that_stop_each_others_beams_map_less() -> None:
     hidden = made(cut, 'sensor.robots="occlude"', scenario="basilica").simulation
     seen.run()
     hidden.run()
-    assert hidden.parts.behaviour.observed.sum() < seen.parts.behaviour.observed.sum()
+    assert hidden.parts.computation.maps.observed.sum() < seen.parts.computation.maps.observed.sum()
 
 
 def test_wide_robots_finish_a_world_that_lets_them_through() -> None:

@@ -167,17 +167,29 @@ def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, t
     (tmp_path / "broken_part.py").write_text(
         "import msgspec\n"
         "class Broken(msgspec.Struct, frozen=True, forbid_unknown_fields=True):\n"
-        "    def build(self, setting, building):\n        return self\n"
+        "    def build(self, setting):\n        return self\n"
         "    def links(self, state):\n        raise RuntimeError('the mast broke')\n"
     )
     study.write_text(
         STUDY + '[[condition]]\nname = "broken"\nset = {"network.topology" = {use = "broken_part:Broken"}}\n'
     )
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-    command = [sys.executable, "-m", "swarmsim", "study", "run", study, "--store", tmp_path / "s.sqlite", "--quiet"]
+    command = [
+        sys.executable,
+        "-m",
+        "swarmsim",
+        "study",
+        "run",
+        study,
+        "--store",
+        tmp_path / "s.sqlite",
+        "--quiet",
+        "--allow-code",
+    ]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 1, done.stderr
-    assert done.stdout.count("RuntimeError: the mast broke; to repeat: swarmsim run") == 3
+    assert done.stdout.count("PartError: topology broken_part.Broken, iteration 0: RuntimeError: the mast broke") == 3
+    assert done.stdout.count("raise RuntimeError('the mast broke'); to repeat: swarmsim run") == 3
     with Store(tmp_path / "s.sqlite") as kept:
         rows = kept._base.execute("select status, count(*) from runs group by status").fetchall()
     assert dict(rows)["failed"] == 3

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, setting_of, worded_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting
 from swarmsim.core.registry import convert
-from swarmsim.core.scenario import Robots
 from swarmsim.core.state import State
-from swarmsim.core.streams import Streams
 from swarmsim.faults.timeline import Timed, Timeline
 
 Z99 = 2.576  # half the width of the 99 % interval of a normal law, in standard deviations
@@ -27,8 +24,8 @@ SLACK = 0.0035  # m: how far contacts give way
 
 
 def timeline(swarm: int = 5, seed: int = 1, number: int = 0, **keys: object) -> Timeline:
-    setting = Setting(Robots(count=swarm, spawn="x"), Lattice(0.0, 0.0, 1.0, 8, 8), 1.0, Streams(seed))
-    return Timeline(convert(keys, Timed), setting, number)
+    setting = replace(setting_of(swarm, (8, 8), seed, 1.0), number=number)
+    return Timeline(convert(keys, Timed), setting)
 
 
 def state(iteration: int, alive=5, places=None) -> State:
@@ -39,16 +36,16 @@ def state(iteration: int, alive=5, places=None) -> State:
     return State(iteration, pose, np.zeros_like(pose), np.zeros((len(alive), 2)), alive)
 
 
-def parts(coverage: float = 0.0, links=()) -> SimpleNamespace:
+def parts(links=()) -> SimpleNamespace:
     topology = SimpleNamespace(links=lambda state: np.array(links, np.int32).reshape(-1, 2))
-    return SimpleNamespace(report=SimpleNamespace(coverage=coverage), topology=topology)
+    return SimpleNamespace(topology=topology)
 
 
 def course(line: Timeline, iterations: int, alive=5, covered=lambda t: 0.0, places=None) -> np.ndarray:
     """Who has the fault in each iteration (t, n); checks on the way that begins and ends say the same."""
     rows, before = [], np.zeros(len(line.active), bool)
     for t in range(iterations):
-        begins, ends = line.advance(state(t, alive, places), parts(covered(t)))
+        begins, ends = line.advance(state(t, alive, places), covered(t), parts())
         assert_array_equal(begins, np.flatnonzero(line.active & ~before))
         assert_array_equal(ends, np.flatnonzero(before & ~line.active))
         before = line.active.copy()
@@ -59,7 +56,7 @@ def course(line: Timeline, iterations: int, alive=5, covered=lambda t: 0.0, plac
 def struck(swarm: int = 5, alive=None, places=None, links=(), **keys: object) -> list[int]:
     """Whom a fault strikes in iteration 0."""
     line = timeline(swarm, at=0, **keys)
-    begins, _ = line.advance(state(0, swarm if alive is None else alive, places), parts(links=links))
+    begins, _ = line.advance(state(0, swarm if alive is None else alive, places), 0.0, parts(links=links))
     return begins.tolist()
 
 
@@ -93,7 +90,7 @@ def test_every_without_an_end_takes_one_more_each_time_down_to_those_kept() -> N
 
 def test_coverage_strikes_once_however_often_it_is_reached_again() -> None:
     shares = [0.1, 0.3, 0.5, 0.7, 0.4, 0.2, 0.6, 0.9]
-    active = course(timeline(coverage=0.5, lasts=2, robots=[3]), 8, covered=lambda t: shares[t])[:, 3]
+    active = course(timeline(progress=0.5, lasts=2, robots=[3]), 8, covered=lambda t: shares[t])[:, 3]
     assert np.flatnonzero(active).tolist() == [2, 3]
 
 
@@ -148,7 +145,7 @@ def test_an_intermittent_fault_does_not_begin_again_with_the_dead() -> None:
     seen = []
     for t in range(12):
         gone = [3 <= t < 6, False, False, False, False]
-        line.advance(state(t, ~np.array(gone)), parts())
+        line.advance(state(t, ~np.array(gone)), 0.0, parts())
         seen.append(bool(line.active[0]))
     assert np.flatnonzero(seen).tolist() == [0, 1, 8, 9]
 
@@ -229,9 +226,9 @@ def test_so_many_live_robots_as_kept_are_without_the_fault_always(robots, keep, 
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({}, "at: required key is missing; expected at, between, coverage, rate or life"),
+        ({}, "at: required key is missing; expected at, between, progress, rate or life"),
         ({"at": 3, "rate": 0.5}, "rate: the fault strikes at=3 already; expected one of them"),
-        ({"between": [3, 9], "coverage": 0.5}, r"coverage: the fault strikes between=\(3, 9\) already"),
+        ({"between": [3, 9], "progress": 0.5}, r"progress: the fault strikes between=\(3, 9\) already"),
         ({"rate": 0.5, "life": {"mean": 5.0}}, "life: the fault strikes rate=0.5 already"),
         ({"rate": 0.5, "every": 3}, "every: nothing to count from; expected `at` as well"),
         ({"between": [3, 9], "every": 20}, "every: nothing to count from"),
@@ -248,7 +245,7 @@ def test_so_many_live_robots_as_kept_are_without_the_fault_always(robots, keep, 
         ({"at": -1}, "at: .*>= 0"),
         ({"at": 3, "lasts": 0}, "lasts: .*>= 1"),
         ({"rate": 0.0}, "rate: .*> 0"),
-        ({"coverage": 1.5}, "coverage: .*<= 1"),
+        ({"progress": 1.5}, "progress: .*<= 1"),
         ({"life": {"mean": 0.0}}, "life.mean: .*> 0"),
         ({"life": {"mean": 5.0, "shape": 0.05}}, "life.shape: .*>= 0.1"),
         ({"life": {"maen": 5.0}}, "life.maen: unknown key; did you mean 'mean'"),
@@ -269,16 +266,14 @@ class Watch:
 
     def __init__(self, run) -> None:
         self.run, self.moments, self.solid = run, [], []
-        self._now = run.simulation.parts.bodies.solid
 
     def sample(self, moment) -> None:
         self.moments.append(moment)
-        self.solid.append(self._now)
-        self._now = self.run.simulation.parts.bodies.solid
+        self.solid.append(self.run.simulation.parts.bodies.solid)
 
     @property
     def events(self):
-        return [event for moment in self.moments for event in moment.events if event.robot >= 0]
+        return [event for event in worded_of(self.moments, self.run) if event.robot >= 0]
 
     def told(self, kind: str) -> list[tuple[int, int]]:
         return [(event.iteration, event.robot) for event in self.events if event.kind == kind]
@@ -291,7 +286,7 @@ class Watch:
 
 def watched(*overrides: str, iterations: int = 30, put=None) -> Watch:
     """A run in the room; `put` gives where some robots stand at the start."""
-    run = made(f"stop.iterations={iterations}", 'stop.at_coverage="go-on"', *overrides)
+    run = made(f"stop.iterations={iterations}", 'stop.when_done="go-on"', *overrides)
     bodies = run.simulation.parts.bodies
     for robot, pose in (put or {}).items():
         bodies.crash(np.array([robot]))
@@ -327,8 +322,8 @@ def test_who_returns_waits_while_the_spawn_area_is_full() -> None:
     assert not run.simulation.state.alive[0]
     parts.bodies.remove(np.array([1]))  # who stood in the way
     run.simulation.tick([watch])
-    assert watch.told("returned") == [(9, 0)]
-    assert_array_equal(run.simulation.state.pose[0, :2], parts.building.entrance[0])
+    assert watch.told("returned") == [(8, 0)]
+    assert_array_equal(watch.moments[-1].state.pose[0, :2], parts.building.entrance[0])
     assert run.simulation.state.alive[0]
 
 
@@ -341,9 +336,9 @@ def test_latecomers_are_absent_until_they_enter() -> None:
         late = np.array([1, 2, 3, 4]) if t < 6 else np.array([3, 4]) if t < 10 else np.array([], int)
         assert not solid[late].any()
         assert not np.isin(moment.links, late).any()
-        assert not moment.tiles.values[late].any()
-        assert (moment.coverage.each[late] == 0).all()
-    assert (watch.moments[10].coverage.each[3:] > 0).all()
+        assert not moment.readings.tiles.values[late].any()
+        assert (moment.measured.robots["covered"][late] == 0).all()
+    assert (watch.moments[10].measured.robots["covered"][3:] > 0).all()
 
 
 @pytest.mark.parametrize("memory", ["empty", "copied"])
@@ -351,11 +346,12 @@ def test_latecomers_have_the_map_they_are_given(memory: str) -> None:
     watch = watched(
         "robots.count=4", 'network.topology={use="none"}', f'faults=[{{use="join", at=15, map="{memory}"}}]'
     )
-    before, entry = watch.moments[14].coverage.each, watch.moments[15].coverage.each
+    before, entry = watch.moments[14].measured.robots["covered"], watch.moments[15].measured.robots["covered"]
     if memory == "copied":
         assert entry[3] >= before[:3].max()
     else:
-        assert entry[3] <= (watch.moments[15].tiles.values[3] != 0).sum() < before[:3].max()
+        seen = (watch.moments[15].readings.tiles.values[3] != 0).sum() / watch.run.domain.sum()
+        assert entry[3] <= seen < before[:3].max()
 
 
 @pytest.mark.parametrize(

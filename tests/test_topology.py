@@ -33,9 +33,15 @@ def needed(use, count):
 
 
 def topology(use, count, place=None, seed=1, **parameters):
-    setting = Setting(Robots(count=count, spawn="room"), Lattice(0.0, 0.0, 0.15, 30, 30), 1.0, Streams(seed))
+    setting = Setting(
+        Robots(count=count, spawn="room"),
+        Lattice(0.0, 0.0, 0.15, 30, 30),
+        1.0,
+        Streams(seed),
+        building() if place is None else place,
+    )
     table = {"use": use, **needed(use, count), **parameters}
-    return registry.part("topology", table).build(setting, building() if place is None else place)
+    return registry.part("topology", table).build(setting)
 
 
 def swarm(positions, alive=None, iteration=0):

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import inbox_of, made
+from conftest import Mapper, inbox_of, items, made, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from swarmsim.behaviours.collective_mapping import CollectiveMapping
-from swarmsim.behaviours.mapping import OccupancyGrids, WaryGrids
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting
-from swarmsim.core.scenario import Robots
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Inbox, Tiles
-from swarmsim.core.streams import Streams
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
+from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 
 SHAPE, TILE, SWARM = (5, 8), (2, 3), 4
 HIT, MISS, LOW, HIGH = (np.float32(np.log(p / (1.0 - p))) for p in (0.9, 0.4, 0.12, 0.97))
@@ -92,7 +88,7 @@ def test_wary_grids_are_those_of_a_plain_believer(seed, quorum, fades) -> None:
         )
         heard = int(chance.integers(0, 10))
         receivers = np.sort(chance.integers(0, SWARM, heard)).astype(np.int32)
-        inbox = Inbox(
+        inbox = items(
             receivers,
             chance.integers(0, 64, heard).astype(np.int32) % 7,
             chance.integers(0, 3, (heard, *TILE)).astype(np.uint8),
@@ -104,10 +100,10 @@ def test_wary_grids_are_those_of_a_plain_believer(seed, quorum, fades) -> None:
         expected = np.zeros(SWARM + heard, int)
         for robot in np.flatnonzero(alive):
             expected[robot] = plain[robot].sense(list(cells_of(tiles.values[robot], tiles.origins[robot])))
-        for row in np.argsort(inbox.sources < 0, kind="stable"):
-            cells = list(cells_of(inbox.values[row], inbox.origins[row]))
+        for row in np.argsort(inbox.content.sources < 0, kind="stable"):
+            cells = list(cells_of(inbox.content.values[row], inbox.content.origins[row]))
             believer = plain[inbox.receivers[row]]
-            expected[SWARM + row] = believer.hear(int(inbox.senders[row]), inbox.sources[row] < 0, cells)
+            expected[SWARM + row] = believer.hear(int(inbox.senders[row]), inbox.content.sources[row] < 0, cells)
         assert_array_equal(fresh, expected)
         for robot, believer in enumerate(plain):
             known = {tuple(cell) for cell in np.argwhere(ours.observed[robot]).tolist()}
@@ -167,7 +163,7 @@ def test_a_robot_that_loses_its_map_loses_what_it_was_told() -> None:
         )
 
     hear(1)
-    wary.observed[0], wary.log_odds[0] = False, 0.0
+    wary.forget(np.array([0]))
     hear(2)
     assert wary.observed[0].sum() == 6
     hear(1)
@@ -183,9 +179,9 @@ def test_a_robot_that_loses_its_map_loses_what_it_was_told() -> None:
     ],
 )
 def test_a_quorum_that_means_nothing_is_refused(keys, words) -> None:
-    place = Setting(Robots(count=3, spawn="room"), Lattice(0.0, 0.0, 0.15, *SHAPE), 1.0, Streams(1))
+    place = setting_of(3, SHAPE, 1)
     with pytest.raises(InputError, match=words):
-        CollectiveMapping(**keys).build(place)
+        Mapper(**keys).build(place)
 
 
 # --- against liars -------------------------------------------------------------------------------
@@ -194,11 +190,13 @@ def test_a_quorum_that_means_nothing_is_refused(keys, words) -> None:
 def deceived(trust: str, *, liars: int = 1, failure: str = "occupied", seed: int = 1) -> float:
     """The share of the cells on honest robots' maps that they take for walls and that are none."""
     fault = f'{{use="byzantine", failure="{failure}", at=0, robots={list(range(liars))}}}'
-    run = made(f"seed={seed}", f"faults=[{fault}]", f"behaviour={trust}", "stop.iterations=80", scenario="basilica")
+    run = made(
+        f"seed={seed}", f"faults=[{fault}]", f"mind.computation={trust}", "stop.iterations=80", scenario="basilica"
+    )
     run.simulation.run()
     parts = run.simulation.parts
-    known = parts.behaviour.observed[liars:] & parts.building.domain
-    false = known & (parts.behaviour.log_odds[liars:] > 0.0) & ~parts.building.occupied
+    known = parts.computation.maps.observed[liars:] & parts.building.domain
+    false = known & (parts.computation.maps.log_odds[liars:] > 0.0) & ~parts.building.occupied
     return float(false.sum() / known.sum())
 
 
@@ -221,8 +219,8 @@ def test_a_quorum_of_names_is_no_defence_against_one_robot_that_invents_them() -
     faults = (
         '{use="byzantine", failure="occupied", at=0, robots=[0]}, {use="byzantine", failure="spoof", at=0, robots=[0]}'
     )
-    run = made(f"faults=[{faults}]", 'behaviour={trust="quorum"}', "stop.iterations=80", scenario="basilica")
+    run = made(f"faults=[{faults}]", 'mind.computation.trust="quorum"', "stop.iterations=80", scenario="basilica")
     run.simulation.run()
     parts = run.simulation.parts
-    false = parts.behaviour.observed[1:] & (parts.behaviour.log_odds[1:] > 0.0) & ~parts.building.occupied
+    false = parts.computation.maps.observed[1:] & (parts.computation.maps.log_odds[1:] > 0.0) & ~parts.building.occupied
     assert (false & parts.building.domain).any()

@@ -15,9 +15,10 @@ from conftest import made
 from PIL import Image
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.state import FREE, UNKNOWN, Event, Moment
-from swarmsim.recorder import Recorder
-from swarmsim.recording import Recording
+from swarmsim.core.events import Begins
+from swarmsim.core.state import FREE, UNKNOWN, Moment
+from swarmsim.recording.reader import Recording
+from swarmsim.recording.recorder import Recorder
 from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.scene import Scene
@@ -43,7 +44,7 @@ class Doctor:
         pose, alive = moment.state.pose.copy(), moment.state.alive.copy()
         pose[0, 2] = 3.1 if iteration % 2 else -3.1
         alive[1] = iteration < DEATH
-        events = (Event(iteration, 1, "removed", "test"),) if iteration == DEATH else ()
+        events = (Begins(iteration, 0, (1,)),) if iteration == DEATH else ()
         links = moment.links[alive[moment.links].all(axis=1)]
         state = replace(moment.state, pose=pose, alive=alive)
         self._recorder.sample(replace(moment, state=state, links=links, events=events + moment.events))
@@ -52,7 +53,7 @@ class Doctor:
 @pytest.fixture(scope="module")
 def doctored(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     path = tmp_path_factory.mktemp("doctored") / "recording.h5"
-    run = made("stop.iterations=12")
+    run = made("stop.iterations=12", 'faults=[{use="remove", at=100, robots=[1]}]')  # which the doctor brings forward
     with run.recorder(path) as recorder:
         run.simulation.run([Doctor(recorder)])
     return Recording(path)
@@ -152,13 +153,13 @@ def test_the_last_moment_counts_all_iterations(recording: Recording) -> None:
     shot = Scene(recording).at(recording.iterations)
     assert shot.iteration == recording.iterations
     assert shot.time == recording.iterations * recording.scenario.period
-    assert shot.coverage == 1.0
+    assert shot.value == 1.0
     assert shot.messages == recording["messages"].sum()
 
 
 def test_no_display_is_needed_and_nothing_is_printed(room: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from swarmsim.recording import Recording\n"
+        "import sys; from pathlib import Path; from swarmsim.recording.reader import Recording\n"
         "from swarmsim.view.video import frame; import pygame\n"
         "assert frame(Recording(Path(sys.argv[1])), 3, (480, 270)).any()\n"
         "assert not pygame.display.get_init()"

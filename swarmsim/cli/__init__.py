@@ -9,7 +9,7 @@ import typer
 
 from swarmsim.cli import comparisons, figures, network, runs, studies
 
-BAD_INPUT = 2  # exit code
+BAD_INPUT, PART_FAILED = 2, 3  # exit codes
 
 app = typer.Typer(
     help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
@@ -34,14 +34,17 @@ app.add_typer(figures.app, name="figure")
 
 
 def main() -> None:
-    """Run the command line; bad input ends with its message and exit code 2, never with a traceback."""
-    from swarmsim.core.errors import InputError
+    """Run the command line; bad input ends with its message and exit code 2, a part that is not ours with 3."""
+    from swarmsim.core.errors import InputError, PartError
 
     try:
         app()
     except InputError as problem:
         print(f"swarmsim: {problem}", file=sys.stderr)
         sys.exit(BAD_INPUT)
+    except PartError as problem:
+        print(f"swarmsim: {problem}", file=sys.stderr)
+        sys.exit(PART_FAILED)
 
 
 def _version(asked: bool) -> None:

@@ -14,12 +14,12 @@ def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, the reference first.")],
     plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without ending.")] = None,
 ) -> None:
-    """Print what faults cost: each run beside the first, and plot their coverage.
+    """Print what faults cost: each run beside the first, and plot what their task is about.
 
     Example: swarmsim compare runs/sound runs/faulty --plot runs/cost
     """
     from swarmsim.core.errors import InputError
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
     from swarmsim.study import comparison
 
     if len(runs) < 2:
@@ -29,7 +29,8 @@ def compare(
         if not recording.iterations:
             raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
     costs = comparison.costs(dict(zip(map(str, runs), opened, strict=True)))
-    print_table(f"against {runs[0]}", comparison.HEAD, comparison.lines(costs))
+    curve = opened[0].curve
+    print_table(f"against {runs[0]}", comparison.head(curve), comparison.lines(costs))
     if plot is not None:
-        for path in comparison.draw(costs, plot):
+        for path in comparison.draw(costs, curve, plot):
             print(path)

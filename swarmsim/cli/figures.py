@@ -10,7 +10,7 @@ import typer
 from swarmsim.cli.network import save_all
 
 if TYPE_CHECKING:
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
 
 app = typer.Typer(
     help="Draw single moments of a run for print: PNG (300 dots per inch) and SVG.\n\n"
@@ -39,17 +39,22 @@ def local_maps(
 
     Example: swarmsim figure local-maps runs/basilica-1 --robots 1,2,3 --at 100
     """
-    from swarmsim.recording import Recording
-    from swarmsim.replay import MapReplay
+    from swarmsim.core.errors import InputError
+    from swarmsim.core.state import UNKNOWN
+    from swarmsim.operations.mapping.replay import MapReplay
+    from swarmsim.recording.reader import Recording
     from swarmsim.view import plots
     from swarmsim.view.scene import Scene
 
     opened = Recording(recording)
+    if "changes" not in opened:
+        raise InputError(f"{recording}: these robots kept no maps; expected the run of a swarm that maps")
     chosen = _robots(opened, robots)
     _check_iteration(opened, "--at", at)
     replay = MapReplay(opened)
     replay.advance(at)
-    shares = (opened["covered"][at] / opened["domain"].sum()).tolist()
+    known = (replay.maps[:, opened["domain"]] != UNKNOWN).mean(axis=1)
+    shares = (opened["covered"][at] if "covered" in opened else known).tolist()
     title = f"Local maps: {opened.scenario.title}\nseed {opened.scenario.seed}, iteration {at}"
     figure = plots.local_maps(Scene(opened), replay.maps, shares, chosen, at, title)
     stem = out or opened.path.parent / f"local-maps-{at}"
@@ -69,7 +74,7 @@ def network(
     Example: swarmsim figure network runs/basilica-1 --at 100 --and 110
     """
     from swarmsim.core.errors import InputError
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
     from swarmsim.view import plots
     from swarmsim.view.scene import Scene
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swarmsim.network.analysis import Reach, Snapshot, Spells
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
 
 BUSIEST = 5  # links shown
 MEASURES = {
@@ -58,7 +58,7 @@ def network(
 
     Example: swarmsim network runs/basilica-1 --from 50 --to 250 --plots runs/basilica-1/network
     """
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
 
     opened = Recording(recording)
     window = _window(opened, from_, to)

@@ -1,4 +1,4 @@
-"""Progress bars: of a run by its coverage, of a study by its runs."""
+"""Progress bars: of a run by its task, of a study by its runs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from swarmsim.build import Run
     from swarmsim.core.state import Moment
+    from swarmsim.engine.build import Run
     from swarmsim.study.engine import Task
     from swarmsim.study.store import Store
 
@@ -48,8 +48,11 @@ class RunBar:
         seconds = max(time.perf_counter() - self._begun, 1e-9)
         faster = moment.state.iteration * self._made.scenario.period / seconds
         alive = f"{moment.state.alive.sum()}/{moment.state.robots} alive"
-        text = f"iteration {done}, {moment.coverage.share:.1%} mapped, {alive}, {faster:.0f} x real time"
-        self._progress.update(self._task, completed=moment.coverage.share, text=text)
+        curve, measured = self._made.simulation.parts.task.curve, moment.measured
+        name, _, unit = curve.label.partition(", ")
+        value = f"{name} {curve.scale * measured.values[curve.name]:{curve.format}} {unit}".rstrip()
+        text = f"iteration {done}, {value}, {alive}, {faster:.0f} x real time"
+        self._progress.update(self._task, completed=measured.progress, text=text)
 
 
 def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:

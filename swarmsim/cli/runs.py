@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmsim.cli.options import AllowCode
 from swarmsim.cli.progress import RunBar, progress_bar
 
 if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
-    from swarmsim.build import Run
-    from swarmsim.recording import Recording
+    from swarmsim.engine.build import Run
+    from swarmsim.recording.reader import Recording
 
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
 EVENT_LINES = 12  # shown of a summary's events
@@ -32,11 +33,13 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     video: Annotated[Path | None, typer.Option(help="Film to write: .mp4 or .gif.")] = None,
+    allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Simulate a scenario until its map is complete or the limit is reached.
+    """Simulate a scenario until its task is done or the limit is reached.
 
-    Exit code 0: finished; 1: not finished at the limit; 2: bad input.
+    Exit code 0: finished; 1: not finished at the limit; 2: bad input; 3: a part of somebody else's
+    failed while the run went on.
 
     Example: swarmsim run scenarios/basilica.toml --seed 7 --set robots.count=20 --out runs/twenty
 
@@ -44,7 +47,7 @@ def run(
 
     Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
     """
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
 
     overrides = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
     if video is not None:
@@ -52,7 +55,8 @@ def run(
 
         check_film(video)
     with progress_bar(quiet) as progress:
-        progress.console.print(f"{scenario}: opening (a first run compiles, which takes about half a minute)")
+        first = "" if _compiled() else " (this first run compiles, which takes about half a minute)"
+        progress.console.print(f"{scenario}: opening{first}")
         made = _made(scenario, overrides, faults or [])
         folder = _new_folder(out, scenario.stem)
         finished = _simulate(made, folder / "recording.h5", progress)
@@ -61,7 +65,7 @@ def run(
         (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         if video is not None:
             _film(recording, video, progress)
-    progress.console.print(_table(summary, folder))
+    progress.console.print(_table(recording, folder))
     raise typer.Exit(FINISHED if finished else NOT_FINISHED)
 
 
@@ -77,7 +81,7 @@ def video(
 
     Example: swarmsim video runs/basilica-1 basilica.mp4 --speed 40
     """
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
     from swarmsim.view.video import check_film
 
     width_height = _size(size)
@@ -96,27 +100,30 @@ def show(
     """
     from rich.console import Console
 
-    from swarmsim.recording import Recording
+    from swarmsim.recording.reader import Recording
 
-    summary = Recording(recording).summary()
+    opened = Recording(recording)
     if as_json:
-        print(json.dumps(summary, indent=2))
+        print(json.dumps(opened.summary(), indent=2))
     else:
-        Console().print(_table(summary, recording))
+        Console().print(_table(opened, recording))
 
 
 def verify(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
+    allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Simulate a recording again and compare every field of every iteration.
 
-    Exit code 0: equal; 1: different, naming the first iteration and field; 2: bad input.
+    Exit code 0: equal; 1: different, naming the first iteration and field; 2: bad input; 3: a part of somebody
+    else's failed.
 
     Example: swarmsim verify runs/basilica-1
     """
-    from swarmsim.build import build
-    from swarmsim.recording import Digests, Recording, versions
+    from swarmsim.engine.build import build
+    from swarmsim.recording.digests import Digests, versions
+    from swarmsim.recording.reader import Recording
 
     recorded = Recording(recording)
     with progress_bar(quiet) as progress:
@@ -155,9 +162,9 @@ def _made(path: Path, overrides: list[str], faults: list[str]) -> Run:
     """The run of a scenario file with these faults besides. Raises InputError, which names the option at fault."""
     import msgspec
 
-    from swarmsim.build import build
     from swarmsim.core.errors import InputError
     from swarmsim.core.scenario import load
+    from swarmsim.engine.build import build
     from swarmsim.faults.spelling import fault_in_words
 
     scenario = load(path, overrides)
@@ -202,7 +209,7 @@ def _new_folder(asked: Path | None, stem: str) -> Path:
 
 def _simulate(made: Run, path: Path, progress: Progress) -> bool:
     """Run to the end with a recording and a progress bar; an interrupted run keeps what it has recorded."""
-    task = progress.add_task("simulating", total=made.scenario.stop.coverage, text="")
+    task = progress.add_task("simulating", total=1.0, text="")
     with made.recorder(path) as recorder:
         return made.simulation.run([recorder, RunBar(progress, task, made)])
 
@@ -226,30 +233,48 @@ def _film(
     progress.console.print(f"film: {out}")
 
 
-def _table(summary: dict[str, Any], folder: Path) -> Table:
+def _table(recording: Recording, folder: Path) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
+    from swarmsim.view.wording import line_of
+
+    summary = recording.summary()
     table = Table(title=summary["title"], show_header=False)
-    lines = [_event_line(event) for event in summary["events"]]
+    lines = [line_of(event, recording.scenario) for event in recording.events()]
     hidden = len(lines) - EVENT_LINES
-    reached = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in summary["reached"].items())
-    for name, value in {
-        **summary,
-        "coverage": f"{summary['coverage']:.2%} of {summary['domain cells']} cells",
-        "reached": reached,
-        "events": "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else [])),
-        "versions": ", ".join(f"{name} {version}" for name, version in summary["versions"].items()),
-        "run": folder,
-    }.items():
+    shown: dict[str, Any] = {}
+    for name, value in summary.items():
+        shown |= _measures(value, recording) if name == "measures" else {name: value}
+    shown["reached"] = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in summary["reached"].items())
+    shown["lost"] = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items()) or "none"
+    shown["progress"] = f"{100.0 * summary['progress']:.2f} %"
+    shown["events"] = "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else []))
+    shown["versions"] = ", ".join(f"{name} {version}" for name, version in summary["versions"].items())
+    for name, value in {**shown, "run": folder}.items():
         if name not in ("title", "domain cells"):
             table.add_row(name, escape(str(value)))
     return table
 
 
-def _event_line(event: dict[str, Any]) -> str:
-    who = ", ".join(map(str, event["robots"]))
-    return f"{event['iteration']}: {event['kind']} ({event['cause']})" + (f": robots {who}" if who else "")
+def _measures(values: dict[str, float], recording: Recording) -> dict[str, str]:
+    """What was measured last, in words; what the task is about has its unit."""
+    curve = recording.curve
+    worded = {name: f"{value:.4g}" for name, value in values.items()}
+    if curve.name in values:
+        unit = curve.label.partition(", ")[2]
+        scaled = curve.scale * values[curve.name]
+        worded[curve.name] = f"{scaled:.2f} %" if unit == "%" else f"{scaled:{curve.format}} {unit}".rstrip()
+    if "changes" in recording and curve.name == "coverage" and values:
+        worded[curve.name] += f" of {int(recording['domain'].sum())} cells"
+    return worded
+
+
+def _compiled() -> bool:
+    """Whether numba has kept kernels of this package here, which otherwise have to be compiled first."""
+    from swarmsim.kernels import occupancy
+
+    return any(Path(occupancy.recount.stats.cache_path).glob("*.nbi"))
 
 
 def _size(text: str) -> tuple[int, int]:

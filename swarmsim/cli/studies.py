@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swarmsim.cli.options import AllowCode
 from swarmsim.cli.progress import perform_all
 from swarmsim.cli.tables import print_table
 
@@ -35,7 +36,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors."
 
 
 @app.command()
-def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None) -> None:
+def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_code: AllowCode = False) -> None:
     """List the conditions of a study, its number of runs, and the time they will take.
 
     Example: swarmsim study plan scenarios/studies/kit2018/network.toml
@@ -65,6 +66,7 @@ def run(
     workers: Workers = None,
     scheduler: Scheduler = None,
     retry: Annotated[bool, typer.Option("--retry", help="Do failed runs again.")] = False,
+    allow_code: AllowCode = False,
     quiet: Quiet = False,
 ) -> None:
     """Do the runs of a study that are still missing; each is kept as it ends.
@@ -86,7 +88,7 @@ def run(
 
 
 @app.command()
-def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None) -> None:
+def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_code: AllowCode = False) -> None:
     """Tell how far a study has come.
 
     Example: swarmsim study status scenarios/studies/kit2018/network.toml
@@ -111,6 +113,7 @@ def table(
     store: StoreFile = None,
     measure: Annotated[str | None, typer.Option(help="A measure instead of the iterations, such as path_sum.")] = None,
     compare: Annotated[str | None, typer.Option(help="Test every condition against this one.")] = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Print the results of a study, with intervals.
 
@@ -140,8 +143,9 @@ def plot(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the figures (PNG and SVG).")],
     seeds: Seeds = None,
     store: StoreFile = None,
+    allow_code: AllowCode = False,
 ) -> None:
-    """Draw coverage curves, the distribution of iterations, the course along an axis and the table of a study.
+    """Draw curves, the distribution of iterations, the course along an axis and the table of a study.
 
     Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
     """
@@ -162,6 +166,7 @@ def export(
     parquet: Annotated[Path | None, typer.Option(help="Parquet file to write.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Write every run of a study with all its measures.
 
@@ -194,6 +199,7 @@ def best(
     store: StoreFile = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    allow_code: AllowCode = False,
     quiet: Quiet = False,
 ) -> None:
     """Find the condition of a study with the fewest iterations, with as few runs as the confidence allows.
@@ -272,7 +278,7 @@ def _calibrate(out: Path, workers: int | None, scheduler: str | None, quiet: boo
 
 def _trial(opened: Plan) -> float:
     """Seconds that one run of a study takes here, in the mean over its conditions' first 100 iterations."""
-    from swarmsim.build import build
+    from swarmsim.engine.build import build
 
     seconds = []
     for condition in opened.conditions:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Box, Event
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Codec, Delivery, Said
 from swarmsim.core.scenario import Robots
-from swarmsim.core.state import Delivery, Event, Inbox, Intents, Moment, Observations, Said, State, Tiles
+from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
 from swarmsim.core.streams import Streams
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
@@ -20,17 +22,6 @@ WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
 Walls = NDArray[np.float64]  # (s, 4): x1, y1, x2, y2 in m, the solid side on the left
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """What every part may know of the run it is built for; it tells nothing of the building's inside."""
-
-    robots: Robots
-    lattice: Lattice
-    period: float  # s, one iteration
-    streams: Streams
-
-
-Box = tuple[float, float, float, float]  # left, lower, right, upper edge in m
 ANYWHERE: Final[Box] = (-np.inf, -np.inf, np.inf, np.inf)
 
 
@@ -111,11 +102,138 @@ class Survey:
     entrance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 
-class Sensor(Protocol):
-    """Turns the world around each robot into a tile."""
+class Field(Protocol):
+    """A scalar quantity that has a value everywhere in the building, at every time."""
 
-    def sense(self, state: State) -> Tiles:
-        """The tiles (n, rows, columns) of all robots; a dead robot's tile is all UNKNOWN."""
+    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values (k,) at a time (s) and at points (k, 2): x, y in m."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What every part may know of the run it is built for.
+
+    Minds are built from it as well, but of the building they may use its size alone: all else they have to sense.
+    """
+
+    robots: Robots
+    lattice: Lattice
+    period: float  # s, one iteration
+    streams: Streams
+    building: Building
+    start: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))  # (n, 3): poses at the start
+    scalar_field: Field | None = None  # what there is to measure besides walls
+    number: int = 0  # a fault's place among the scenario's
+
+
+class Sensor(Protocol):
+    """Measures the world around each robot."""
+
+    def sense(self, state: State) -> Readings:
+        """The readings of all robots; of a dead robot all is unknown."""
+        ...
+
+
+class Localisation(Protocol):
+    """Tells each robot where it is."""
+
+    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
+        """Each robot's estimate (n, 3) of its pose, and its readings where that estimate puts them."""
+        ...
+
+
+class Computation(Protocol):
+    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know."""
+
+    @property
+    def knows(self) -> type[Knowledge]:
+        """What kind of knowledge `hear` gives: that of the strategies and tasks that go with it."""
+        ...
+
+    @property
+    def codec(self) -> Codec[Any]:
+        """What its messages look like on the air."""
+        ...
+
+    def say(self, observations: Observations) -> Said[Any]:
+        """The message of every robot in this iteration, before it has heard anything; nobody hears the dead."""
+        ...
+
+    def hear(self, observations: Observations) -> Knowledge:
+        """What every robot knows once it has taken in its readings and its inbox; views, which cannot be written to.
+
+        Row i follows from row i of the observations and from robot i's inbox alone.
+        """
+        ...
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Let robots (r,) know nothing any more, as at the start."""
+        ...
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) what another one knows."""
+        ...
+
+
+class Strategy(Protocol):
+    """What robots do with what they know."""
+
+    @property
+    def reads(self) -> type[Knowledge]:
+        """What kind of knowledge it needs; `Knowledge` itself if any will do."""
+        ...
+
+    def step(self, observations: Observations) -> Intents:
+        """The intents of all robots, of which row i follows from row i of what is given alone."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """How the measure that a task is about is drawn."""
+
+    name: str  # of the measure, among those that the task gives
+    label: str  # as on an axis, with its unit
+    scale: float = 1.0  # what values are multiplied by to have that unit
+    low: float | None = 0.0  # the ends of the axis in that unit; None: as the values are
+    high: float | None = None
+    robots: str | None = None  # the measure of single robots that makes a band, of the same unit
+    format: str = ".3g"  # of a single value
+    rises: bool = True  # whether more is better
+
+
+class Summary(Protocol):
+    """A probe that has the run in numbers at its end."""
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        ...
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The numbers, by name; None where one is not defined."""
+        ...
+
+
+class Task(Protocol):
+    """What is measured of the swarm, and when it has done what it was asked."""
+
+    @property
+    def reads(self) -> type[Knowledge]:
+        """What kind of knowledge it measures; `Knowledge` itself if any will do."""
+        ...
+
+    @property
+    def curve(self) -> Curve:
+        """What is drawn of it."""
+        ...
+
+    def measure(self, moment: Moment) -> Measured:
+        """What is measured in an iteration, of which `measured` is not there yet."""
+        ...
+
+    def summaries(self) -> Sequence[Summary]:
+        """New probes, which sum a whole run up."""
         ...
 
 
@@ -127,26 +245,6 @@ class Topology(Protocol):
         ...
 
 
-class Localisation(Protocol):
-    """Tells each robot where it is."""
-
-    def locate(self, state: State, tiles: Tiles) -> tuple[NDArray[np.float64], Tiles]:
-        """Each robot's estimate (n, 3) of its pose, and its tile where that estimate puts it."""
-        ...
-
-
-class Sharing(Protocol):
-    """Says what robots tell, and what they take in of what they hear."""
-
-    def say(self, state: State, tiles: Tiles) -> Said:
-        """The message of every robot in this iteration; a dead robot's holds no tile."""
-        ...
-
-    def hear(self, delivery: Delivery) -> Inbox:
-        """The tiles in the messages delivered, whenever they were said."""
-        ...
-
-
 class Channel(Protocol):
     """Says what arrives of what was said."""
 
@@ -155,29 +253,6 @@ class Channel(Protocol):
 
         Each message is, in some iteration, heard or lost exactly once, unless the run ends before.
         """
-        ...
-
-
-class Behaviour(Protocol):
-    """Decides what each robot does with what it sensed and heard."""
-
-    @property
-    def observed(self) -> NDArray[np.bool_]:
-        """Which cells each robot's map holds (n, rows, columns); a live view, for faults alone to write."""
-        ...
-
-    @property
-    def log_odds(self) -> NDArray[np.float32]:
-        """Each robot's occupancy grid (n, rows, columns); a live view, for faults alone to write."""
-        ...
-
-    @property
-    def forgets(self) -> bool:
-        """Whether cells of a map can change although no tile of this iteration shows them."""
-        ...
-
-    def step(self, observations: Observations) -> Intents:
-        """The intents of all robots, of which row i follows from row i of what is given alone."""
         ...
 
 
@@ -218,16 +293,55 @@ class Bodies(Protocol):
         ...
 
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again."""
+        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again, but for those retired."""
+        ...
+
+    def retire(self, robots: NDArray[np.int64]) -> None:
+        """Let nothing bring these robots (r,) back that are out, or will be."""
         ...
 
 
-@dataclass(slots=True)
-class Report:
-    """What faults tell of the iteration, and what they may know of the run."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Now:
+    """The time between two iterations, as what happens then may know it."""
 
-    events: list[Event] = field(default_factory=list)  # since the last iteration
-    coverage: float = 0.0  # share of the domain mapped, 0 to 1
+    iteration: int  # the one that is about to begin
+    before: State  # when the last iteration's motion began; at the start of a run, as `after`
+    after: State  # when it ended, and nothing had happened since
+    progress: float  # 0 to 1: how much of the task was done in the last iteration
+
+
+class Happening(Protocol):
+    """Something that happens at times of its own: a door, a death, an empty battery."""
+
+    def advance(self, now: Now) -> Sequence[Event]:
+        """Let whatever is due happen; gives what did. To be asked once between any two iterations, and at the start."""
+        ...
+
+
+class Calendar:
+    """All that happens in a run, in the order in which it was entered."""
+
+    def __init__(self, start: State) -> None:
+        self._entries: list[Happening] = []
+        self._start = Now(0, start, start, 0.0)
+        self._due: list[Event] = []
+
+    def __bool__(self) -> bool:
+        """Whether anything can ever happen."""
+        return bool(self._entries)
+
+    def enter(self, happening: Happening) -> None:
+        """Add something, and let happen what is due at the start. Raises InputError if that cannot be."""
+        self._entries.append(happening)
+        self._due += happening.advance(self._start)
+
+    def advance(self, now: Now) -> tuple[Event, ...]:
+        """Let everything happen that is due in the iteration about to begin; gives what did."""
+        for entry in self._entries if now.iteration else ():
+            self._due += entry.advance(now)
+        due, self._due = tuple(self._due), []
+        return due
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,21 +350,22 @@ class Parts:
 
     sensor: Sensor
     localisation: Localisation
-    sharing: Sharing
+    computation: Computation
+    strategy: Strategy
     topology: Topology
     channel: Channel
-    behaviour: Behaviour
     motion: Motion
     bodies: Bodies
+    task: Task
     building: Building
-    report: Report = field(default_factory=Report)
+    calendar: Calendar
 
 
 class Fault(Protocol):
     """Something that goes wrong in one of the parts."""
 
     def install(self, parts: Parts) -> Parts:
-        """The same parts, one of them wrapped."""
+        """The same parts, one of them wrapped, or something more in their calendar."""
         ...
 
 

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import difflib
+import hashlib
 import importlib
+import importlib.util
 import math
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import lru_cache
-from importlib.metadata import entry_points
-from typing import Any, TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final, TypeVar
 
 import msgspec
 
@@ -17,22 +24,48 @@ from swarmsim.core.errors import InputError
 T = TypeVar("T", bound=msgspec.Struct)
 
 #: The seams of a scenario, each with the part that is used where the file names none.
-SEAMS = {
+SEAMS: Final = {
+    "physics": "pymunk",
     "sensor": "ir-ring",
+    "field": None,
     "localisation": "perfect",
+    "computation": "occupancy-grid",
     "sharing": "current-tile",
+    "strategy": "nearest-frontier",
     "topology": None,
     "channel": "perfect",
-    "behaviour": "collective-mapping",
     "motion": "pure-pursuit",
+    "task": "coverage",
     "fault": None,
 }
+
+_OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
+
+
+@contextmanager
+def own_code(allowed: bool) -> Iterator[None]:
+    """Whether a scenario may name code of its own within this context: `./file.py:Name` or `module:Name`."""
+    token = _OWN_CODE.set(allowed)
+    try:
+        yield
+    finally:
+        _OWN_CODE.reset(token)
+
+
+def own_code_is_allowed() -> bool:
+    """Whether the present context lets scenarios name code of their own."""
+    return _OWN_CODE.get()
+
+
+def entries(seam: str) -> dict[str, EntryPoint]:
+    """The entry points of all installed parts for a seam, by name."""
+    found = sorted(entry_points(group=f"swarmsim.{seam}"), key=lambda entry: entry.name)
+    return {entry.name: entry for entry in found}
 
 
 def known(seam: str) -> dict[str, type[msgspec.Struct]]:
     """The parameter structs of all installed parts for a seam, by name."""
-    found = sorted(entry_points(group=f"swarmsim.{seam}"), key=lambda entry: entry.name)
-    return {entry.name: entry.load() for entry in found}
+    return {name: find(seam, name) for name in entries(seam)}
 
 
 def nearest(word: str, words: Mapping[str, object]) -> str:
@@ -42,51 +75,120 @@ def nearest(word: str, words: Mapping[str, object]) -> str:
     return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"
 
 
-@lru_cache(maxsize=256)
 def find(seam: str, use: str) -> type[msgspec.Struct]:
-    """The parameter struct of the part called `use`: an entry point's name, or "module:Name".
+    """The parameter struct of the part called `use`.
 
-    Its `build` makes the part. Raises InputError if there is none of that name.
+    That is an entry point's name or, where own code is allowed, "./file.py:Name" or "module:Name". Its `build` makes
+    the part. Raises InputError if there is none of that name.
     """
     if ":" in use:
-        module, _, name = use.partition(":")
-        try:
-            kind: type[msgspec.Struct] = getattr(importlib.import_module(module), name)
-        except (ImportError, AttributeError, TypeError, ValueError) as problem:
-            raise InputError(f"use: {use!r} cannot be imported ({problem}); expected 'module:Name'") from problem
-        if not (isinstance(kind, type) and issubclass(kind, msgspec.Struct) and callable(getattr(kind, "build", None))):
-            raise InputError(f"use: {use!r} is not a part: expected a msgspec.Struct with a method 'build'")
-        return kind
-    entries = entry_points(group=f"swarmsim.{seam}", name=use)
-    for entry in entries:
-        found: type[msgspec.Struct] = entry.load()
+        if not own_code_is_allowed():
+            raise InputError(
+                f"use: {use!r} is code of the scenario's own, which runs only if you say so; expected --allow-code "
+                "(in Python allow_code=True) if you trust it, or the name of an installed part"
+            )
+        return _own(seam, use)
+    return _installed(seam, use)
+
+
+@lru_cache(maxsize=256)
+def _installed(seam: str, use: str) -> type[msgspec.Struct]:
+    for entry in entry_points(group=f"swarmsim.{seam}", name=use):
+        return _part(seam, use, entry.load())
+    raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
+
+
+@lru_cache(maxsize=256)
+def _own(seam: str, use: str) -> type[msgspec.Struct]:
+    place, _, name = use.rpartition(":")
+    try:
+        module = _loaded(Path(place)) if place.endswith(".py") else importlib.import_module(place)
+        found = getattr(module, name)
+    except Exception as problem:  # whatever a file of somebody's own does while it is read
+        told = f"{type(problem).__name__}: {problem}" if not isinstance(problem, ImportError | OSError) else problem
+        raise InputError(f"use: {use!r} cannot be imported ({told}); expected './file.py:Name' or 'module:Name'") from (
+            problem
+        )
+    return _part(seam, use, found)
+
+
+def _loaded(path: Path) -> ModuleType:
+    """The module in a file, under a name that no other module has."""
+    name = f"swarmsim_own_{hashlib.blake2b(str(path.resolve()).encode(), digest_size=6).hexdigest()}_{path.stem}"
+    if name in sys.modules:
+        return sys.modules[name]  # parts of one file share its classes
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise FileNotFoundError(f"no file {path}")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
+    """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
+    if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
-    raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, known(seam))}")
+    raise InputError(f"use: {use!r} is not a part: expected a msgspec.Struct with a method 'build'")
 
 
-def _refuse_what_no_struct_takes(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> None:
-    """Raise InputError for the first key, at any depth, that the struct lacks or that is not finite."""
-    fields = {field.encode_name: field.type for field in msgspec.structs.fields(kind)}
-    for key, value in given.items():
+def is_ours(part: object) -> bool:
+    """Whether a part, or a parameter struct, belongs to this package; all others are held to their contracts."""
+    kind = part if isinstance(part, type) else type(part)
+    return kind.__module__.split(".")[0] == "swarmsim"
+
+
+def source_of(seam: str, use: str) -> bytes:
+    """A hash of the file that a foreign part comes from; nothing for ours, which versions tell apart."""
+    kind = find(seam, use)
+    if is_ours(kind):
+        return b""
+    file = getattr(sys.modules[kind.__module__], "__file__", None)
+    return hashlib.blake2b(Path(file).read_bytes(), digest_size=16).digest() if file else b""
+
+
+def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> list[str]:
+    """The dotted required keys that are missing, at any depth.
+
+    Raises InputError for the first key that the struct lacks or that is not finite.
+    """
+    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    for key in given:
         if key not in fields:
             raise InputError(f"{place}{key}: unknown key; {nearest(key, fields)}")
+    missing = []
+    for key, field in fields.items():
+        inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)
+        value = given.get(key, {} if field.required and inner is not None and key not in given else None)
         if isinstance(value, float) and not math.isfinite(value):
             raise InputError(f"{place}{key}: {value} is not a number to compute with; expected a finite one")
-        for inner in (fields[key], *getattr(fields[key], "__args__", ())):
-            if isinstance(value, dict) and isinstance(inner, type) and issubclass(inner, msgspec.Struct):
-                _refuse_what_no_struct_takes(value, inner, f"{place}{key}.")
+        if inner is not None and isinstance(value, dict):
+            missing += _faults_of(value, inner, f"{place}{key}.")
+        elif field.required and key not in given:
+            missing.append(f"{place}{key}")
+    return missing
+
+
+def _is_struct(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
 
 
 def convert(given: Mapping[str, Any], kind: type[T]) -> T:
-    """The struct that a table describes. Raises InputError that starts with the key at fault."""
-    _refuse_what_no_struct_takes(given, kind)
+    """The struct that a table describes. Raises InputError that starts with the key, or all missing keys, at fault."""
+    missing = _faults_of(given, kind)
+    if missing:
+        raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing")
     try:
         return msgspec.convert(given, kind)
     except msgspec.ValidationError as problem:
         what, _, where = str(problem).partition(" - at `$")
-        missing = what.partition("missing required field `")[2].rstrip("`")
-        key = ".".join(part for part in (where.strip(".`"), missing) if part)
-        text = "required key is missing" if missing else what[:1].lower() + what[1:]
+        key = where.strip(".`")
+        text = what[:1].lower() + what[1:]
         raise InputError(f"{key}: {text}" if key else text) from problem
 
 
@@ -94,7 +196,7 @@ def part(seam: str, table: Mapping[str, Any]) -> Any:
     """The parameter struct that `table` (`use` and the part's own keys) describes, checked and complete."""
     use = table.get("use", SEAMS[seam])
     if not isinstance(use, str):
-        raise InputError(f"use: required key is missing or not a string; {nearest('', known(seam))}")
+        raise InputError(f"use: required key is missing or not a string; {nearest('', entries(seam))}")
     parameters = {key: value for key, value in table.items() if key != "use"}
     return convert(parameters, find(seam, use))
 

@@ -6,10 +6,11 @@ import os
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
-from msgspec import Meta, Struct, field
+from msgspec import Meta, Struct
+from msgspec import field as of
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
@@ -45,49 +46,84 @@ class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     traction: Positive = 0.6  # friction coefficient of wheel on floor
 
 
-class Physics(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How the rigid bodies are integrated."""
-
-    substep: Positive = 1.0 / 64.0  # s, at most; rounded down to a whole fraction of the period
-    friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
-
-
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Who hears whom, what arrives, and what is said."""
+    """Who hears whom, and what arrives."""
 
     topology: Table
-    channel: Table = field(default_factory=dict)
-    sharing: Table = field(default_factory=dict)
+    channel: Table = of(default_factory=dict)
+
+
+class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a robot computes from what it senses and hears, and what it does with that."""
+
+    computation: Table = of(default_factory=dict)
+    strategy: Table = of(default_factory=dict)
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """When a run ends: at this share of the coverage domain, or unfinished after so many iterations.
+    """When a run ends: with its task or, unfinished, after so many iterations.
 
-    A run that goes on at that share ends after `iterations`, and is finished if it reached the share on the way.
+    A run that goes on when its task is done ends after `iterations`, and is finished if it was done on the way.
     """
 
-    coverage: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0
-    at_coverage: Literal["stop", "go-on"] = "stop"
+    when_done: Literal["stop", "go-on"] = "stop"
     iterations: Count = 5000
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One run. The tables of parts (`sensor`, `network.topology`, ...) are complete once read."""
 
-    title: str
+    title: str = ""  # default: the name of the file
     world: World
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
     period: Positive = 1.0  # s, one iteration
     grid: Grid = Grid()
     robots: Robots
-    physics: Physics = Physics()
-    sensor: Table = field(default_factory=dict)
-    localisation: Table = field(default_factory=dict)
+    physics: Table = of(default_factory=dict)
+    sensor: Table = of(default_factory=dict)
+    field: Table = of(default_factory=dict)  # none unless it has a `use`
+    localisation: Table = of(default_factory=dict)
     network: Network
-    behaviour: Table = field(default_factory=dict)
-    motion: Table = field(default_factory=dict)
+    mind: Mind = Mind()
+    motion: Table = of(default_factory=dict)
+    task: Table = of(default_factory=dict)
     faults: tuple[Table, ...] = ()
     stop: Stop = Stop()
+
+
+#: Where each seam's table stands in a scenario; faults are a list of tables.
+PLACES: Final = {
+    "physics": ("physics",),
+    "sensor": ("sensor",),
+    "field": ("field",),
+    "localisation": ("localisation",),
+    "computation": ("mind", "computation"),
+    "strategy": ("mind", "strategy"),
+    "topology": ("network", "topology"),
+    "channel": ("network", "channel"),
+    "motion": ("motion",),
+    "task": ("task",),
+}
+
+#: Keys of older scenarios, with what stands in their place.
+MOVED: Final = {
+    "behaviour": "mind.computation and mind.strategy",
+    "network.sharing": "mind.computation.share",
+    "stop.coverage": "task.share",
+    "stop.at_coverage": "stop.when_done",
+}
+
+
+def tables(scenario: Scenario) -> dict[str, Table]:
+    """The table of every part of a scenario but faults, by seam; a field only if there is one."""
+    found: dict[str, Table] = {}
+    for seam, place in PLACES.items():
+        table: Any = scenario
+        for key in place:
+            table = getattr(table, key)
+        if seam != "field" or table:
+            found[seam] = table
+    return found
 
 
 def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
@@ -98,7 +134,7 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
     table = spelled_out(read_toml(path, "a scenario file"))
     for override in overrides:
         set_key(table, override)
-    return decode(table, str(path), path.parent)
+    return decode({"title": path.stem, **table}, str(path), path.parent)
 
 
 def spelled_out(table: Table) -> Table:
@@ -122,46 +158,59 @@ def read_toml(path: Path, expected: str) -> Table:
 def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     """The scenario that a table describes; `name` is the file named in messages.
 
-    If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers: a value
-    {file = "net.csv"} of a part stands for the rows of that file. Raises InputError.
+    If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers (a value
+    {file = "net.csv"} of a part stands for the rows of that file) and of its own parts. Raises InputError.
     """
-    try:
-        scenario = registry.convert(spelled_out(table), Scenario)
-    except InputError as problem:
-        raise InputError(f"{name}: {problem}") from problem
+    scenario = shape(table, name)
 
     def complete(seam: str, place: str, table: Table) -> Table:
         try:
-            return registry.complete(seam, table if folder is None else with_rows(table, folder))
+            return registry.complete(seam, table if folder is None else with_files(table, folder))
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
-    network = scenario.network
-    world = scenario.world
     if folder is not None:
-        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
+        world = msgspec.structs.replace(scenario.world, file=os.path.normpath(folder / scenario.world.file))
+        scenario = msgspec.structs.replace(scenario, world=world)
+    whole = {seam: complete(seam, ".".join(PLACES[seam]), table) for seam, table in tables(scenario).items()}
     return msgspec.structs.replace(
         scenario,
-        world=world,
-        sensor=complete("sensor", "sensor", scenario.sensor),
-        localisation=complete("localisation", "localisation", scenario.localisation),
-        network=Network(
-            topology=complete("topology", "network.topology", network.topology),
-            channel=complete("channel", "network.channel", network.channel),
-            sharing=complete("sharing", "network.sharing", network.sharing),
-        ),
-        behaviour=complete("behaviour", "behaviour", scenario.behaviour),
-        motion=complete("motion", "motion", scenario.motion),
+        network=Network(topology=whole.pop("topology"), channel=whole.pop("channel")),
+        mind=Mind(computation=whole.pop("computation"), strategy=whole.pop("strategy")),
         faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),
+        **whole,
     )
 
 
-def with_rows(table: Table, folder: Path, place: str = "") -> Table:
-    """The table with every value {file = "x.csv"} in it, or in tables inside it, replaced by the rows of that file.
+def shape(table: Table, name: str) -> Scenario:
+    """The scenario in a table whose parts are taken as they stand: none of them is looked for, no code runs.
 
-    The file is resolved from `folder`. Raises InputError, which starts with the key (after `place`).
+    Raises InputError, which names the file `name` and the key.
+    """
+    table = spelled_out(table)
+    for key, now in MOVED.items():
+        inner: Any = table
+        for step in key.split("."):
+            inner = inner.get(step) if isinstance(inner, dict) else None
+        if inner is not None:
+            raise InputError(f"{name}: {key}: is not called so any more; expected {now}")
+    try:
+        return registry.convert(table, Scenario)
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from problem
+
+
+def with_files(table: Table, folder: Path, place: str = "") -> Table:
+    """The table with paths in it, or in tables inside it, resolved from `folder`.
+
+    A value {file = "x.csv"} becomes the rows of that file; the path in `use = "./file.py:Name"` is written out. Raises
+    InputError, which starts with the key (after `place`).
     """
     filled = dict(table)
+    use = table.get("use")
+    if isinstance(use, str) and use.rpartition(":")[0].endswith(".py"):
+        file, _, own = use.rpartition(":")
+        filled["use"] = f"{os.path.normpath(folder / file)}:{own}"
     for key, value in table.items():
         if isinstance(value, dict) and value.keys() == {"file"} and isinstance(value["file"], str):
             try:
@@ -169,7 +218,7 @@ def with_rows(table: Table, folder: Path, place: str = "") -> Table:
             except InputError as problem:
                 raise InputError(f"{place}{key}: {problem}") from problem
         elif isinstance(value, dict):
-            filled[key] = with_rows(value, folder, f"{place}{key}.")
+            filled[key] = with_files(value, folder, f"{place}{key}.")
     return filled
 
 
@@ -248,9 +297,10 @@ def schema() -> dict[str, Any]:
         )
         if seam == "fault":
             root["properties"]["faults"] = {"type": "array", "items": {"anyOf": choices}}
-        else:
-            place = defs["Network"] if seam in ("topology", "channel", "sharing") else root
-            place["properties"][seam] = {"anyOf": choices}
+        elif seam in PLACES:
+            *outer, key = PLACES[seam]
+            place = defs[outer[0].capitalize()] if outer else root
+            place["properties"][key] = {"anyOf": choices}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **root,

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-UNKNOWN = 0  #: tile and map value of a cell that nobody observed
-FREE = 1  #: tile and map value of a cell observed to be empty
-OCCUPIED = 2  #: tile and map value of a cell in which a beam ended
+from swarmsim.core.events import Event
+from swarmsim.core.messages import Delivery, Inbox
+
+if TYPE_CHECKING:
+    from swarmsim.core.parts import Building, Setting
+
+UNKNOWN = 0  #: value of a cell that nobody observed
+FREE = 1  #: value of a cell observed to be empty
+OCCUPIED = 2  #: value of a cell in which a beam ended
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class State:
     """Bodies at the start of an iteration."""
 
@@ -29,104 +38,167 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
+class Record:
+    """What goes into the recording of one iteration, by the name of its table."""
+
+    rows: Mapping[str, Any] = field(default_factory=dict)  # one row each, of the same shape in every iteration
+    lists: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (c, ...): as many rows as there happen to be
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Tiles:
-    """What every robot senses now: a small window of cells around it, aligned with the lattice."""
+    """A small window of cells around every robot, aligned with the lattice."""
 
     values: NDArray[np.uint8]  # (n, rows, columns): UNKNOWN, FREE or OCCUPIED
     origins: NDArray[np.int32]  # (n, 2): row and column of each tile's lower-left cell
 
 
-@dataclass(frozen=True, slots=True)
-class Said:
-    """What every robot says in one iteration: one message each, of any number of tiles."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Beams:
+    """How far every robot's beams reach before they end."""
 
-    values: NDArray[np.uint8]  # (t, rows, columns)
-    origins: NDArray[np.int32]  # (t, 2)
-    sources: NDArray[np.int32]  # (t,): the robot that sensed each tile; -1 for a piece of somebody's map
-    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
-    ends: NDArray[np.int64]  # (n,): robot i says the tiles ends[i - 1] to ends[i]
-    sizes: NDArray[np.int32]  # (n,): bytes of each robot's message
-    one_each: bool = False  # whether tile i is all that robot i says, which is faster to look up
+    bearings: NDArray[np.float64]  # (b,): rad, counter-clockwise from straight ahead
+    ranges: NDArray[np.float64]  # (n, b): m; infinite where nothing is within reach
 
 
-Letters = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes
+@dataclass(frozen=True, slots=True, eq=False)
+class Readings:
+    """What the sensors of every robot measure now; None for what this swarm's robots have no sensor for."""
+
+    tiles: Tiles | None = None
+    beams: Beams | None = None
+    field: NDArray[np.float64] | None = None  # (n,): the field's value where each robot is, NaN for the dead
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All that was measured, in a fixed order."""
+        tiles = () if self.tiles is None else (self.tiles.values, self.tiles.origins)
+        beams = () if self.beams is None else (self.beams.ranges,)
+        return (*tiles, *beams, *(() if self.field is None else (self.field,)))
+
+    def record(self) -> Record:
+        """Tiles and samples; beams are left out, as they follow from poses and walls."""
+        rows: dict[str, Any] = {}
+        if self.tiles is not None:
+            rows |= {"tiles": self.tiles.values, "origins": self.tiles.origins}
+        if self.field is not None:
+            rows["samples"] = self.field
+        return Record(rows)
 
 
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """What became, in one iteration, of messages: some are heard, some lost, and others still under way."""
+class Auditor:
+    """Checks that knowledge follows from what was sensed and heard; this one takes everything on trust."""
 
-    heard: Letters  # sorted by receiver, sender, iteration sent
-    lost: tuple[tuple[str, Letters], ...]  # by reason
-    oldest: int  # no message still under way was sent before this iteration
+    def audit(self, knowledge: Any, observations: Observations) -> str | None:
+        """What is wrong with the knowledge that a computation gives for these observations, or None."""
+        return None
 
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Robots (r,) know nothing any more."""
 
-@dataclass(frozen=True, slots=True)
-class Inbox:
-    """The tiles heard in one iteration, sorted by receiver, then by sender."""
-
-    receivers: NDArray[np.int32]  # (t,)
-    senders: NDArray[np.int32]  # (t,): who said it
-    values: NDArray[np.uint8]  # (t, rows, columns)
-    origins: NDArray[np.int32]  # (t, 2)
-    sources: NDArray[np.int32]  # (t,): who sensed it; -1 for a piece of the sender's map
-    sensed: NDArray[np.int32]  # (t,): when
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Robots (r,) know what another one does."""
 
 
-@dataclass(frozen=True, slots=True)
+class Knowledge(ABC):
+    """What robots know after they have sensed and heard: the one account of it that everybody reads."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All of it, or its changes in this iteration, for the digest."""
+
+    @abstractmethod
+    def record(self) -> Record:
+        """What is kept of it in the recording."""
+
+    @classmethod
+    def auditor(cls, setting: Setting) -> Auditor:
+        """What holds a computation of somebody else's to its word in one run."""
+        return Auditor()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimates(Knowledge):
+    """Knowledge that is a few numbers for each robot: every field of a subclass is an array (n, ...)."""
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All fields, in their order."""
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    def record(self) -> Record:
+        """A table for each field, of its name."""
+        return Record({field.name: getattr(self, field.name) for field in fields(self)})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """All that a behaviour may know in one iteration; robot i may use row i and its inbox alone."""
+    """All that minds may know in one iteration; robot i may use row i and its inbox alone.
+
+    A computation is asked twice: for what robots say, before anything is heard (`inbox` and `knowledge` are None), and
+    for what they know then (`knowledge` is None). A strategy sees all of it.
+    """
 
     iteration: int
-    pose: NDArray[np.float64]  # (n, 3): each robot's estimate of its own pose
+    pose: NDArray[np.float64]  # (n, 3): each robot's estimate of its own pose: x, y in m, yaw in rad
+    velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
     alive: NDArray[np.bool_]  # (n,)
-    tiles: Tiles
-    inbox: Inbox
+    readings: Readings
+    inbox: Inbox[Any] | None = None
+    knowledge: Any = None  # of the kind that the computation gives; read-only
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Intents:
-    """What every robot has decided to do until the next iteration."""
+    """What every robot has decided to do until the next iteration: a way to follow or, in `twists`, a velocity."""
 
     goals: NDArray[np.int32]  # (n, 2): row and column of the goal cell; -1, -1 for none
     waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the way still ahead of each robot
     counts: NDArray[np.int32]  # (n,): how many of its waypoints each robot uses
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
+    twists: NDArray[np.float64] | None = None  # (n, 2): m/s ahead, rad/s; NaN rows follow waypoints; None: all do
+
+    @classmethod
+    def twisting(cls, twists: NDArray[np.float64]) -> Intents:
+        """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise."""
+        count = len(twists)
+        goals, counts = np.full((count, 2), -1, np.int32), np.zeros(count, np.int32)
+        return cls(goals, np.zeros((count, 1, 2)), counts, np.zeros(count, np.bool_), twists)
+
+    def record(self) -> Record:
+        """Goals and velocities; ways are kept when they are new."""
+        return Record({"goals": self.goals, **({} if self.twists is None else {"twists": self.twists})})
 
 
-@dataclass(frozen=True, slots=True)
-class Coverage:
-    """How much of the coverage domain is mapped, in cells."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """What a task measures in one iteration."""
 
-    union: int  # cells that some robot's map holds
-    each: NDArray[np.int64]  # (n,): cells in each robot's own map
-    domain: int  # cells there are
+    values: Mapping[str, float]  # of the swarm, by name; the first is what the task is about
+    robots: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (n,): of each robot, by name
+    progress: float = 0.0  # 0 to 1: how much of the task is done
+    finished: bool = False
 
-    @property
-    def share(self) -> float:
-        """The union's part of the domain, 0 to 1."""
-        return self.union / self.domain
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All of it, in its order."""
+        return (np.array([*self.values.values(), self.progress]), *self.robots.values())
 
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """Something worth a mark in the film and a line in the summary."""
-
-    iteration: int
-    robot: int  # -1 for the whole run
-    kind: str
-    cause: str
+    def record(self) -> Record:
+        """A table for each measure, of its name."""
+        return Record({**self.values, **self.robots})
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """Everything that happened in one iteration, as probes see it: measured, never fed back."""
+    """Everything that happened in one iteration, as tasks and probes see it: measured, never fed back."""
 
     state: State  # at the start of the iteration, when everybody sensed
-    tiles: Tiles  # where the robots believe them to be
+    events: tuple[Event, ...]  # what began and ended at its start, or with the run at its end
+    building: Building
+    readings: Readings  # where the robots believe them to be
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
-    inbox: Inbox
+    inbox: Inbox[Any]
+    knowledge: Any  # of the kind that the computation gives, after this iteration
     intents: Intents
-    coverage: Coverage  # after mapping
-    events: tuple[Event, ...]
+    measured: Measured = Measured({})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -11,10 +12,10 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Bodies, Channel, Links, Motion, Parts, Report, Setting
-from swarmsim.core.state import Delivery, Event, State
-from swarmsim.faults.effect import WrappedBodies
-from swarmsim.faults.timeline import described
+from swarmsim.core.events import Begins, Event
+from swarmsim.core.messages import Delivery
+from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts, Setting
+from swarmsim.core.state import State
 
 Cost = Annotated[float, Meta(ge=0.0, le=1e9)]
 
@@ -36,7 +37,7 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     robots: list[Annotated[int, Meta(ge=0)]] | None = None  # which have such a battery; the others never tire
     empty: Literal["crash", "remove"] = "crash"  # whether an empty robot stays in the way
 
-    def build(self, setting: Setting, number: int) -> BatteryFault:
+    def build(self, setting: Setting) -> BatteryFault:
         """The fault; raises InputError for batteries that cannot be or can never be empty."""
         count = setting.robots.count
         for robot in self.robots or ():
@@ -44,19 +45,19 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {count - 1}")
         if self.per_metre == self.per_byte == self.idle == 0.0:
             raise InputError("idle: nothing costs energy; expected idle, per_metre or per_byte above 0")
-        return BatteryFault(self, Batteries(self, setting, number), setting)
+        return BatteryFault(self, Batteries(self, setting), setting)
 
 
 class Batteries:
     """The energy of every robot."""
 
-    def __init__(self, battery: Battery, setting: Setting, number: int) -> None:
+    def __init__(self, battery: Battery, setting: Setting) -> None:
         count = setting.robots.count
         variance = math.log1p(battery.spread**2)  # of the logarithm: mean and spread of the law are as given
         #: What is left in each (n,) in J; infinite for robots without a battery.
         self.left: NDArray[np.float64] = np.full(count, np.inf)
         for robot in range(count) if battery.robots is None else battery.robots:
-            draw = setting.streams.open(f"fault battery {number}", robot).standard_normal()
+            draw = setting.streams.open(f"fault battery {setting.number}", robot).standard_normal()
             self.left[robot] = battery.capacity * math.exp(math.sqrt(variance) * draw - 0.5 * variance)
 
     def spend(self, energy: NDArray[np.floating[Any]]) -> None:
@@ -71,7 +72,7 @@ class Batteries:
 
 @dataclass(frozen=True, slots=True)
 class BatteryFault:
-    """Wraps the channel, where bytes are counted, and the bodies, where everything else is."""
+    """Wraps the channel, where bytes are counted, and counts everything else between two iterations."""
 
     battery: Battery
     batteries: Batteries
@@ -80,7 +81,8 @@ class BatteryFault:
     def install(self, parts: Parts) -> Parts:
         """The parts, wrapped."""
         channel = MeteredChannel(parts.channel, self.batteries, self.battery.per_byte)
-        return replace(parts, channel=channel, bodies=PoweredBodies(parts.bodies, self, parts.report))
+        parts.calendar.enter(Exhaustion(parts.bodies, self))
+        return replace(parts, channel=channel)
 
 
 class MeteredChannel:
@@ -95,35 +97,30 @@ class MeteredChannel:
         return self._inner.deliver(state, links, sizes)
 
 
-class PoweredBodies(WrappedBodies):
-    """Bodies that move while there is energy."""
+class Exhaustion:
+    """Takes robots out that have no energy left."""
 
-    def __init__(self, inner: Bodies, fault: BatteryFault, report: Report) -> None:
-        self._inner, self._batteries, self._report = inner, fault.batteries, report
+    def __init__(self, bodies: Bodies, fault: BatteryFault) -> None:
+        self._bodies, self._batteries, self._number = bodies, fault.batteries, fault.setting.number
         self._per_metre, self._idle = fault.battery.per_metre, fault.battery.idle
-        self._speed = fault.setting.robots.speed
-        self._take_out = inner.remove if fault.battery.empty == "remove" else inner.crash
+        self._farthest, self._period = fault.setting.robots.speed * fault.setting.period, fault.setting.period
+        self._take_out = bodies.remove if fault.battery.empty == "remove" else bodies.crash
         self._reported = np.zeros(fault.setting.robots.count, np.bool_)
-        self._cause = described(fault.battery, "battery")
 
-    def drive(self, motion: Motion, period: float) -> State:
-        """The state one period (s) later, without the robots that it has left empty."""
-        before = self._inner.state()
-        after = self._inner.drive(motion, period)
+    def advance(self, now: Now) -> Sequence[Event]:
+        """Charge everybody for the last iteration, and take out those that it has left empty."""
+        if now.iteration == 0:
+            return ()
+        before, after = now.before, now.after
         moved = np.hypot(*(after.pose[:, :2] - before.pose[:, :2]).T)
         # No robot drives farther than this by itself: what is beyond, another fault has carried it.
-        driven = np.minimum(moved, self._speed * period)
-        self._batteries.spend(before.alive * (self._per_metre * driven + self._idle * period))
-        out = np.flatnonzero(self._batteries.empty & after.alive)
+        driven = np.minimum(moved, self._farthest)
+        self._batteries.spend(before.alive * (self._per_metre * driven + self._idle * self._period))
+        out = np.flatnonzero(self._batteries.empty & self._bodies.state().alive)
         if len(out) == 0:
-            return after
+            return ()
         self._take_out(out)
-        for robot in out[~self._reported[out]]:
-            self._report.events.append(Event(after.iteration, int(robot), "battery empty", self._cause))
+        self._bodies.retire(out)
+        new = out[~self._reported[out]]
         self._reported[out] = True
-        return self._inner.state()
-
-    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots back into the world, but for those without energy."""
-        powered = ~self._batteries.empty[robots]
-        self._inner.place(robots[powered], pose[powered])
+        return (Begins(now.iteration, self._number, tuple(new.tolist())),) if len(new) else ()

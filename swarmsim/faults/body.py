@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Behaviour, Parts, Setting
+from swarmsim.core.parts import Computation, Parts, Setting
 from swarmsim.core.state import State
 from swarmsim.faults.effect import TimedFault
-from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline, described
+from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline
+from swarmsim.operations.mapping.maps import Maps
 
 
 class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -20,10 +21,10 @@ class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     map: Literal["kept", "lost"] = "kept"  # whether what they mapped stays, in the collective map and with them
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault."""
-        effect = Removal(setting, self.map, number)
-        return TimedFault(Timeline(self, setting, number), effect, described(self, "remove"))
+        effect = Removal(setting, self.map)
+        return TimedFault(Timeline(self, setting), effect, setting.number)
 
 
 class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -31,9 +32,9 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     map: Literal["kept", "lost"] = "kept"  # whether what they mapped stays, in the collective map and with them
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault."""
-        return TimedFault(Timeline(self, setting, number), Crashing(self.map), described(self, "crash"))
+        return TimedFault(Timeline(self, setting), Crashing(self.map), setting.number)
 
 
 class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -45,7 +46,7 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     times: Annotated[int, Meta(ge=1)] = 1  # how often robots enter
     map: Literal["empty", "copied"] = "empty"  # copied: from the live robot that has mapped most
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError unless somebody is there at the start."""
         late = self.count * self.times
         if late >= setting.robots.count:
@@ -54,8 +55,8 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             )
         if self.times > 1 and self.every is None:
             raise InputError(f"every: required key is missing; expected iterations between {self.times} times")
-        effect = Joining(setting, self.map, number)
-        return TimedFault(Lateness(self, setting.robots.count), effect, described(self, "join"))
+        effect = Joining(setting, self.map)
+        return TimedFault(Lateness(self, setting.robots.count), effect, setting.number)
 
 
 class Lateness:
@@ -68,7 +69,7 @@ class Lateness:
         #: Who is not there (n,); a live view.
         self.active: NDArray[np.bool_] = np.zeros(robots, np.bool_)
 
-    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
+    def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives those who are late from now on, and those who come."""
         late = self._due > state.iteration
         begins, ends = np.flatnonzero(late & ~self.active), np.flatnonzero(self.active & ~late)
@@ -79,22 +80,20 @@ class Lateness:
 class Removal:
     """Takes bodies out of the world, and puts them back at its entrance."""
 
-    words = ("removed", "returned")
-
-    def __init__(self, setting: Setting, memory: Literal["kept", "lost"], number: int) -> None:
-        self._setting, self._memory, self._number = setting, memory, number
+    def __init__(self, setting: Setting, memory: Literal["kept", "lost"]) -> None:
+        self._setting, self._memory, self._number = setting, memory, setting.number
         self._streams: dict[int, np.random.Generator] = {}  # of those that have returned
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The same parts: bodies can be taken out as they are."""
-        self._bodies, self._behaviour, self._building = parts.bodies, parts.behaviour, parts.building
+        self._bodies, self._computation, self._building = parts.bodies, parts.computation, parts.building
         return parts
 
     def begin(self, robots: Robots, state: State) -> None:
         """They vanish."""
         self._bodies.remove(robots)
         if self._memory == "lost":
-            forget(self._behaviour, robots)
+            self._computation.forget(robots)
 
     def end(self, robots: Robots, state: State) -> Robots:
         """They return to places of the spawn area drawn at random; those who find it full wait."""
@@ -120,15 +119,15 @@ class Removal:
 class Joining:
     """Keeps latecomers out of the world until they enter, with the map they are given."""
 
-    words = ("late", "joined")
-
-    def __init__(self, setting: Setting, memory: Literal["empty", "copied"], number: int) -> None:
-        self._absence = Removal(setting, "kept", number)
+    def __init__(self, setting: Setting, memory: Literal["empty", "copied"]) -> None:
+        self._absence = Removal(setting, "kept")
         self._memory = memory
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The same parts: bodies can be taken out as they are."""
-        self._behaviour = parts.behaviour
+        self._computation = parts.computation
+        if self._memory == "copied":
+            check_maps(parts.computation, "map")
         return self._absence.wrap(parts, active)
 
     def begin(self, robots: Robots, state: State) -> None:
@@ -142,32 +141,30 @@ class Joining:
         """They enter, as far as there is room."""
         entered = self._absence.end(robots, state)
         if self._memory == "copied" and len(entered):
-            observed, log_odds = self._behaviour.observed, self._behaviour.log_odds
+            observed = maps_of(self._computation).observed
             known = np.where(state.alive, observed.reshape(len(observed), -1).sum(axis=1), -1)
             best = int(known.argmax())
             if state.alive[best]:
-                observed[entered], log_odds[entered] = observed[best], log_odds[best]
+                self._computation.adopt(entered, best)
         return entered
 
 
 class Crashing:
     """Stops bodies for good, or until they are repaired."""
 
-    words = ("crashed", "repaired")
-
     def __init__(self, memory: Literal["kept", "lost"]) -> None:
         self._memory = memory
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The same parts: bodies can be stopped as they are."""
-        self._bodies, self._behaviour = parts.bodies, parts.behaviour
+        self._bodies, self._computation = parts.bodies, parts.computation
         return parts
 
     def begin(self, robots: Robots, state: State) -> None:
         """They stand still."""
         self._bodies.crash(robots)
         if self._memory == "lost":
-            forget(self._behaviour, robots)
+            self._computation.forget(robots)
 
     def end(self, robots: Robots, state: State) -> Robots:
         """They go on from where they are by now."""
@@ -175,7 +172,14 @@ class Crashing:
         return robots
 
 
-def forget(behaviour: Behaviour, robots: Robots) -> None:
-    """Empty the maps of these robots."""
-    behaviour.observed[robots] = False
-    behaviour.log_odds[robots] = 0.0
+def check_maps(computation: Computation, key: str) -> None:
+    """Raise InputError, which starts with `key`, unless robots map."""
+    if not isinstance(getattr(computation, "maps", None), Maps):
+        raise InputError(f"{key}: these robots keep no maps; expected a computation that does, as occupancy-grid")
+
+
+def maps_of(computation: Computation) -> Maps:
+    """What robots that map know; to be asked after `check_maps`."""
+    maps: Any = getattr(computation, "maps", None)
+    assert isinstance(maps, Maps)
+    return maps

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Protocol
 
 import numpy as np
@@ -11,9 +11,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Box, Motion, Parts, Setting
-from swarmsim.core.state import Event, State
-from swarmsim.faults.effect import WrappedBodies
+from swarmsim.core.events import Box, BoxGone, BoxStands, BoxWaits, Event
+from swarmsim.core.parts import Now, Parts, Setting
 from swarmsim.faults.timeline import Duration, Iteration, Share
 
 _TRIES = 100  # places drawn for a piece of rubble before it stays where it was
@@ -21,10 +20,10 @@ _STRIDE = 2.9  # cells: a diagonal leg of a walker's way, and the diagonal of a 
 
 
 class Scheduled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The keys that every change of the building has. One of `at` and `coverage` says when."""
+    """The keys that every change of the building has. One of `at` and `progress` says when."""
 
     at: Iteration | None = None  # the first iteration with the change
-    coverage: Share | None = None  # it comes once the swarm has mapped this share of the domain
+    progress: Share | None = None  # it comes once this share of the task is done
     every: Duration | None = None  # iterations from one change to the next of its kind; default: never again
     lasts: Duration | None = None  # iterations with the change; default: for good
 
@@ -34,9 +33,9 @@ class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     box: Box  # m: left, lower, right, upper
 
-    def build(self, setting: Setting, number: int) -> ChangingBuilding:
+    def build(self, setting: Setting) -> ChangingBuilding:
         """The fault. Raises InputError for keys that contradict each other."""
-        layout = Fixed(("door closed", "door opened"), (), (("box", self.box),))
+        layout = Fixed((), (("box", self.box),))
         return ChangingBuilding(Schedule(self, again=False), layout, setting)
 
 
@@ -46,11 +45,11 @@ class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True
     box: Box  # m: left, lower, right, upper
     to: Box | None = None  # m: where it is moved, and from where it returns when the change ends
 
-    def build(self, setting: Setting, number: int) -> ChangingBuilding:
+    def build(self, setting: Setting) -> ChangingBuilding:
         """The fault. Raises InputError for keys that contradict each other."""
         before = (("box", self.box),) if self.to else ()
         after = (("to", self.to),) if self.to else (("box", self.box),)
-        layout = Fixed(("furniture placed", "furniture taken"), before, after)
+        layout = Fixed(before, after)
         return ChangingBuilding(Schedule(self, again=False), layout, setting)
 
 
@@ -61,7 +60,7 @@ class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     count: Annotated[int, Meta(ge=1, le=1000)] = 1  # boxes at a time
     size: tuple[Annotated[float, Meta(gt=0.0)], Annotated[float, Meta(gt=0.0)]] = (0.15, 0.5)  # m: least, largest side
 
-    def build(self, setting: Setting, number: int) -> ChangingBuilding:
+    def build(self, setting: Setting) -> ChangingBuilding:
         """The fault. Raises InputError for boxes that the region cannot hold."""
         left, low, right, high = self.region
         least, most = self.size
@@ -70,7 +69,7 @@ class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"size: {least:g} to {most:g} m in a region of {right - left:g} m x {high - low:g} m; expected the "
                 "least side first, and no more than the region's sides"
             )
-        return ChangingBuilding(Schedule(self, again=True), Falling(self, setting, number), setting)
+        return ChangingBuilding(Schedule(self, again=True), Falling(self, setting), setting)
 
 
 class Schedule:
@@ -78,17 +77,17 @@ class Schedule:
 
     def __init__(self, change: Scheduled, *, again: bool) -> None:
         """`again` allows strikes while another lasts. Raises InputError for keys that contradict each other."""
-        if (change.at is None) == (change.coverage is None):
-            raise InputError("at: expected either at or coverage to say when")
+        if (change.at is None) == (change.progress is None):
+            raise InputError("at: expected either at or progress to say when")
         if change.every is not None and not again and (change.lasts is None or change.lasts >= change.every):
             raise InputError(f"every: {change.every} iterations, but it does not end before; expected a shorter lasts")
         self._change = change
         self._since: int | None = None  # the iteration of the first strike
 
-    def strikes(self, now: int, coverage: float) -> range:
-        """The numbers of the strikes that last in iteration `now`, with this share (0 to 1) of the domain mapped."""
+    def strikes(self, now: int, progress: float) -> range:
+        """The numbers of the strikes that last in iteration `now`, with this share (0 to 1) of the task done."""
         change = self._change
-        due = now >= change.at if change.at is not None else coverage >= (change.coverage or 0.0)
+        due = now >= change.at if change.at is not None else progress >= (change.progress or 0.0)
         if self._since is None and due:
             self._since = now
         if self._since is None:
@@ -101,11 +100,6 @@ class Schedule:
 
 class Layout(Protocol):
     """Which boxes a change wants to stand where."""
-
-    @property
-    def words(self) -> tuple[str, str]:
-        """What the events say of a box that comes, and of one that goes."""
-        ...
 
     @property
     def places(self) -> tuple[tuple[str, Box], ...]:
@@ -121,7 +115,6 @@ class Layout(Protocol):
 class Fixed:
     """The boxes before and during a strike."""
 
-    words: tuple[str, str]
     before: tuple[tuple[str, Box], ...]
     during: tuple[tuple[str, Box], ...]
 
@@ -138,10 +131,8 @@ class Fixed:
 class Falling:
     """Boxes drawn anew for each strike, from a stream of its own."""
 
-    words = ("rubble fell", "rubble cleared")
-
-    def __init__(self, rubble: Rubble, setting: Setting, number: int) -> None:
-        self._rubble, self._streams, self._purpose = rubble, setting.streams, f"fault {number} rubble"
+    def __init__(self, rubble: Rubble, setting: Setting) -> None:
+        self._rubble, self._streams, self._purpose = rubble, setting.streams, f"fault {setting.number} rubble"
         self._fallen: dict[int, tuple[Box, ...]] = {}
 
     @property
@@ -185,66 +176,53 @@ class ChangingBuilding:
     setting: Setting
 
     def install(self, parts: Parts) -> Parts:
-        """The parts with the bodies wrapped. Raises InputError for boxes that cannot stand in this building."""
+        """The same parts, with the changes in their calendar. Raises InputError for boxes that cannot stand here."""
         for key, box in self.layout.places:
             parts.building.check(box, key)
-        builder = Builder(parts, self)
-        builder.advance(parts.bodies.state())
-        return replace(parts, bodies=builder)
+        parts.calendar.enter(Builder(parts, self))
+        return parts
 
 
-class Builder(WrappedBodies):
-    """Bodies that let the building change whenever they have been driven, where nobody is in the way."""
+class Builder:
+    """Lets the building change between two iterations, where nobody is in the way."""
 
     def __init__(self, parts: Parts, change: ChangingBuilding) -> None:
-        self._inner, self._parts, self._change = parts.bodies, parts, change
+        self._parts, self._change = parts, change
         self._standing: tuple[Box, ...] = ()
         self._waits = False
 
-    def advance(self, state: State) -> None:
-        """Make the change that is due in the iteration of `state`, as a whole and once all of its places are clear."""
-        building, report, change = self._parts.building, self._parts.report, self._change
-        strikes = change.schedule.strikes(state.iteration, report.coverage)
+    def advance(self, now: Now) -> Sequence[Event]:
+        """Make the change that is due, as a whole and once all of its places are clear."""
+        building, change, number = self._parts.building, self._change, self._change.setting.number
+        strikes = change.schedule.strikes(now.iteration, now.progress)
         wanted = change.layout.wanted(strikes, self._is_clear)
         if wanted == self._standing:
             self._waits = False
-            return
+            return ()
         gone = [box for box in self._standing if box not in wanted]
         come = [box for box in wanted if box not in self._standing]
-        comes, goes = change.layout.words
         blocked = [box for box in come if not self._is_clear(box)]
         if blocked:
-            if not self._waits:
-                report.events.append(Event(state.iteration, -1, f"{comes.split()[0]} waits", told(blocked[0], "waits")))
-            self._waits = True
-            return
+            waited, self._waits = self._waits, True
+            return () if waited else (BoxWaits(now.iteration, number, blocked[0]),)
         boxes = list(building.boxes)
         for box in gone:
             boxes.remove(box)
         building.rebuild((*boxes, *come))
         self._standing, self._waits = wanted, False
-        report.events.extend(Event(state.iteration, -1, goes, told(box, "gone")) for box in gone)
-        report.events.extend(Event(state.iteration, -1, comes, told(box, "stands")) for box in come)
+        return [
+            *(BoxGone(now.iteration, number, box) for box in gone),
+            *(BoxStands(now.iteration, number, box) for box in come),
+        ]
 
     def _is_clear(self, box: Box) -> bool:
         """Whether no body would be in a box, nor meet it on the step that it is taking."""
         building, setting = self._parts.building, self._change.setting
-        pose = self._inner.state().pose[self._inner.solid]
+        pose = self._parts.bodies.state().pose[self._parts.bodies.solid]
         walkers = building.walkers()
         room = walkers[:, 2] + _STRIDE * setting.lattice.cell
         robots = (_distance(box, pose) >= setting.robots.radius).all()
         return bool(robots and (_distance(box, walkers) >= room).all())
-
-    def drive(self, motion: Motion, period: float) -> State:
-        """The state one period later, in the building of the next iteration."""
-        state = self._inner.drive(motion, period)
-        self.advance(state)
-        return state
-
-
-def told(box: Box, what: str) -> str:
-    """A box as the cause of an event tells it: `box 3 4 5 6 stands`."""
-    return f"box {' '.join(f'{edge:.10g}' for edge in box)} {what}"
 
 
 def _distance(box: Box, places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import Annotated, Literal, Protocol
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Parts, Setting, Sharing
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Delivery, Inbox, Letters, Said, State, Tiles
+from swarmsim.core.messages import Inbox, Said
+from swarmsim.core.parts import Computation, Parts, Setting
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Observations
+from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import Lasting, TimedFault
-from swarmsim.faults.timeline import Timed, Timeline, described
+from swarmsim.faults.timeline import Timed, Timeline
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.message import TileItems
 
 Cells = Annotated[int, Meta(ge=-10_000, le=10_000)]
 KEYS = {"offset": "origin", "age": "replay", "id": "spoof"}  # which failure has which key
@@ -27,7 +31,8 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     `inverted`: free is said to be occupied, and occupied free. `free`, `occupied`: so is every cell, whether seen or
     not. `origin`: each tile lies `offset` cells from where it was sensed. `replay`: each tile is the one said `age`
     iterations ago, or at first the oldest there is, as if sensed now. `spoof`: what is heard directly of a liar seems
-    to come from another robot; under its false name, its own tile as well. A relay that passes it on tells the truth.
+    to come from another robot; under its false name, its own tile as well. A relay passes it on under the
+    name that it heard.
     """
 
     failure: Literal["inverted", "free", "occupied", "origin", "replay", "spoof"]
@@ -35,7 +40,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
     id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: whom it pretends to be; default: anybody, anew each time
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have, or lacks."""
         for key, failure in KEYS.items():
             if getattr(self, key) is not None and self.failure != failure:
@@ -47,8 +52,8 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             raise InputError(
                 "failure: a robot alone has nobody to pass itself off as; expected robots.count = 2 or more"
             )
-        effect = Lying(f"byzantine {self.failure}", self._lie(), self._names(setting, number))
-        return TimedFault(Timeline(self, setting, number), effect, described(self, "byzantine"))
+        effect = Lying(self.failure, self._lie(), self._names(setting))
+        return TimedFault(Timeline(self, setting), effect, setting.number)
 
     def _lie(self) -> Lie | None:
         """What happens to tiles, if anything does."""
@@ -66,28 +71,34 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             return Replayed(self.age)
         return None
 
-    def _names(self, setting: Setting, number: int) -> FalseNames | None:
+    def _names(self, setting: Setting) -> FalseNames | None:
         """Whom liars pretend to be, if they do."""
-        return FalseNames(setting, self.id, f"fault byzantine {number}") if self.failure == "spoof" else None
+        return FalseNames(setting, self.id, f"fault byzantine {setting.number}") if self.failure == "spoof" else None
 
 
 class Lie(Protocol):
     """Turns the truth into something else."""
 
-    def tell(self, said: Said, rows: NDArray[np.bool_]) -> None:
-        """Overwrite values and origins of some tiles, `rows` (t,), of what all robots are about to say.
+    @property
+    def needs_tiles(self) -> bool:
+        """Whether it can be told of tiles alone."""
+        ...
 
-        It is asked in every iteration, whether or not anybody lies.
-        """
+    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+        """What is said, but for some items, `rows` (t,), that are lies; asked in every iteration."""
         ...
 
 
 class Inverted:
     """Says free of what is occupied, and occupied of what is free."""
 
-    def tell(self, said: Said, rows: NDArray[np.bool_]) -> None:
+    needs_tiles = True
+
+    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
         """Swap the two."""
-        said.values[rows] = SWAPPED[said.values[rows]]
+        values = said.content.values.copy()
+        values[rows] = SWAPPED[values[rows]]
+        return replace(said, content=replace(said.content, values=values))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +106,13 @@ class Uniform:
     """Says the same of every cell, seen or not."""
 
     value: int
+    needs_tiles: bool = True
 
-    def tell(self, said: Said, rows: NDArray[np.bool_]) -> None:
+    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
         """Write it everywhere."""
-        said.values[rows] = self.value
+        values = said.content.values.copy()
+        values[rows] = self.value
+        return replace(said, content=replace(said.content, values=values))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,28 +120,43 @@ class Displaced:
     """Says that tiles lie elsewhere."""
 
     offset: NDArray[np.int32]  # (2,): rows, columns
+    needs_tiles: bool = True
 
-    def tell(self, said: Said, rows: NDArray[np.bool_]) -> None:
+    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
         """Move them."""
-        said.origins[rows] += self.offset
+        origins = said.content.origins.copy()
+        origins[rows] += self.offset
+        return replace(said, content=replace(said.content, origins=origins))
 
 
 class Replayed:
-    """Says what was true some iterations ago: the first tile of that message for the first of this, and so on."""
+    """Says what was true some iterations ago: the first item of that message for the first of this, and so on."""
+
+    needs_tiles = False
 
     def __init__(self, age: int) -> None:
-        self._past: deque[tuple[NDArray[np.uint8], NDArray[np.int32], NDArray[np.int64]]] = deque(maxlen=age + 1)
+        self._past: deque[Said[Any]] = deque(maxlen=age + 1)
 
-    def tell(self, said: Said, rows: NDArray[np.bool_]) -> None:
-        """Put old tiles in the place of new ones; where the old message had fewer, nothing is known."""
-        self._past.append((said.values.copy(), said.origins.copy(), said.ends))
-        values, origins, ends = self._past[0]
-        starts, old_starts = _starts(said.ends), _starts(ends)
-        owners = np.repeat(np.arange(len(ends)), said.ends - starts)
+    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+        """Put old items in the place of new ones; where the old message had fewer, tiles are unknown all over.
+
+        Tiles are told as if they had been sensed now.
+        """
+        self._past.append(replace(said, content=said.content.take(np.arange(len(said.content)))))
+        before = self._past[0]
+        starts, old_starts = said.starts(), before.starts()
+        owners = np.repeat(np.arange(len(said.ends)), said.ends - starts)
         old = old_starts[owners] + np.arange(len(owners)) - starts[owners]
-        there = rows & (old < ends[owners])
-        said.values[rows] = UNKNOWN
-        said.values[there], said.origins[there] = values[old[there]], origins[old[there]]
+        there = rows & (old < before.ends[owners])
+        columns = {}
+        for field in fields(said.content):
+            if field.name not in ("sources", "sensed", "hops"):
+                column = getattr(said.content, field.name).copy()
+                if field.name == "values":
+                    column[rows] = UNKNOWN
+                column[there] = getattr(before.content, field.name)[old[there]]
+                columns[field.name] = column
+        return replace(said, content=replace(said.content, **columns))
 
 
 class FalseNames:
@@ -151,69 +180,59 @@ class FalseNames:
                 names[robot] = self._name
         self._given[iteration] = names
 
-    def signed(self, inbox: Inbox, delivery: Delivery) -> Inbox:
-        """The inbox as its receivers believe it to be.
-
-        Of two messages from one robot to another that arrive together, both go by the later one's name.
-        """
-        names = self._for(inbox, delivery.heard)
-        for iteration in [t for t in self._given if t < delivery.oldest]:
+    def signed(self, inbox: Inbox[Any]) -> Inbox[Any]:
+        """The inbox as its receivers believe it to be."""
+        names = inbox.senders.copy()
+        for iteration in np.unique(inbox.sent).tolist():
+            rows = inbox.sent == iteration
+            names[rows] = self._given[iteration][names[rows]]
+        for iteration in [t for t in self._given if t < inbox.oldest]:
             del self._given[iteration]
         if (names == inbox.senders).all():
             return inbox
-        sources = np.where(inbox.sources == inbox.senders, names, inbox.sources)
-        order = np.lexsort([names, inbox.receivers])
-        believed = replace(inbox, senders=names, sources=sources)
-        return Inbox(*(getattr(believed, field)[order] for field in Inbox.__slots__))
-
-    def _for(self, inbox: Inbox, heard: Letters) -> NDArray[np.int32]:
-        """The name (t,) under which each tile was said."""
-        robots = len(self._ids)
-        letters = heard[:, 0].astype(np.int64) * robots + heard[:, 1]  # rising, since letters are sorted
-        tiles = inbox.receivers.astype(np.int64) * robots + inbox.senders
-        sent = heard[np.searchsorted(letters, tiles, side="right") - 1, 2]
-        names = inbox.senders.copy()
-        for iteration in np.unique(sent):
-            rows = sent == iteration
-            names[rows] = self._given[int(iteration)][names[rows]]
-        return names
+        content = inbox.content
+        if isinstance(content, TileItems):
+            content = replace(content, sources=np.where(content.sources == inbox.senders, names, content.sources))
+        believed = replace(inbox, senders=names, content=content)
+        return believed.take(np.lexsort([names, inbox.receivers]))
 
 
 class Lying(Lasting):
-    """Wraps the sharing."""
+    """Wraps the computation."""
 
-    def __init__(self, word: str, lie: Lie | None, names: FalseNames | None) -> None:
-        self.words = (word, f"{word} over")
-        self._lie, self._names = lie, names
+    def __init__(self, failure: str, lie: Lie | None, names: FalseNames | None) -> None:
+        self._failure, self._lie, self._names = failure, lie, names
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with the sharing wrapped."""
-        return replace(parts, sharing=LyingSharing(parts.sharing, active, self._lie, self._names))
+        """The parts with the computation wrapped. Raises InputError for a lie that their messages cannot hold."""
+        if self._lie is not None and self._lie.needs_tiles and not issubclass(parts.computation.knows, Maps):
+            raise InputError(
+                f"failure: {self._failure!r} is a lie about tiles, and these robots tell none; expected 'replay' or "
+                "'spoof'"
+            )
+        return replace(parts, computation=LyingComputation(parts.computation, active, self._lie, self._names))
 
 
-class LyingSharing:
-    """Sharing in which some robots do not say what they sensed, or not who they are."""
+class LyingComputation(WrappedComputation):
+    """A computation of which some robots do not say what they know, or not who they are."""
 
-    def __init__(self, inner: Sharing, active: NDArray[np.bool_], lie: Lie | None, names: FalseNames | None) -> None:
-        self._inner, self._active, self._lie, self._names = inner, active, lie, names
+    def __init__(
+        self, inner: Computation, active: NDArray[np.bool_], lie: Lie | None, names: FalseNames | None
+    ) -> None:
+        super().__init__(inner)
+        self._active, self._lie, self._names = active, lie, names
 
-    def say(self, state: State, tiles: Tiles) -> Said:
-        """The message of every robot, with lies in those of the liars."""
-        # The policy keeps what it gives until it is heard, so the lie is written there: into copies of the tiles,
-        # for the liar maps its own as they are.
-        said = self._inner.say(state, Tiles(tiles.values.copy(), tiles.origins.copy()))
+    def say(self, observations: Observations) -> Said[Any]:
+        """The message of every robot, with lies in those of the liars, who know the truth themselves."""
+        said = self._inner.say(observations)
         if self._lie is not None:
-            self._lie.tell(said, np.repeat(self._active, said.ends - _starts(said.ends)))
+            said = self._lie.told(said, np.repeat(self._active, said.ends - said.starts()))
         if self._names is not None:
-            self._names.give(state.iteration, self._active & state.alive)
+            self._names.give(observations.iteration, self._active & observations.alive)
         return said
 
-    def hear(self, delivery: Delivery) -> Inbox:
-        """The tiles in the messages delivered, by those who seem to have said them."""
-        inbox = self._inner.hear(delivery)
-        return inbox if self._names is None else self._names.signed(inbox, delivery)
-
-
-def _starts(ends: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where each robot's tiles begin (n,), given where they end."""
-    return np.concatenate([np.zeros(1, np.int64), ends[:-1]])
+    def hear(self, observations: Observations) -> Knowledge:
+        """What robots know by what they heard of those who seem to have said it."""
+        if self._names is not None and observations.inbox is not None:
+            observations = replace(observations, inbox=self._names.signed(observations.inbox))
+        return self._inner.hear(observations)

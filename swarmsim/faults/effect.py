@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Bodies, Motion, Parts
-from swarmsim.core.state import Event, State
+from swarmsim.core.events import Begins, Ends, Event
+from swarmsim.core.parts import Now, Parts
+from swarmsim.core.state import State
 from swarmsim.faults.timeline import Robots
 
 
 class Effect(Protocol):
     """What one kind of fault does."""
-
-    @property
-    def words(self) -> tuple[str, str]:
-        """What the events say when it begins and when it ends."""
-        ...
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts, one of them wrapped; `active` (n,) is a live view of who has the fault. Raises InputError."""
@@ -51,76 +47,53 @@ class Course(Protocol):
 
     active: NDArray[np.bool_]  # (n,): a live view; for the clock alone to write
 
-    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
-        """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends."""
+    def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
+        """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends.
+
+        `progress` (0 to 1) is how much of the task was done in the iteration before.
+        """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class TimedFault:
-    """An effect on a timeline: one part is wrapped by the effect, and the bodies by a clock."""
+    """An effect on a timeline: one part is wrapped by the effect, and the calendar has its clock."""
 
     course: Course
     effect: Effect
-    cause: str  # what the events give as their cause
+    number: int  # the fault's place in the scenario
 
     def install(self, parts: Parts) -> Parts:
         """The parts, wrapped. Raises InputError for parts that cannot have this fault."""
         wrapped = self.effect.wrap(parts, self.course.active)
-        clock = Clock(wrapped, self.course, self.effect, self.cause)
-        clock.advance(clock.state())
-        return replace(wrapped, bodies=clock)
+        parts.calendar.enter(Clock(wrapped, self))
+        return wrapped
 
 
-class WrappedBodies(ABC):
-    """Bodies around others, which do all but what a fault changes."""
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Moves a fault's timeline forward between two iterations."""
 
-    _inner: Bodies
+    parts: Parts
+    fault: TimedFault
 
-    @abstractmethod
-    def drive(self, motion: Motion, period: float) -> State:
-        """The state one period (s) later."""
-
-    def state(self) -> State:
-        """The state now."""
-        return self._inner.state()
-
-    @property
-    def solid(self) -> NDArray[np.bool_]:
-        """Whose bodies (n,) are in the world."""
-        return self._inner.solid
-
-    def remove(self, robots: NDArray[np.int64]) -> None:
-        """Take robots out of the world."""
-        self._inner.remove(robots)
-
-    def crash(self, robots: NDArray[np.int64]) -> None:
-        """Let robots stand as obstacles."""
-        self._inner.crash(robots)
-
-    def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots back into the world."""
-        self._inner.place(robots, pose)
-
-
-class Clock(WrappedBodies):
-    """Bodies that move a fault's timeline forward whenever they have been driven."""
-
-    def __init__(self, parts: Parts, course: Course, effect: Effect, cause: str) -> None:
-        self._inner, self._parts, self._course, self._effect, self._cause = parts.bodies, parts, course, effect, cause
-
-    def advance(self, state: State) -> State:
-        """Let the fault begin and end where its time has come, and report it; gives the state after that."""
-        begins, ends = self._course.advance(state, self._parts)
+    def advance(self, now: Now) -> Sequence[Event]:
+        """Let the fault begin and end where its time has come."""
+        state, course, effect = self.parts.bodies.state(), self.fault.course, self.fault.effect
+        begins, ends = course.advance(state, now.progress, self.parts)
         if len(begins) == len(ends) == 0:
-            return state
-        ended = self._effect.end(ends, state)
-        self._course.active[np.setdiff1d(ends, ended)] = True
-        self._effect.begin(begins, state)
-        for robots, word in zip((ended, begins), self._effect.words[::-1], strict=True):
-            self._parts.report.events.extend(Event(state.iteration, int(i), word, self._cause) for i in robots)
-        return self._inner.state()
+            return ()
+        ended = effect.end(ends, state)
+        course.active[np.setdiff1d(ends, ended)] = True
+        effect.begin(begins, state)
+        events: list[Event] = []
+        if len(ended):
+            events.append(Ends(now.iteration, self.fault.number, _ids(ended)))
+        if len(begins):
+            events.append(Begins(now.iteration, self.fault.number, _ids(begins)))
+        return events
 
-    def drive(self, motion: Motion, period: float) -> State:
-        """The state one period later, after what has begun and ended."""
-        return self.advance(self._inner.drive(motion, period))
+
+def _ids(robots: Robots) -> tuple[int, ...]:
+    """Who it is, for an event; nobody in particular for the -1 of a fault of the whole network."""
+    return tuple(int(robot) for robot in robots if robot >= 0)

@@ -11,14 +11,14 @@ from msgspec import Meta
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Building, Motion, Parts, Setting, WheelSpeeds
 from swarmsim.core.parts import Localisation as LocalisationPart
-from swarmsim.core.state import Intents, State, Tiles
+from swarmsim.core.state import Intents, Readings, State, Tiles
 from swarmsim.faults.effect import Lasting, TimedFault
-from swarmsim.faults.timeline import Robots, Timed, Timeline, described
-from swarmsim.network import chance
+from swarmsim.faults.timeline import Robots, Timed, Timeline
 
 TOUCH = 1e-9  # m: how far into a wall a disc may reach that touches it, by rounding
 
@@ -43,7 +43,7 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
     sigma: Spread | None = None  # for drift: m per square root of an iteration
     sigma_yaw: Spread | None = None  # for drift: rad per square root of an iteration
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
         constant, random = ("dx", "dy", "dyaw"), ("sigma", "sigma_yaw")
         own = {"bias": constant, "drift": (*constant, *random), "kidnap": ()}[self.failure]
@@ -54,26 +54,23 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
                 raise InputError(f"{key}: localisation with {self.failure!r} has none; expected {right}")
         if own and not any(getattr(self, key) for key in given):
             raise InputError(f"{own[0]}: no error is given; expected a number other than 0 for {' or '.join(own)}")
-        return TimedFault(
-            Timeline(self, setting, number), self._effect(setting, number), described(self, "localisation")
-        )
+        return TimedFault(Timeline(self, setting), self._effect(setting), setting.number)
 
-    def _effect(self, setting: Setting, number: int) -> Misplacement:
+    def _effect(self, setting: Setting) -> Misplacement:
         constant = np.array([self.dx or 0.0, self.dy or 0.0, self.dyaw or 0.0])
         if self.failure == "kidnap":
-            return Kidnapping(setting, number)
+            return Kidnapping(setting)
         if self.failure == "bias":
             return Bias(setting, constant)
         spread = np.array([self.sigma or 0.0, self.sigma or 0.0, self.sigma_yaw or 0.0])
-        stream = setting.streams.open(f"fault localisation {number}")
+        stream = setting.streams.open(f"fault localisation {setting.number}")
         return Drift(setting, constant, spread, int(stream.integers(0, 2**64, dtype=np.uint64)))
 
 
 class Misplacement(Lasting):
     """Wraps localisation and motion: both are given poses with an error, which is 0 until the fault begins."""
 
-    def __init__(self, failure: str, setting: Setting) -> None:
-        self.words = (f"localisation {failure}", f"localisation {failure} over")
+    def __init__(self, setting: Setting) -> None:
         self._lattice = setting.lattice
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
         self.error: NDArray[np.float64] = np.zeros((setting.robots.count, 3))
@@ -97,7 +94,7 @@ class Bias(Misplacement):
     """An error that stays."""
 
     def __init__(self, setting: Setting, constant: NDArray[np.float64]) -> None:
-        super().__init__("bias", setting)
+        super().__init__(setting)
         self._constant = constant
 
     def begin(self, robots: Robots, state: State) -> None:
@@ -109,7 +106,7 @@ class Drift(Misplacement):
     """An error that grows, from the first iteration on, by a constant and by normal steps."""
 
     def __init__(self, setting: Setting, constant: NDArray[np.float64], spread: NDArray[np.float64], salt: int) -> None:
-        super().__init__("drift", setting)
+        super().__init__(setting)
         self._constant, self._spread, self._salt = constant, spread, salt
 
     def grow(self, iteration: int, robots: Robots) -> None:
@@ -121,10 +118,12 @@ class Drift(Misplacement):
 class Kidnapping(Misplacement):
     """An error as large as the way that robots have been carried."""
 
-    def __init__(self, setting: Setting, number: int) -> None:
-        super().__init__("kidnap", setting)
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(setting)
         self._radius = setting.robots.radius
-        self._streams = [setting.streams.open(f"fault localisation {number}", i) for i in range(setting.robots.count)]
+        self._streams = [
+            setting.streams.open(f"fault localisation {setting.number}", i) for i in range(setting.robots.count)
+        ]
         self._version = -1  # of the building whose places these are
         self._places = np.empty((0, 2))
 
@@ -200,15 +199,18 @@ class WrongLocalisation:
     def __init__(self, inner: LocalisationPart, source: Misplacement, belief: Belief, lattice: Lattice) -> None:
         self._inner, self._source, self._belief, self._lattice = inner, source, belief, lattice
 
-    def locate(self, state: State, tiles: Tiles) -> tuple[NDArray[np.float64], Tiles]:
-        """The estimates and the tiles, with the errors of this iteration; to be asked once in each."""
-        pose, tiles = self._inner.locate(state, tiles)
+    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
+        """The estimates and the readings, with the errors of this iteration; to be asked once in each."""
+        pose, readings = self._inner.locate(state, readings)
         if not self._belief.active.any():
-            return pose, tiles
+            return pose, readings
         self._source.grow(state.iteration, np.flatnonzero(self._belief.active))
         believed = self._belief.of(pose)
-        aside = self._lattice.cells(believed[:, :2]) - self._lattice.cells(pose[:, :2])
-        return believed, Tiles(tiles.values, (tiles.origins + aside).astype(np.int32))
+        tiles = readings.tiles
+        if tiles is not None:
+            aside = self._lattice.cells(believed[:, :2]) - self._lattice.cells(pose[:, :2])
+            readings = replace(readings, tiles=Tiles(tiles.values, (tiles.origins + aside).astype(np.int32)))
+        return believed, readings
 
 
 class MisledMotion:

@@ -12,12 +12,14 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Behaviour, Parts, Setting
-from swarmsim.core.state import UNKNOWN, Inbox, Intents, Observations, State, Tiles
-from swarmsim.faults.body import forget
+from swarmsim.core.parts import Computation, Parts, Setting, Strategy
+from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Observations, State, Tiles
+from swarmsim.faults.body import check_maps
+from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import TimedFault
-from swarmsim.faults.timeline import Robots, Timed, Timeline, described
+from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.kernels import grid
+from swarmsim.operations.mapping.maps import Maps
 
 REACH = 1.5  # m, of a random walk unless the scenario says otherwise
 NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1))  # row and column steps to the cells across an edge
@@ -35,7 +37,7 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     failure: Literal["frozen", "random-walk", "reboot"]
     reach: Annotated[float, Meta(gt=0.0)] | None = None  # for random-walk: m, the longest way to a place; default 1.5
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have."""
         if self.reach is not None and self.failure != "random-walk":
             raise InputError(f"reach: a mind that fails by {self.failure!r} has none; expected failure = 'random-walk'")
@@ -46,9 +48,9 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.failure == "frozen":
             confusion = Frozen(setting)
         elif self.failure == "random-walk":
-            confusion = RandomWalk(setting, self.reach or REACH, f"fault mind {number}")
-        effect = MindFailure(self.failure, confusion)
-        return TimedFault(Timeline(timed, setting, number), effect, described(self, "mind"))
+            confusion = RandomWalk(setting, self.reach or REACH, f"fault mind {setting.number}")
+        effect = MindFailure(confusion)
+        return TimedFault(Timeline(timed, setting), effect, setting.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,86 +60,102 @@ class Decision:
     goal: NDArray[np.int64]  # (2,): row and column; -1, -1 for none
     way: NDArray[np.float64]  # (w, 2): the waypoints still ahead, x and y in m
     new: bool  # whether the way has just been chosen
+    twist: NDArray[np.float64] | None = None  # (2,): m/s ahead, rad/s, instead of a way
 
 
 class Confusion(Protocol):
     """What one failure puts in the place of sound perception and decisions."""
 
-    def begin(self, robots: Robots, behaviour: Behaviour, last: Intents | None) -> None:
+    needs_maps: bool  # whether it makes sense for robots that map alone
+    is_blank: bool  # whether its robots perceive nothing, as if dead
+
+    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
         """It begins with these robots, whose minds decided `last` in the iteration before, if there was one."""
         ...
 
-    def perceived(self, observations: Observations, robots: NDArray[np.bool_]) -> Observations:
-        """What the behaviour is shown while these `robots` (n,) fail."""
-        ...
-
-    def decided(self, robot: int, pose: NDArray[np.float64], behaviour: Behaviour) -> Decision | None:
-        """What a live robot that believes to be at `pose` (3,) does; None for what its behaviour has decided."""
+    def decided(self, robot: int, observations: Observations) -> Decision | None:
+        """What a live robot does; None for what its strategy has decided."""
         ...
 
 
 class MindFailure:
-    """Wraps the behaviour."""
+    """Wraps the strategy, and for robots that perceive nothing the computation as well."""
 
-    def __init__(self, failure: str, confusion: Confusion) -> None:
-        self.words = (f"mind {failure}", f"mind {failure} over")
+    def __init__(self, confusion: Confusion) -> None:
         self._confusion = confusion
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with the behaviour wrapped."""
-        self._mind = FailingMind(parts.behaviour, active, self._confusion)
-        return replace(parts, behaviour=self._mind)
+        """The parts, wrapped. Raises InputError where there is no map to walk on."""
+        if self._confusion.needs_maps:
+            check_maps(parts.computation, "failure")
+        self._computation = parts.computation
+        self._mind = FailingMind(parts.strategy, active, self._confusion)
+        if self._confusion.is_blank:
+            return replace(parts, strategy=self._mind, computation=BlankComputation(parts.computation, active))
+        return replace(parts, strategy=self._mind)
 
     def begin(self, robots: Robots, state: State) -> None:
         """Their minds fail from what they have decided last."""
-        self._mind.begin(robots)
+        self._confusion.begin(robots, self._computation, self._mind.last)
 
     def end(self, robots: Robots, state: State) -> Robots:
         """Their minds go on with what they know by then."""
         return robots
 
 
-class FailingMind:
-    """Behaviour of which some robots perceive or decide something else."""
+class BlankComputation(WrappedComputation):
+    """A computation that some robots do not feed: neither their readings nor what they hear."""
 
-    def __init__(self, inner: Behaviour, active: NDArray[np.bool_], confusion: Confusion) -> None:
+    def __init__(self, inner: Computation, active: NDArray[np.bool_]) -> None:
+        super().__init__(inner)
+        self._active = active
+
+    def hear(self, observations: Observations) -> Knowledge:
+        """What robots know, of whom those that fail take in nothing."""
+        blank = self._active & observations.alive
+        if not blank.any():
+            return self._inner.hear(observations)
+        readings, inbox = observations.readings, observations.inbox
+        if readings.tiles is not None:
+            values = readings.tiles.values.copy()
+            values[blank] = UNKNOWN
+            readings = replace(readings, tiles=Tiles(values, readings.tiles.origins))
+        inbox = None if inbox is None else inbox.take(~blank[inbox.receivers])
+        alive = observations.alive & ~blank
+        return self._inner.hear(replace(observations, alive=alive, readings=readings, inbox=inbox))
+
+
+class FailingMind:
+    """A strategy of which some robots decide something else."""
+
+    def __init__(self, inner: Strategy, active: NDArray[np.bool_], confusion: Confusion) -> None:
         self._inner, self._active, self._confusion = inner, active, confusion
         self._failed = np.zeros_like(active)  # whose decision was not its own in the iteration before
-        self._last: Intents | None = None
+        #: What all robots decided in the iteration before.
+        self.last: Intents | None = None
 
     @property
-    def observed(self) -> NDArray[np.bool_]:
-        """Which cells each robot's map holds (n, rows, columns)."""
-        return self._inner.observed
-
-    @property
-    def log_odds(self) -> NDArray[np.float32]:
-        """Each robot's occupancy grid (n, rows, columns)."""
-        return self._inner.log_odds
-
-    @property
-    def forgets(self) -> bool:
-        """Whether cells of a sound robot's map can change although no tile shows them."""
-        return self._inner.forgets
-
-    def begin(self, robots: Robots) -> None:
-        """These robots fail from the next iteration on."""
-        self._confusion.begin(robots, self._inner, self._last)
+    def reads(self) -> type[Knowledge]:
+        """What the strategy inside reads."""
+        return self._inner.reads
 
     def step(self, observations: Observations) -> Intents:
         """The intents of all robots, with those of failing minds replaced."""
         failing = self._active & observations.alive
-        intents = self._inner.step(self._confusion.perceived(observations, failing))
+        perceived = observations
+        if self._confusion.is_blank and failing.any():
+            perceived = replace(observations, alive=observations.alive & ~failing)
+        intents = self._inner.step(perceived)
         if failing.any() or self._failed.any():
             intents = self._replaced(intents, observations, failing)
-        self._failed, self._last = failing, intents
+        self._failed, self.last = failing, intents
         return intents
 
     def _replaced(self, intents: Intents, observations: Observations, failing: NDArray[np.bool_]) -> Intents:
         """The same intents, but for the rows of failing minds."""
         decisions = {}
         for robot in np.flatnonzero(failing):
-            decision = self._confusion.decided(int(robot), observations.pose[robot], self._inner)
+            decision = self._confusion.decided(int(robot), observations)
             if decision is not None:
                 decisions[robot] = decision
         # Whoever comes to its senses follows a path that may have been planned long ago but is new to everyone else.
@@ -146,41 +164,48 @@ class FailingMind:
         longest = max([intents.waypoints.shape[1], *(len(decision.way) for decision in decisions.values())])
         waypoints = np.zeros((len(goals), longest, 2))
         waypoints[:, : intents.waypoints.shape[1]] = intents.waypoints
+        twists = None if intents.twists is None else intents.twists.copy()
+        if twists is not None and self._confusion.is_blank:
+            twists[failing] = 0.0
         for robot, decision in decisions.items():
+            if twists is not None:
+                twists[robot] = np.nan if decision.twist is None else decision.twist
             goals[robot], counts[robot], planned[robot] = decision.goal, len(decision.way), decision.new
             waypoints[robot] = 0.0
             waypoints[robot, : len(decision.way)] = decision.way
-        return Intents(goals, waypoints, counts, planned)
+        return Intents(goals, waypoints, counts, planned, twists)
 
 
 class Frozen:
-    """Keeps to the goal and the path of the moment at which it froze."""
+    """Keeps to the goal and the path, or the velocity, of the moment at which it froze."""
+
+    needs_maps = is_blank = False
 
     def __init__(self, setting: Setting) -> None:
         self._window = _window(setting)
         self._kept: dict[int, Decision] = {}
 
-    def begin(self, robots: Robots, behaviour: Behaviour, last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
         """What they decided last is all they will do; without it they stand."""
         for robot in robots:
-            goal, way = np.array([-1, -1]), np.empty((0, 2))
+            goal, way, twist = np.array([-1, -1]), np.empty((0, 2)), None
             if last is not None:
                 goal, way = last.goals[robot].copy(), last.waypoints[robot, : last.counts[robot]].copy()
-            self._kept[int(robot)] = Decision(goal, way, new=False)
+                twist = None if last.twists is None else last.twists[robot].copy()
+            self._kept[int(robot)] = Decision(goal, way, False, twist)
 
-    def perceived(self, observations: Observations, robots: NDArray[np.bool_]) -> Observations:
-        """Everything: a frozen mind still maps."""
-        return observations
-
-    def decided(self, robot: int, pose: NDArray[np.float64], behaviour: Behaviour) -> Decision:
+    def decided(self, robot: int, observations: Observations) -> Decision:
         """What is left of the way."""
         kept = self._kept[robot]
-        self._kept[robot] = Decision(kept.goal, _ahead(kept.way, pose, self._window), new=False)
+        way = _ahead(kept.way, observations.pose[robot], self._window)
+        self._kept[robot] = Decision(kept.goal, way, False, kept.twist)
         return self._kept[robot]
 
 
 class RandomWalk:
     """Walks to cells drawn among those that are near on its own map, with a stream for each robot."""
+
+    needs_maps, is_blank = True, False
 
     def __init__(self, setting: Setting, reach: float, purpose: str) -> None:
         """`reach` is the longest way to a place in m; `purpose` names the streams."""
@@ -192,27 +217,24 @@ class RandomWalk:
         self._streams = [setting.streams.open(purpose, robot) for robot in range(robots.count)]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 
-    def begin(self, robots: Robots, behaviour: Behaviour, last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
         """They choose a place first."""
         for robot in robots:
             self._walks.pop(int(robot), None)
 
-    def perceived(self, observations: Observations, robots: NDArray[np.bool_]) -> Observations:
-        """Everything: a wanderer still maps."""
-        return observations
-
-    def decided(self, robot: int, pose: NDArray[np.float64], behaviour: Behaviour) -> Decision:
+    def decided(self, robot: int, observations: Observations) -> Decision:
         """On along the way or, once there, delayed or barred, along another one."""
+        pose, maps = observations.pose[robot], observations.knowledge
         here = self._lattice.cells(pose[:2])
         if robot in self._walks:
             decision, left = self._walks[robot]
             way = _ahead(decision.way, pose, self._window)
             rows, columns = self._lattice.cells(way).T
-            free = behaviour.observed[robot, rows, columns] & (behaviour.log_odds[robot, rows, columns] < 0.0)
+            free = maps.observed[robot, rows, columns] & (maps.log_odds[robot, rows, columns] < 0.0)
             if left > 0.0 and free.all() and (here != decision.goal).any():
                 self._walks[robot] = Decision(decision.goal, way, new=False), left - 1.0
                 return self._walks[robot][0]
-        cells = self._drawn(robot, here, behaviour)
+        cells = self._drawn(robot, here, maps)
         if len(cells) == 0:
             self._walks.pop(robot, None)
             return Decision(np.array([-1, -1]), np.empty((0, 2)), new=False)
@@ -220,9 +242,9 @@ class RandomWalk:
         self._walks[robot] = walk, max(4.0, 2.0 * self._pace * len(cells))
         return walk
 
-    def _drawn(self, robot: int, here: NDArray[np.int64], behaviour: Behaviour) -> NDArray[np.int64]:
+    def _drawn(self, robot: int, here: NDArray[np.int64], maps: Maps) -> NDArray[np.int64]:
         """The cells (w, 2) of a shortest way to one of the cells in reach, each as likely; none if it is shut in."""
-        free = _walkable(behaviour.observed[robot], behaviour.log_odds[robot], self._under)
+        free = _walkable(maps.observed[robot], maps.log_odds[robot], self._under)
         start = (int(here[0]), int(here[1]))
         before = {start: start}
         edge = [start]
@@ -247,25 +269,15 @@ class RandomWalk:
 
 
 class Reboot:
-    """Forgets everything, and is to its behaviour as a dead robot until it is up again."""
+    """Forgets everything, and is as a dead robot until it is up again."""
 
-    def begin(self, robots: Robots, behaviour: Behaviour, last: Intents | None) -> None:
-        """Their maps are empty."""
-        forget(behaviour, robots)
+    needs_maps, is_blank = False, True
 
-    def perceived(self, observations: Observations, robots: NDArray[np.bool_]) -> Observations:
-        """Neither their tiles nor what they hear, so that nothing is mapped; their plans are dropped with life."""
-        if not robots.any():
-            return observations
-        values = observations.tiles.values.copy()
-        values[robots] = UNKNOWN
-        inbox = observations.inbox
-        taken = ~robots[inbox.receivers]
-        kept = Inbox(*(getattr(inbox, name)[taken] for name in Inbox.__slots__))
-        tiles = Tiles(values, observations.tiles.origins)
-        return replace(observations, alive=observations.alive & ~robots, tiles=tiles, inbox=kept)
+    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
+        """They know nothing."""
+        computation.forget(robots)
 
-    def decided(self, robot: int, pose: NDArray[np.float64], behaviour: Behaviour) -> None:
+    def decided(self, robot: int, observations: Observations) -> None:
         """Nothing of its own: as if dead, it stands."""
 
 

@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Bodies, Motion, Parts, Setting, WheelSpeeds
 from swarmsim.core.state import Intents
 from swarmsim.faults.effect import Lasting, TimedFault
-from swarmsim.faults.timeline import Timed, Timeline, described
+from swarmsim.faults.timeline import Timed, Timeline
 
 SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
 
@@ -30,7 +30,7 @@ class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     factor: Annotated[float, Meta(ge=0.0)] | None = None  # for slow; default 0.5
     speed: float | None = None  # for stuck: m/s at the rim, backwards if negative; default: the robots' top speed
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have."""
         for key, failure in (("factor", "slow"), ("speed", "stuck")):
             if getattr(self, key) is not None and self.failure != failure:
@@ -40,15 +40,14 @@ class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             raise InputError(f"speed: {self.speed:g} m/s is more than the motors give; expected at most {top:g}")
         gain = (0.5 if self.factor is None else self.factor) if self.failure == "slow" else 0.0
         bias = (top if self.speed is None else self.speed) if self.failure == "stuck" else 0.0
-        effect = MotorFailure(self.failure, SIDES[self.wheel], gain, bias)
-        return TimedFault(Timeline(self, setting, number), effect, described(self, "motor"))
+        effect = MotorFailure(SIDES[self.wheel], gain, bias)
+        return TimedFault(Timeline(self, setting), effect, setting.number)
 
 
 class MotorFailure(Lasting):
     """Wraps the motion: what the wheels do is a gain times what is wanted, plus a bias."""
 
-    def __init__(self, failure: str, wheels: tuple[bool, bool], gain: float, bias: float) -> None:
-        self.words = (f"motor {failure}", f"motor {failure} over")
+    def __init__(self, wheels: tuple[bool, bool], gain: float, bias: float) -> None:
         self._wheels, self._gain, self._bias = np.array(wheels), gain, bias
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:

@@ -27,31 +27,31 @@ class People(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Annotated[float, Meta(gt=0.0)] = 0.3  # m/s
     patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step until somebody thinks of another place
 
-    def build(self, setting: Setting, number: int) -> Visit:
+    def build(self, setting: Setting) -> Visit:
         """The fault."""
-        return Visit(self, setting, number)
+        return Visit(self, setting)
 
 
 class Visit:
     """Lets people into the building."""
 
-    def __init__(self, people: People, setting: Setting, number: int) -> None:
-        self._people, self._setting, self._number = people, setting, number
+    def __init__(self, people: People, setting: Setting) -> None:
+        self._people, self._setting = people, setting
 
     def install(self, parts: Parts) -> Parts:
         """The same parts, with people in their building. Raises InputError if it has no room for them."""
-        parts.building.admit(Walkers(self._people, self._setting, self._number, parts))
+        parts.building.admit(Walkers(self._people, self._setting, parts))
         return parts
 
 
 class Walkers:
     """A crowd whose ways lead through cells that no wall touches."""
 
-    def __init__(self, people: People, setting: Setting, number: int, parts: Parts) -> None:
+    def __init__(self, people: People, setting: Setting, parts: Parts) -> None:
         self._people, self._building, self._lattice = people, parts.building, setting.lattice
         self._radius, self._speed = setting.robots.radius, setting.robots.speed
         count, cells = people.count, setting.lattice.rows * setting.lattice.columns
-        self._streams = [setting.streams.open(f"fault {number} people", person) for person in range(count)]
+        self._streams = [setting.streams.open(f"fault {setting.number} people", person) for person in range(count)]
         self._scratch = grid.scratch(cells)
         self._path = np.zeros(cells, np.int32)
         self._cells = [np.zeros(0, np.int64)] * count  # of everybody's way, row-major ...

@@ -10,12 +10,14 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Box, Channel, Links, Parts, Setting
-from swarmsim.core.state import Delivery, Letters, State
+from swarmsim.core.events import Box
+from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.parts import Channel, Links, Parts, Setting
+from swarmsim.core.state import State
 from swarmsim.faults.effect import Lasting, TimedFault
-from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline, described
-from swarmsim.network import chance
+from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline
 from swarmsim.network.channel import but_lost, in_order, letters
 
 Group = Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)]
@@ -40,12 +42,12 @@ class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     x: float | None = None  # for partition: m
     y: float | None = None  # for partition: m
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for keys that contradict each other, its failure or the swarm."""
         _check(self, setting.robots.count)
         of_robots = self.failure not in ("jam", "partition")
-        course = Timeline(self, setting, number) if of_robots else Occasions(self, setting, number)
-        return TimedFault(course, _disturbance(self, setting, number), described(self, "radio"))
+        course = Timeline(self, setting) if of_robots else Occasions(self, setting)
+        return TimedFault(course, _disturbance(self, setting), setting.number)
 
 
 def _check(fault: Radio, robots: int) -> None:
@@ -84,9 +86,9 @@ def _check_groups(groups: list[Group], robots: int) -> None:
         raise InputError("groups: everybody is in one; expected two groups or more")
 
 
-def _disturbance(fault: Radio, setting: Setting, number: int) -> Disturbance:
+def _disturbance(fault: Radio, setting: Setting) -> Disturbance:
     if fault.loss is not None:
-        stream = setting.streams.open(f"fault radio {number}")
+        stream = setting.streams.open(f"fault radio {setting.number}")
         return Loss(fault.loss, int(stream.integers(0, 2**64, dtype=np.uint64)))
     if fault.delay is not None:
         return Delay(fault.delay)
@@ -100,17 +102,17 @@ def _disturbance(fault: Radio, setting: Setting, number: int) -> Disturbance:
 class Occasions:
     """When a fault of the whole network is there: then everybody has it, and its events name nobody."""
 
-    def __init__(self, fault: Timed, setting: Setting, number: int) -> None:
+    def __init__(self, fault: Timed, setting: Setting) -> None:
         # The network takes the part of the only robot that there is to strike.
         alone = replace(setting, robots=msgspec.structs.replace(setting.robots, count=1))
-        self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone, number)
+        self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone)
         #: Who has the fault (n,): everybody or nobody; a live view.
         self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
 
-    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
+    def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives [-1] for a beginning and for an end, else nothing."""
         network = State(state.iteration, np.zeros((1, 3)), np.zeros((1, 3)), np.zeros((1, 2)), np.ones(1, np.bool_))
-        begins, ends = self._timeline.advance(network, parts)
+        begins, ends = self._timeline.advance(network, progress, parts)
         self.active[:] = self._timeline.active[0]
         return begins - 1, ends - 1
 
@@ -120,8 +122,7 @@ class Disturbance(Lasting):
 
     reason = ""  # why messages are lost
 
-    def __init__(self, failure: str) -> None:
-        self.words = (f"radio {failure}", f"radio {failure} over")
+    def __init__(self) -> None:
         self._active: NDArray[np.bool_] = np.zeros(0, np.bool_)
 
     @property
@@ -156,7 +157,7 @@ class Silence(Disturbance):
     reason = "radio off"
 
     def __init__(self, failure: str) -> None:
-        super().__init__(failure)
+        super().__init__()
         self._sends, self._hears = failure == "receive", failure == "transmit"
 
     def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
@@ -174,7 +175,7 @@ class Loss(Disturbance):
     reason = "loss"
 
     def __init__(self, probability: float, salt: int) -> None:
-        super().__init__("loss")
+        super().__init__()
         self._probability, self._salt = probability, salt
 
     def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
@@ -187,7 +188,7 @@ class Delay(Disturbance):
     """Robots with a slow radio, to and from which messages take longer."""
 
     def __init__(self, iterations: int) -> None:
-        super().__init__("delay")
+        super().__init__()
         self._iterations = iterations
 
     def delays(self, arrived: Letters) -> NDArray[np.int64]:
@@ -201,7 +202,7 @@ class Jam(Disturbance):
     reason = "jammed"
 
     def __init__(self, area: Box) -> None:
-        super().__init__("jam")
+        super().__init__()
         self._area = area
 
     def _inside(self, state: State) -> NDArray[np.bool_]:
@@ -224,7 +225,7 @@ class Partition(Disturbance):
     reason = "partition"
 
     def __init__(self, fault: Radio, robots: int) -> None:
-        super().__init__("partition")
+        super().__init__()
         self._x, self._y = fault.x, fault.y
         self._part = np.zeros(robots, np.int64)  # 0 for those whom no group names
         for number, group in enumerate(fault.groups or (), 1):

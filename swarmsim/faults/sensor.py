@@ -14,10 +14,10 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts, Setting
 from swarmsim.core.parts import Sensor as SensorPart
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Readings, State, Tiles
 from swarmsim.faults.effect import Lasting, TimedFault
-from swarmsim.faults.timeline import Robots, Timed, Timeline, described
-from swarmsim.sensors import IrRingSensor
+from swarmsim.faults.timeline import Robots, Timed, Timeline
+from swarmsim.robots.sensors import IrRingSensor
 
 Cells = Annotated[int, Meta(ge=-1000, le=1000)]
 
@@ -39,7 +39,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
     beams: Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
-    def build(self, setting: Setting, number: int) -> TimedFault:
+    def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
         for key, failure in (("value", "stuck"), ("range", "range"), ("offset", "offset"), ("beams", "beams")):
             given = getattr(self, key) is not None
@@ -47,11 +47,13 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 raise InputError(f"{key}: a sensor that is {self.failure!r} has none; expected failure = {failure!r}")
             if not given and self.failure == failure:
                 raise InputError(f"{key}: required key is missing; expected it with failure = {failure!r}")
-        effect = DeadBeams(self.beams) if self.beams else SensorFailure(self.failure, _spoil(self, setting, number))
-        return TimedFault(Timeline(self, setting, number), effect, described(self, "sensor"))
+        effect = (
+            DeadBeams(self.beams) if self.beams else SensorFailure(_spoil(self, setting), blind=self.failure == "off")
+        )
+        return TimedFault(Timeline(self, setting), effect, setting.number)
 
 
-def _spoil(fault: Sensor, setting: Setting, number: int) -> Spoil:
+def _spoil(fault: Sensor, setting: Setting) -> Spoil:
     """What the failure does to tiles."""
     if fault.failure == "stuck":
         return _filled(OCCUPIED if fault.value == "occupied" else FREE)
@@ -60,7 +62,9 @@ def _spoil(fault: Sensor, setting: Setting, number: int) -> Spoil:
     if fault.offset is not None:
         return _aside(fault.offset)
     if fault.failure == "garbage":
-        return _garbage([setting.streams.open(f"fault sensor {number}", i) for i in range(setting.robots.count)])
+        return _garbage(
+            [setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.robots.count)]
+        )
     return _filled(UNKNOWN)
 
 
@@ -99,13 +103,12 @@ def _aside(offset: tuple[int, int]) -> Spoil:
 class SensorFailure(Lasting):
     """Wraps the sensor: its tiles are spoilt."""
 
-    def __init__(self, failure: str, spoil: Spoil) -> None:
-        self.words = (f"sensor {failure}", f"sensor {failure} over")
-        self._spoil = spoil
+    def __init__(self, spoil: Spoil, *, blind: bool) -> None:
+        self._spoil, self._blind = spoil, blind
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the sensor wrapped."""
-        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil))
+        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, self._blind))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,22 +118,29 @@ class FailingSensor:
     inner: SensorPart
     active: NDArray[np.bool_]  # (n,): a live view
     spoil: Spoil
+    blind: bool  # whether nothing at all is measured
 
-    def sense(self, state: State) -> Tiles:
-        """The tiles, but for those that fail."""
-        tiles = self.inner.sense(state)
+    def sense(self, state: State) -> Readings:
+        """The readings, but for those that fail."""
+        readings = self.inner.sense(state)
         failing = np.flatnonzero(self.active & state.alive)
         if len(failing) == 0:
-            return tiles
-        values, origins = tiles.values.copy(), tiles.origins.copy()
-        self.spoil(state, failing, values, origins)
-        return Tiles(values, origins)
+            return readings
+        tiles, beams, field = readings.tiles, readings.beams, readings.field
+        if tiles is not None:
+            tiles = Tiles(tiles.values.copy(), tiles.origins.copy())
+            self.spoil(state, failing, tiles.values, tiles.origins)
+        if self.blind and beams is not None:
+            beams = replace(beams, ranges=beams.ranges.copy())
+            beams.ranges[failing] = np.inf
+        if self.blind and field is not None:
+            field = field.copy()
+            field[failing] = np.nan
+        return Readings(tiles, beams, field)
 
 
 class DeadBeams(Lasting):
     """Wraps the ring of beams beneath all failures that spoil its tiles, whichever was installed first."""
-
-    words = ("sensor beams", "sensor beams over")
 
     def __init__(self, beams: list[int]) -> None:
         self._beams = beams
@@ -159,10 +169,13 @@ class MaimedRing:
         """The same with these beams dead for everybody. Raises InputError for one not there."""
         return MaimedRing(self.whole.without(beams), self.maimed.without(beams), self.active)
 
-    def sense(self, state: State) -> Tiles:
-        """The tiles, those of robots that lack beams sensed without these."""
-        tiles = self.whole.sense(state)
+    def sense(self, state: State) -> Readings:
+        """The readings, those of robots that lack beams sensed without these."""
+        whole = self.whole.sense(state)
         if not self.active.any():
-            return tiles
-        fewer = self.maimed.sense(state)
-        return Tiles(np.where(self.active[:, None, None], fewer.values, tiles.values), tiles.origins)
+            return whole
+        fewer, tiles = self.maimed.sense(state).tiles, whole.tiles
+        assert fewer is not None
+        assert tiles is not None
+        values = np.where(self.active[:, None, None], fewer.values, tiles.values)
+        return replace(whole, tiles=Tiles(values, tiles.origins))

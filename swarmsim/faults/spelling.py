@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -13,8 +14,9 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import Table
 
-KIND = re.compile(r"[A-Za-z][\w-]*|[A-Za-z_][\w.]*:[A-Za-z_]\w*", re.ASCII)  # a name, or module:Name
+KIND = re.compile(r"[A-Za-z][\w-]*|[A-Za-z_][\w.]*:[A-Za-z_]\w*|[\w./-]+\.py:[A-Za-z_]\w*", re.ASCII)  # a name, or code
 WORD = re.compile(r"[A-Za-z_][\w.:/-]*", re.ASCII)  # what may stand without quotes
+WORDS_OF_TOML = ("true", "false", "inf", "nan")
 EXAMPLE = "expected a kind, its failure if it has several, and key=value, as in 'motor off at=20 count=5'"
 
 
@@ -87,3 +89,32 @@ def _value(key: str, text: str) -> Any:
     if list(found) != ["value"] or len(found["value"]) != 1:
         raise InputError(f"{key}: {text!r} is not one value; expected a number, a word or a list")
     return found["value"][0]
+
+
+def described(table: Table) -> str:
+    """A scenario's table of a fault as on the command line: its name, its failure and what is not as by default."""
+    given = dict(table)
+    name = str(given.pop("use")).rpartition(":")[2]
+    failure = given.pop("failure", None)
+    try:
+        fields = msgspec.structs.fields(registry.find("fault", table["use"]))
+        defaults = {field.encode_name: msgspec.to_builtins(field.default) for field in fields if not field.required}
+    except InputError:  # somebody's own code, which nobody has allowed to run
+        defaults = {}
+    keys = (f"{key}={_spelled(value)}" for key, value in given.items() if value != defaults.get(key))
+    return " ".join([name, *([failure] if failure else []), *keys])
+
+
+def _spelled(value: Any) -> str:
+    """A value as TOML on one line without blanks; a string of one word needs no quotes."""
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w-]*", value) and value not in WORDS_OF_TOML:
+        return value
+    return _toml(value)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ",".join(f"{key}={_toml(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_toml, value)) + "]"
+    return json.dumps(value)

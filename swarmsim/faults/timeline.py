@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -19,7 +17,6 @@ Iteration = Annotated[int, Meta(ge=0, le=100_000)]  # no run is longer
 Duration = Annotated[int, Meta(ge=1, le=100_000)]  # iterations
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]
 Robots = NDArray[np.int64]  # (r,): ids, sorted
-WORDS_OF_TOML = ("true", "false", "inf", "nan")
 
 
 class Life(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -30,12 +27,12 @@ class Life(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The keys that every kind of fault has. One of `at`, `between`, `coverage`, `rate` and `life` says when."""
+    """The keys that every kind of fault has. One of `at`, `between`, `progress`, `rate` and `life` says when."""
 
     at: Iteration | None = None  # the first iteration with the fault
     every: Duration | None = None  # after `at`: iterations until it strikes again; default: never
     between: tuple[Iteration, Iteration] | None = None  # the first iteration with, and the first without it
-    coverage: Share | None = None  # strikes once the swarm has mapped this share of the domain
+    progress: Share | None = None  # strikes once this share of the task is done
     rate: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None  # strikes per iteration, as a Poisson process
     life: Life | None = None  # strikes each robot once, at the end of a life of its own
     lasts: Duration | None = None  # iterations with the fault; default: for good
@@ -49,38 +46,15 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     keep: Annotated[int, Meta(ge=0)] = 1  # live robots that are never struck
 
 
-def described(fault: Struct, name: str) -> str:
-    """The fault as on the command line: its name, its failure and the keys that are not at their defaults."""
-    defaults = dict(zip(fault.__struct_fields__[::-1], fault.__struct_defaults__[::-1], strict=False))
-    given = {key: getattr(fault, key) for key in fault.__struct_fields__}
-    failure = given.pop("failure", None)
-    keys = (f"{key}={_spelled(value)}" for key, value in given.items() if value != defaults.get(key))
-    return " ".join([name, *([failure] if failure else []), *keys])
-
-
-def _spelled(value: Any) -> str:
-    """A value as TOML on one line without blanks; a string of one word needs no quotes."""
-    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w-]*", value) and value not in WORDS_OF_TOML:
-        return value
-    return _toml(value)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, Struct):
-        return "{" + ",".join(f"{key}={_toml(getattr(value, key))}" for key in value.__struct_fields__) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ",".join(map(_toml, value)) + "]"
-    return json.dumps(value)
-
-
 class Timeline:
     """Which robots have the fault in the coming iteration.
 
     It is moved forward between two iterations, so that a fault `at` an iteration is there from its first beam on.
     """
 
-    def __init__(self, fault: Timed, setting: Setting, number: int) -> None:
-        """`number` is the fault's place in the scenario, which names its streams. Raises InputError."""
+    def __init__(self, fault: Timed, setting: Setting) -> None:
+        """Its streams are named by the fault's place in the scenario. Raises InputError."""
+        number = setting.number
         _check(fault, setting.robots.count)
         self._fault = fault
         self._stream = setting.streams.open("fault", number)
@@ -96,7 +70,7 @@ class Timeline:
         #: Who has the fault in this iteration (n,); a live view.
         self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
 
-    def advance(self, state: State, parts: Parts) -> tuple[Robots, Robots]:
+    def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends."""
         now, fault = state.iteration, self._fault
         if fault.between is not None:
@@ -105,7 +79,7 @@ class Timeline:
             lasts = fault.lasts
         if lasts is not None:
             self._since[(self._since >= 0) & (now - self._since >= lasts)] = -1
-        for _ in range(self._strikes(now, parts)):
+        for _ in range(self._strikes(now, progress)):
             self._since[self._struck(state, parts)] = now
         active = self._since >= 0
         if fault.duty is not None:
@@ -115,15 +89,15 @@ class Timeline:
         self.active[:] = active
         return begins, ends
 
-    def _strikes(self, now: int, parts: Parts) -> int:
+    def _strikes(self, now: int, progress: float) -> int:
         """How often the fault strikes at the start of iteration `now`."""
         fault = self._fault
         first = fault.at if fault.between is None else fault.between[0]
         if first is not None:
             since = now - first
             return int(since == 0 or (fault.every is not None and since > 0 and since % fault.every == 0))
-        if fault.coverage is not None:
-            before, self._reached = self._reached, self._reached or parts.report.coverage >= fault.coverage
+        if fault.progress is not None:
+            before, self._reached = self._reached, self._reached or progress >= fault.progress
             return int(self._reached and not before)
         if fault.rate is not None:
             return int(self._stream.poisson(fault.rate)) if now > 0 else 0
@@ -175,9 +149,9 @@ class Timeline:
 
 def _check(fault: Timed, robots: int) -> None:
     """Raise InputError for keys that contradict each other or the swarm."""
-    when = [key for key in ("at", "between", "coverage", "rate", "life") if getattr(fault, key) is not None]
+    when = [key for key in ("at", "between", "progress", "rate", "life") if getattr(fault, key) is not None]
     if not when:
-        raise InputError("at: required key is missing; expected at, between, coverage, rate or life to say when")
+        raise InputError("at: required key is missing; expected at, between, progress, rate or life to say when")
     if len(when) > 1:
         raise InputError(
             f"{when[1]}: the fault strikes {when[0]}={getattr(fault, when[0])} already; expected one of them"

@@ -126,19 +126,75 @@ def _note(log_odds, observed, held, robot, cell, found):
 
 
 @njit(cache=True)
-def changes_under(log_odds, observed, held, owners, origins, shape, columns, found):
+def _note_under(log_odds, observed, held, robot, row0, column0, shape, columns, found, count):
+    rows = observed.shape[1] // columns
+    for r in range(max(0, row0), min(rows, row0 + shape[0])):
+        for c in range(max(0, column0), min(columns, column0 + shape[1])):
+            count += _note(log_odds, observed, held, robot, r * columns + c, found[count])
+    return count
+
+
+@njit(cache=True)
+def changes_under(log_odds, observed, held, robots, origins, receivers, heard_origins, shape, columns, found):
     """Which cells of the maps differ from `held` (n, cells), looked for under tiles alone; brings `held` up to date.
 
-    `log_odds` and `observed` (n, cells) are row-major with so many columns; tile t of `shape` (rows, columns) lies
-    at `origins` (t, 2) of the map of `owners` (t,). Writes robot, cell and state to `found` (c, 3); gives their number.
+    `log_odds` and `observed` (n, cells) are row-major with so many columns; tiles of `shape` (rows, columns) lie at
+    `origins` (n, 2) of the maps of `robots` (n,) and at `heard_origins` (m, 2) of those of `receivers` (m,). Writes
+    robot, cell and state to `found` (c, 3); gives their number.
     """
     count = 0
-    rows = observed.shape[1] // columns
-    for t in range(len(owners)):
-        for r in range(max(0, origins[t, 0]), min(rows, origins[t, 0] + shape[0])):
-            for c in range(max(0, origins[t, 1]), min(columns, origins[t, 1] + shape[1])):
-                count += _note(log_odds, observed, held, owners[t], r * columns + c, found[count])
+    for t in range(len(robots)):
+        count = _note_under(
+            log_odds, observed, held, robots[t], origins[t, 0], origins[t, 1], shape, columns, found, count
+        )
+    for t in range(len(receivers)):
+        count = _note_under(
+            log_odds, observed, held, receivers[t], heard_origins[t, 0], heard_origins[t, 1], shape, columns, found,
+            count,
+        )  # fmt: skip
     return count
+
+
+@njit(cache=True)
+def _mark_tile(shown, tile, row0, column0):
+    rows, columns = tile.shape
+    for r in range(max(0, -row0), min(rows, shown.shape[0] - row0)):
+        for c in range(max(0, -column0), min(columns, shown.shape[1] - column0)):
+            if tile[r, c] != 0:
+                shown[row0 + r, column0 + c] = True
+
+
+@njit(cache=True)
+def mark(shown, alive, tiles, origins, receivers, heard, heard_origins):
+    """Note in `shown` (n, rows, columns) which cells each robot's own tile and those it heard show; as in `fuse`."""
+    for i in range(len(alive)):
+        if alive[i]:
+            _mark_tile(shown[i], tiles[i], origins[i, 0], origins[i, 1])
+    for m in range(len(receivers)):
+        _mark_tile(shown[receivers[m]], heard[m], heard_origins[m, 0], heard_origins[m, 1])
+
+
+@njit(cache=True)
+def recount(changes, held, holders, domain, each):
+    """Bring the counts of known cells up to date with `changes` (c, 3) of maps: robot, cell, state.
+
+    `held` (n, cells) says which cells each robot's map held before, `holders` (cells,) how many maps hold each; both
+    are brought up to date. `each` (n,) counts the cells of the `domain` (cells,) in each map. Gives by how much the
+    number of cells of the domain that any map holds has grown.
+    """
+    grown = 0
+    for k in range(len(changes)):
+        i, cell, known = changes[k, 0], changes[k, 1], changes[k, 2] != 0
+        if held[i, cell] == known:
+            continue
+        held[i, cell] = known
+        step = 1 if known else -1
+        before = holders[cell]
+        holders[cell] = before + step
+        if domain[cell]:
+            each[i] += step
+            grown += (before + step > 0) - (before > 0)
+    return grown
 
 
 @njit(cache=True)

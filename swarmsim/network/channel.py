@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Building, Channel, Links, Setting
-from swarmsim.core.state import Delivery, Letters, State
+from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.parts import Channel, Links, Setting
+from swarmsim.core.state import State
 
 
 class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Everything arrives, at once and unchanged."""
 
-    def build(self, setting: Setting, building: Building) -> PerfectChannel:
+    def build(self, setting: Setting) -> PerfectChannel:
         """The channel."""
         return PerfectChannel()
 
@@ -46,10 +47,10 @@ class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         except InputError as problem:
             raise InputError(f"over.{problem}") from problem
 
-    def below(self, setting: Setting, building: Building) -> Channel:
+    def below(self, setting: Setting) -> Channel:
         """The channel that this one lies over. Raises InputError, naming the path to the key, if it cannot work."""
         try:
-            channel: Channel = registry.part("channel", self.over).build(setting, building)
+            channel: Channel = registry.part("channel", self.over).build(setting)
         except InputError as problem:
             raise InputError(f"over.{problem}") from problem
         return channel

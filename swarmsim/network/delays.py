@@ -9,10 +9,11 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Building, Channel, Links, Setting
-from swarmsim.core.state import Delivery, Letters, State
-from swarmsim.network import chance
+from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.parts import Channel, Links, Setting
+from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost, in_order
 
 SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whole ones by rounding
@@ -28,9 +29,9 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     delay: Annotated[float, Meta(ge=0.0, le=1e6)]  # iterations
     law: Literal["fixed", "geometric"] = "fixed"
 
-    def build(self, setting: Setting, building: Building) -> LatentChannel:
+    def build(self, setting: Setting) -> LatentChannel:
         """The channel. Raises InputError for a fixed delay that is no whole number."""
-        below = self.below(setting, building)
+        below = self.below(setting)
         if self.law == "fixed":
             if not self.delay.is_integer():
                 raise InputError(f'delay: {self.delay:g} with law = "fixed"; expected a whole number of iterations')
@@ -76,12 +77,12 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     queue: Annotated[int, Meta(ge=0)] | None = None  # messages that can wait from one iteration to the next
     expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations since it was said after which none is sent
 
-    def build(self, setting: Setting, building: Building) -> QueueingChannel:
+    def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
         robots = setting.robots.count
         income = np.full(robots, self.bytes_per_second * setting.period)
         queues = TransmitQueues(robots, self.queue, self.expiry)
-        return QueueingChannel(self.below(setting, building), queues, lambda iteration: income)
+        return QueueingChannel(self.below(setting), queues, lambda iteration: income)
 
 
 class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -97,7 +98,7 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s since it was said after which none is sent
     bytes: Annotated[float, Meta(gt=0.0)] | None = None  # that fit into a slot; default: any number
 
-    def build(self, setting: Setting, building: Building) -> QueueingChannel:
+    def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
         robots, period = setting.robots.count, setting.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
@@ -108,7 +109,7 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
             return np.where(after > before, capacity * np.maximum(after - before, 1.0), 0.0)
 
         queues = TransmitQueues(robots, None, int(self.expiry / period * (1.0 + SLACK)))
-        return QueueingChannel(self.below(setting, building), queues, income)
+        return QueueingChannel(self.below(setting), queues, income)
 
 
 class QueueingChannel:

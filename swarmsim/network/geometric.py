@@ -27,7 +27,7 @@ class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     radius: Range
 
-    def build(self, setting: Setting, building: Building) -> RadiusLinks:
+    def build(self, setting: Setting) -> RadiusLinks:
         """The disc graph."""
         return RadiusLinks(self.radius)
 
@@ -53,9 +53,9 @@ class LineOfSight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     radius: Range | None = None
 
-    def build(self, setting: Setting, building: Building) -> SightLinks:
+    def build(self, setting: Setting) -> SightLinks:
         """The visibility graph."""
-        return SightLinks(math.inf if self.radius is None else self.radius, building)
+        return SightLinks(math.inf if self.radius is None else self.radius, setting.building)
 
 
 class SightLinks:
@@ -96,7 +96,7 @@ class FarthestRobots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     k: Degree
 
-    def build(self, setting: Setting, building: Building) -> FarthestLinks:
+    def build(self, setting: Setting) -> FarthestLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
         check_degree(self.k, setting.robots.count)
         return FarthestLinks(self.k)

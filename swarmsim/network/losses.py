@@ -9,10 +9,11 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Building, Channel, Links, Setting, Walls
-from swarmsim.core.state import Delivery, Letters, State
-from swarmsim.network import chance
+from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost
 
 Law = Callable[[State, Letters], NDArray[np.bool_]]  # which of the messages (m, 4) are lost now
@@ -37,14 +38,14 @@ class Bernoulli(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     loss: Annotated[float, Meta(ge=0.0, le=1.0)]
 
-    def build(self, setting: Setting, building: Building) -> LossyChannel:
+    def build(self, setting: Setting) -> LossyChannel:
         """The channel, which loses messages for the reason "loss"."""
         salt = self.salt(setting)
 
         def law(state: State, heard: Letters) -> NDArray[np.bool_]:
             return chance.uniform(salt, heard[:, 2], heard[:, 0], heard[:, 1]) < self.loss
 
-        return LossyChannel(self.below(setting, building), "loss", law)
+        return LossyChannel(self.below(setting), "loss", law)
 
 
 class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -58,7 +59,7 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     loss: Annotated[float, Meta(ge=0.0, lt=1.0)]  # mean share of messages lost
     burst: Annotated[float, Meta(ge=1.0)]  # mean length of a bad state, iterations
 
-    def build(self, setting: Setting, building: Building) -> LossyChannel:
+    def build(self, setting: Setting) -> LossyChannel:
         """The channel, which loses messages for the reason "burst". Raises InputError if p would exceed 1."""
         recovery = 1.0 / self.burst
         failure = self.loss * recovery / (1.0 - self.loss)
@@ -68,7 +69,7 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                 f"expected at least loss / (1 - loss) = {self.loss / (1.0 - self.loss):g}"
             )
         states = PairStates(self.salt(setting), setting.robots.count, self.loss, failure, recovery)
-        return LossyChannel(self.below(setting, building), "burst", states.lost)
+        return LossyChannel(self.below(setting), "burst", states.lost)
 
 
 class PairStates:
@@ -100,14 +101,14 @@ class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     metres: Annotated[float, Meta(gt=0.0)]
 
-    def build(self, setting: Setting, building: Building) -> LossyChannel:
+    def build(self, setting: Setting) -> LossyChannel:
         """The channel, which loses messages for the reason "range"."""
 
         def law(state: State, heard: Letters) -> NDArray[np.bool_]:
             gap = state.pose[heard[:, 0], :2] - state.pose[heard[:, 1], :2]
             return np.asarray(np.hypot(gap[:, 0], gap[:, 1]) > self.metres)
 
-        return LossyChannel(self.below(setting, building), "range", law)
+        return LossyChannel(self.below(setting), "range", law)
 
 
 class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -125,10 +126,10 @@ class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sigma: Annotated[float, Meta(ge=0.0)] = 3.0  # dB, shadowing
     wall_loss: Annotated[float, Meta(ge=0.0)] = 15.0  # dB for each wall (concrete in MAES)
 
-    def build(self, setting: Setting, building: Building) -> LossyChannel:
+    def build(self, setting: Setting) -> LossyChannel:
         """The channel, which loses messages for the reason "weak"."""
-        radio = Radio(self, self.salt(setting), building)
-        return LossyChannel(self.below(setting, building), "weak", radio.lost)
+        radio = Radio(self, self.salt(setting), setting.building)
+        return LossyChannel(self.below(setting), "weak", radio.lost)
 
 
 class Radio:

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core.parts import Building, Links, Setting
+from swarmsim.core.parts import Links, Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import lottery
 from swarmsim.network.topology import Degree, FixedLinks, check_degree
@@ -23,7 +23,7 @@ class RandomLinks(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     p: Probability
 
-    def build(self, setting: Setting, building: Building) -> PairLottery:
+    def build(self, setting: Setting) -> PairLottery:
         """The topology, with a salt from the stream `topology`."""
         return PairLottery(_salt(setting), self.p)
 
@@ -50,7 +50,7 @@ class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     k: Degree
 
-    def build(self, setting: Setting, building: Building) -> SenderLottery:
+    def build(self, setting: Setting) -> SenderLottery:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
         check_degree(self.k, setting.robots.count)
         return SenderLottery(_salt(setting), self.k)
@@ -81,7 +81,7 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     k: Degree
     p: Probability
 
-    def build(self, setting: Setting, building: Building) -> FixedLinks:
+    def build(self, setting: Setting) -> FixedLinks:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
         count = setting.robots.count
         check_degree(self.k, count)

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Building, Links, Setting
+from swarmsim.core.parts import Links, Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 
@@ -33,7 +33,7 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
     k: Degree
     mutual: bool = False
 
-    def build(self, setting: Setting, building: Building) -> NearestNeighbourLinks | MutualNeighbourLinks:
+    def build(self, setting: Setting) -> NearestNeighbourLinks | MutualNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
         check_degree(self.k, setting.robots.count)
         nearest = NearestNeighbourLinks(self.k)
@@ -67,7 +67,7 @@ class MutualNeighbourLinks:
 class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Nobody hears anybody."""
 
-    def build(self, setting: Setting, building: Building) -> FixedLinks:
+    def build(self, setting: Setting) -> FixedLinks:
         """The topology without links."""
         return FixedLinks(())
 
@@ -78,7 +78,7 @@ class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     A dead robot leaves a gap: the chain is cut in two.
     """
 
-    def build(self, setting: Setting, building: Building) -> FixedLinks:
+    def build(self, setting: Setting) -> FixedLinks:
         """The open chain."""
         return FixedLinks(_both_ways((i, i + 1) for i in range(setting.robots.count - 1)))
 
@@ -86,7 +86,7 @@ class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the chain with its two ends linked. A dead robot leaves a gap: the ring opens."""
 
-    def build(self, setting: Setting, building: Building) -> FixedLinks:
+    def build(self, setting: Setting) -> FixedLinks:
         """The closed chain."""
         count = setting.robots.count
         return FixedLinks(_both_ways((i, (i + 1) % count) for i in range(count) if count > 1))
@@ -97,7 +97,7 @@ class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     hub: Id = 0
 
-    def build(self, setting: Setting, building: Building) -> FixedLinks:
+    def build(self, setting: Setting) -> FixedLinks:
         """The star; raises InputError if no robot has the hub's id."""
         count = setting.robots.count
         if self.hub >= count:
@@ -113,7 +113,7 @@ class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     links: tuple[tuple[Id, Id], ...]
 
-    def build(self, setting: Setting, building: Building) -> FixedLinks:
+    def build(self, setting: Setting) -> FixedLinks:
         """The listed links; raises InputError for a robot that there is not, a robot that hears itself, or a repeat."""
         count = setting.robots.count
         first: dict[tuple[int, int], int] = {}
@@ -147,7 +147,7 @@ class FixedLinks:
 class Full(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every live robot hears every other."""
 
-    def build(self, setting: Setting, building: Building) -> AllLinks:
+    def build(self, setting: Setting) -> AllLinks:
         """The complete topology."""
         return AllLinks()
 

@@ -18,7 +18,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay as Triangulation
 
-from swarmsim.core.parts import Building, Links, Setting
+from swarmsim.core.parts import Links, Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph, triangulation
 
@@ -36,7 +36,7 @@ class Delaunay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     live robots: around a dead one it closes.
     """
 
-    def build(self, setting: Setting, building: Building) -> ProximityLinks:
+    def build(self, setting: Setting) -> ProximityLinks:
         """The Delaunay graph."""
         return ProximityLinks(delaunay)
 
@@ -48,7 +48,7 @@ class Gabriel(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Matula & Sokal 1980. Around a dead robot the graph closes.
     """
 
-    def build(self, setting: Setting, building: Building) -> ProximityLinks:
+    def build(self, setting: Setting) -> ProximityLinks:
         """The Gabriel graph."""
         return ProximityLinks(gabriel)
 
@@ -59,7 +59,7 @@ class RelativeNeighbourhood(Struct, frozen=True, forbid_unknown_fields=True, kw_
     Toussaint 1980: the lune of the two, open, is empty. Around a dead robot the graph closes.
     """
 
-    def build(self, setting: Setting, building: Building) -> ProximityLinks:
+    def build(self, setting: Setting) -> ProximityLinks:
         """The relative neighbourhood graph."""
         return ProximityLinks(relative_neighbourhood)
 

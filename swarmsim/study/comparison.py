@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import InputError
+from swarmsim.core.events import Ended
+from swarmsim.core.parts import Curve
 from swarmsim.core.state import OCCUPIED, UNKNOWN
-from swarmsim.measures import Quality, mean_coverage, quality, reached
-from swarmsim.recording import Recording
-from swarmsim.replay import MapReplay
+from swarmsim.operations.mapping.measures import Quality, mean_coverage, quality
+from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.recording.measures import reached
+from swarmsim.recording.reader import Recording
 from swarmsim.view import plots
-
-HEAD: Final = (
-    "run", "iterations", "slowdown", "mean coverage", "ratio", "lag", "recovery", "precision", "recall", "IoU",
-    "messages", "lost", "faults at",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,54 +26,75 @@ class Cost:
     """One run against a reference; None where a number is not defined."""
 
     name: str
-    curve: NDArray[np.float64]  # (t,): coverage after each iteration, 0 to 1
+    values: NDArray[np.float64]  # (t,): the measure that the task is about, after each iteration
     finished: bool
     faults: tuple[int, ...]  # the iterations in which something began or ended
     slowdown: float | None  # its iterations over the reference's, T_f / T_0, where both finished
-    mean_coverage: float | None  # over the longest of the runs compared
-    coverage_ratio: float | None  # of that to the reference's
-    lag: int | None  # iterations that it is behind at half of what the reference still had to map at its first fault
-    recovery: int | None  # iterations from the first fault until coverage is back where it was; None for never
+    mean: float | None  # of that measure, over the longest of the runs compared
+    ratio: float | None  # of that to the reference's
+    lag: int | None  # iterations that it is behind at half of what the reference still had to do at its first fault
+    recovery: int | None  # iterations from the first fault until it is back where it was; None for never
     quality: Quality  # of the union's occupied cells in the domain, at the end
     messages: int
     lost: int
 
 
 def costs(named: Mapping[str, Recording]) -> list[Cost]:
-    """What distinguishes each run from the first; coverage is averaged over the longest of all runs."""
+    """What distinguishes each run from the first; what they measure is averaged over the longest of all runs.
+
+    Raises InputError unless all are about one measure.
+    """
     reference = next(iter(named.values()))
+    for name, run in named.items():
+        if run.curve.name != reference.curve.name:
+            raise InputError(
+                f"{name}: its task is about {run.curve.name!r}, that of the first run about "
+                f"{reference.curve.name!r}; expected runs of one task"
+            )
     horizon = max(run.iterations for run in named.values())
     return [_cost(name, run, reference, horizon) for name, run in named.items()]
 
 
 def _cost(name: str, run: Recording, reference: Recording, horizon: int) -> Cost:
-    mine, theirs = run["coverage"], reference["coverage"]
-    events = [event for event in run.events() if event.kind not in ("finished", "not finished")]
+    values, course, other = run[run.curve.name], _course(run), _course(reference)
+    events = [event for event in run.events() if not isinstance(event, Ended)]
     faults = tuple(sorted({event.iteration for event in events}))
     summary = run.summary()
     both = summary["status"] == reference.summary()["status"] == "finished"
-    area, base = mean_coverage(mine, horizon), mean_coverage(theirs, horizon)
-    maps = MapReplay(run)
-    maps.advance(run.iterations - 1)
-    union, domain = maps.collective(), run["domain"]
+    mean, base = mean_coverage(values, horizon), mean_coverage(reference[run.curve.name], horizon)
     return Cost(
         name=name,
-        curve=mine,
+        values=values,
         finished=summary["status"] == "finished",
         faults=faults,
-        slowdown=len(mine) / len(theirs) if both else None,
-        mean_coverage=area,
-        coverage_ratio=area / base if area is not None and base else None,
-        lag=_lag(mine, theirs, faults),
-        recovery=_recovery(mine, faults),
-        quality=quality(union == OCCUPIED, run["truth"], domain & (union != UNKNOWN)),
+        slowdown=len(course) / len(other) if both else None,
+        mean=mean,
+        ratio=mean / base if mean is not None and base else None,
+        lag=_lag(course, other, faults),
+        recovery=_recovery(course, faults),
+        quality=_quality(run),
         messages=summary["messages"],
         lost=sum(summary["lost"].values()),
     )
 
 
+def _course(run: Recording) -> NDArray[np.float64]:
+    """How much of the task was done after each iteration (t,), 0 to 1; of mapping all that there is counts."""
+    return run["coverage"] if "changes" in run and run.curve.name == "coverage" else run.progress
+
+
+def _quality(run: Recording) -> Quality:
+    """How the collective map compares with the truth; nothing is defined where nobody maps."""
+    if "changes" not in run:
+        return Quality(None, None, None, None, 0)
+    maps = MapReplay(run)
+    maps.advance(run.iterations - 1)
+    union, domain = maps.collective(), run["domain"]
+    return quality(union == OCCUPIED, run["truth"], domain & (union != UNKNOWN))
+
+
 def _lag(mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequence[int]) -> int | None:
-    """How much later than the reference it had mapped half of what was left at the first fault."""
+    """How much later than the reference it had done half of what was left at the first fault."""
     if not faults or faults[0] >= min(len(mine), len(theirs)):
         return None
     half = (1.0 + theirs[max(faults[0] - 1, 0)]) / 2.0
@@ -83,7 +103,7 @@ def _lag(mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequenc
 
 
 def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
-    """Iterations from the first fault until coverage is, for good, what it was before it; 0 if it never fell."""
+    """Iterations from the first fault until the run is, for good, where it was before it; 0 if it never fell."""
     if not faults or not 0 < faults[0] < len(mine):
         return None
     below = np.flatnonzero(mine[faults[0] :] < mine[faults[0] - 1])
@@ -92,15 +112,23 @@ def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
     return int(below[-1]) + 1 if below[-1] + 1 < len(mine) - faults[0] else None
 
 
+def head(curve: Curve) -> tuple[str, ...]:
+    """The columns of the table of runs whose tasks are about a curve."""
+    return (
+        "run", "iterations", "slowdown", f"mean {curve.name}", "ratio", "lag", "recovery", "precision", "recall", "IoU",
+        "messages", "lost", "faults at",
+    )  # fmt: skip
+
+
 def lines(found: Sequence[Cost]) -> list[tuple[str, ...]]:
-    """One line for each run, under HEAD."""
+    """One line for each run, under `head`."""
     return [
         (
             one.name,
-            str(len(one.curve)) if one.finished else f"not finished ({len(one.curve)})",
+            str(len(one.values)) if one.finished else f"not finished ({len(one.values)})",
             _shown(one.slowdown, ".2f"),
-            _shown(one.mean_coverage, ".3f"),
-            _shown(one.coverage_ratio, ".3f"),
+            _shown(one.mean, ".3f" if one.mean is None or 0.001 <= one.mean <= 1.0 else ".4g"),
+            _shown(one.ratio, ".3f"),
             _shown(one.lag, "+d"),
             _shown(one.recovery, "d"),
             _shown(one.quality.precision, ".3f"),
@@ -118,11 +146,13 @@ def _shown(value: Any, how: str) -> str:
     return "-" if value is None else format(value, how)
 
 
-def draw(found: Sequence[Cost], path: Path) -> tuple[Path, Path]:
-    """Draw the coverage curves, with marks at their faults, as PNG and SVG; gives the files."""
-    figure = plots.coverage(
-        {one.name: [one.curve] for one in found},
-        "Coverage, run by run",
+def draw(found: Sequence[Cost], curve: Curve, path: Path) -> tuple[Path, Path]:
+    """Draw what the runs' tasks are about, with marks at their faults, as PNG and SVG; gives the files."""
+    name = curve.label.partition(",")[0]
+    figure = plots.curves(
+        {one.name: [one.values] for one in found},
+        f"{name[:1].upper()}{name[1:]}, run by run",
         {one.name: one.faults for one in found if one.faults},
+        curve,
     )
     return plots.save(figure, path)

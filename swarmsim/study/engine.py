@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 from dask.distributed import Client, LocalCluster, as_completed
 
-from swarmsim.build import build
-from swarmsim.changes import ChangeMeasures
+from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Probe
 from swarmsim.core.scenario import Scenario
-from swarmsim.measures import Measures
-from swarmsim.recording import Digests, versions
+from swarmsim.core.state import Moment
+from swarmsim.engine.build import build
+from swarmsim.recording.digests import Digests, versions
+from swarmsim.recording.measures import RunMeasures
 from swarmsim.study.store import Row
 
 ANSWER = 20.0  # s, in which a scheduler of the user's own has to answer
@@ -34,16 +35,30 @@ class Task:
     seed: int
     scenario: Scenario
     world: str  # the floor plan's text
-    curves: bool  # keep the coverage curve
+    curves: bool  # keep the curve of the measure that the task is about
     recording: Path | None  # file to record the run in
     command: str  # repeats this run
+    allow_code: bool = False  # whether the scenario may run code of its own
+
+
+class CurveKeeper:
+    """A probe that keeps one measure of every iteration."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.values: list[float] = []
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        self.values.append(moment.measured.values[self._name])
 
 
 def perform(task: Task) -> Row:
     """Simulate one run here; what goes wrong in it becomes a failed row, so that the others go on."""
     begun = time.perf_counter()
     try:
-        row = _simulate(task)
+        with registry.own_code(task.allow_code):
+            row = _simulate(task)
     except Exception as problem:  # a study outlives whatever one of its runs does
         text = f"{type(problem).__name__}: {problem}; to repeat: {task.command}"
         row = _failed(task, text)
@@ -57,10 +72,9 @@ def _failed(task: Task, text: str) -> Row:
 def _simulate(task: Task) -> Row:
     made = build(task.scenario, task.condition, task.world)
     simulation, digests = made.simulation, Digests()
-    building, behaviour = simulation.parts.building, simulation.parts.behaviour
-    measures = Measures(building, task.scenario.robots, task.scenario.period, behaviour)
-    changes = ChangeMeasures(building, behaviour)
-    probes: list[Probe] = [digests, measures, changes]
+    summaries = [RunMeasures(task.scenario.robots, task.scenario.period), *simulation.parts.task.summaries()]
+    curve = CurveKeeper(simulation.parts.task.curve.name)
+    probes: list[Probe] = [digests, curve, *summaries]
     with ExitStack() as stack:
         if task.recording is not None:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
@@ -73,8 +87,8 @@ def _simulate(task: Task) -> Row:
         seed=task.seed,
         status="finished" if finished else "not finished",
         iterations=simulation.finished_after or simulation.state.iteration,
-        summary=measures.summary() | changes.summary(),
-        curve=measures.curve()[:, 0].astype(np.float32) if task.curves else None,
+        summary={name: value for one in summaries for name, value in one.summary().items()},
+        curve=np.array(curve.values, np.float32) if task.curves else None,
         digest=digests.total(),
         versions=versions(),
         seconds=0.0,

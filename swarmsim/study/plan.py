@@ -14,10 +14,12 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from swarmsim.build import build, read_world
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, Table, assign, decode, read_toml, spelled_out
+from swarmsim.core.parts import Curve
+from swarmsim.core.scenario import Scenario, Table, assign, decode, read_toml, spelled_out, tables
+from swarmsim.engine.build import build, read_world
+from swarmsim.recording.digests import versions
 
 MOST_RUNS = 1_000_000
 
@@ -59,6 +61,7 @@ class Condition:
     name: str
     changes: dict[str, Any]  # dotted key: value, as compared with the study's scenario
     scenario: Scenario
+    curve: Curve  # what is drawn of its task
     x: float | None = None  # where it stands on the study's axis
     series: str = ""
 
@@ -79,11 +82,16 @@ class Plan:
         return [(condition, seed) for seed in self.seeds for condition in self.conditions]
 
     def identity(self, condition: Condition, seed: int) -> str:
-        """A hash of everything that the run depends on, versions aside: equal runs are run once."""
+        """A hash of all that the run depends on, versions and files of parts that are not ours included."""
         scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="", world=_unnamed(condition.scenario))
         hashed = hashlib.blake2b(digest_size=16)
         hashed.update(msgspec.json.encode(scenario, order="deterministic"))
         hashed.update(self.worlds[condition.scenario.world.file].encode())
+        kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
+        hashed.update(msgspec.json.encode(kept, order="sorted"))
+        parts = [*tables(condition.scenario).items(), *(("fault", fault) for fault in condition.scenario.faults)]
+        for seam, table in parts:
+            hashed.update(registry.source_of(seam, table["use"]))
         return hashed.hexdigest()
 
 
@@ -112,19 +120,19 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
         raise InputError(f"{path}: {len(changes)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
     named = {condition.name: condition for condition in study.condition}
 
+    worlds: dict[str, str] = {}
+
     def condition(name: str, change: dict[str, Any]) -> Condition:
-        scenario = _scenario(f"{path}: condition {name!r}", table, {**study.set, **change}, base.parent)
+        place = f"{path}: condition {name!r}"
+        scenario = _scenario(place, table, {**study.set, **change}, base.parent)
+        file = scenario.world.file
+        worlds.setdefault(file, read_world(scenario, place))
+        curve = build(scenario, place, worlds[file]).simulation.parts.task.curve
         if name in named:
-            return Condition(name, change, scenario, named[name].x, named[name].series)
-        return Condition(name, change, scenario, _place(study, change))
+            return Condition(name, change, scenario, curve, named[name].x, named[name].series)
+        return Condition(name, change, scenario, curve, _place(study, change))
 
     conditions = tuple(condition(name, change) for name, change in changes.items())
-    worlds: dict[str, str] = {}
-    for made in conditions:
-        place = f"{path}: condition {made.name!r}"
-        file = made.scenario.world.file
-        worlds.setdefault(file, read_world(made.scenario, place))
-        build(made.scenario, place, worlds[file])
     return Plan(path, study, conditions, numbers, worlds)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from markdown_it import MarkdownIt
 
 from swarmsim.core.errors import InputError
-from swarmsim.recording import versions
+from swarmsim.recording.digests import versions
 from swarmsim.study import reproduction as rep
 from swarmsim.study.plan import Study
 from swarmsim.study.reproduction import Reproduction
@@ -30,7 +30,7 @@ img {{ max-width: 100% }} code {{ background: #f3f3f3; padding: 0 0.2rem }}
 
 
 def study_figures(study: Study, results: dict[str, Result], folder: Path) -> list[Path]:
-    """Draw a study's distributions, coverage curves and table into a folder; gives the files.
+    """Draw a study's distributions, curves and table into a folder; gives the files.
 
     Raises InputError if there is nothing to draw or no place for it.
     """
@@ -49,7 +49,9 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path) -> lis
         series, levels = _series(there)
         figures["sweep"] = plots.sweep(series, levels, study.axis or study.vary[0].key, title)
     if all(result.curves for result in there.values()):
-        figures["coverage"] = plots.coverage({name: result.curves for name, result in there.items()}, title)
+        for curve in {result.condition.curve.name: result.condition.curve for result in there.values()}.values():
+            alike = {name: result.curves for name, result in there.items() if result.condition.curve.name == curve.name}
+            figures[curve.name] = plots.curves(alike, title, curve=curve)
     try:
         return [path for name, figure in figures.items() for path in plots.save(figure, folder / name)]
     except OSError as problem:
@@ -109,7 +111,7 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
     )
     curves = {name: result.curves for name, result in results["robustness"].items()}
     marks = {"20-15-10-5 units": [50, 100, 150]}
-    plots.save(plots.coverage(curves, "Robustness (Fig. 4), k = 2", marks), folder / "robustness")
+    plots.save(plots.curves(curves, "Robustness (Fig. 4), k = 2", marks), folder / "robustness")
     for study, title in (("scalability", "Table I, k = 1"), ("network", "Table II, 15 robots")):
         found_here = results[study]
         published = {n.condition: n.published for n in numbers if n.study == study}

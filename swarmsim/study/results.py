@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.study.engine import Task
 from swarmsim.study.plan import Condition, Plan
@@ -43,7 +44,7 @@ class Result:
 
     @property
     def curves(self) -> list[NDArray[np.float64]]:
-        """Each run's coverage share by iteration."""
+        """The measure that each run's task is about, by iteration."""
         return [row.curve.astype(np.float64) for row in self.rows if row.curve is not None]
 
     def measure(self, name: str) -> NDArray[np.float64]:
@@ -92,6 +93,7 @@ def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
             curves=keep != "summary",
             recording=store.path.with_suffix("") / f"{identity}.h5" if keep == "recordings" else None,
             command=command(plan, condition, seed),
+            allow_code=registry.own_code_is_allowed(),
         )
     return list(tasks.values())
 
@@ -100,7 +102,10 @@ def command(plan: Plan, condition: Condition, seed: int) -> str:
     """The command that repeats one run of a study."""
     changes = {**plan.study.set, **condition.changes}
     sets = " ".join(f"--set {shlex.quote(f'{key}={_toml(value)}')}" for key, value in changes.items())
-    return f"swarmsim run {shlex.quote(str(plan.path.parent / plan.study.scenario))} --seed {seed} {sets}".strip()
+    allow = " --allow-code" if registry.own_code_is_allowed() else ""
+    return (
+        f"swarmsim run {shlex.quote(str(plan.path.parent / plan.study.scenario))} --seed {seed}{allow} {sets}".strip()
+    )
 
 
 def _toml(value: Any) -> str:

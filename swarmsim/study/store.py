@@ -43,7 +43,7 @@ class Row:
     status: str  # finished, not finished or failed
     iterations: int | None  # None where it failed
     summary: dict[str, Any]  # measures by name
-    curve: NDArray[np.float32] | None  # (t,): coverage share after each iteration
+    curve: NDArray[np.float32] | None  # (t,): the measure that the task is about after each iteration
     digest: str | None
     versions: dict[str, str]
     seconds: float  # of wall clock

@@ -76,7 +76,8 @@ class Canvas:
         still.fill(symbols.BACKGROUND)
         solids = [part for layer in self._scene.layers.values() for part in layer.geoms]
         footprint = [shapely.Polygon(part.exterior) for part in self._scene.layers["walls"].geoms]
-        layers: list[tuple[Iterable[shapely.Polygon], Colour]] = [(footprint, symbols.UNEXPLORED)]
+        ground = symbols.UNEXPLORED if self._scene.has_maps else symbols.FREE
+        layers: list[tuple[Iterable[shapely.Polygon], Colour]] = [(footprint, ground)]
         layers += [(self._scene.layers[name].geoms, colour) for name, colour in symbols.SOLIDS.items()]
         for polygons, colour in layers:
             sheet = _sheet(large, colour)
@@ -141,7 +142,7 @@ class Canvas:
 
     def _tiles(self, shot: Shot) -> None:
         rows, columns = (side * self._scene.lattice.cell * self._scale for side in self._scene.tile)
-        for robot in np.flatnonzero(shot.alive).tolist():
+        for robot in np.flatnonzero(shot.alive).tolist() if len(shot.origins) else ():
             x, y = self.pixels(shot.origins[robot])
             area = pygame.Rect(round(x), round(y - rows), round(columns), round(rows))
             symbols.tile(self._surface, area, symbols.colour_of(robot))
@@ -168,6 +169,8 @@ class Canvas:
             if shot.marks[robot] == "fault":
                 symbols.fault(surface, places[robot], self.radius)
             colour, yaw = symbols.colour_of(robot), float(shot.pose[robot, 2])
+            if shot.headings is not None and np.isfinite(shot.headings[robot]):
+                symbols.heading(surface, places[robot], float(shot.headings[robot]), 4.0 * self.radius, self._line)
             symbols.robot(surface, places[robot], yaw, self.radius, colour, self._ids[robot])
 
 

@@ -1,4 +1,4 @@
-"""The side panel of a picture: numbers, the coverage curve and the legend."""
+"""The side panel of a picture: numbers, the curve of the task and the legend."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Panel:
 
     def draw(self, surface: pygame.Surface, shot: Shot) -> None:
         """Paint the panel as it is at this moment."""
-        origin = self._area.topleft
+        origin, scene = self._area.topleft, self._scene
         surface.blit(self._still, origin)
-        percent = self._letters.render(f"{np.floor(1000.0 * shot.coverage) / 10.0:.1f} %", self._large, symbols.CURVE)
-        surface.blit(percent, origin)
+        number = self._letters.render(self._worded(shot.value), self._large, symbols.CURVE)
+        surface.blit(number, origin)
         values = (
             f"{shot.iteration} of {self._scene.iterations}",
             _clock(shot.time),
@@ -61,9 +61,24 @@ class Panel:
         done = round(self._plot_area.width * shot.iteration / self._scene.iterations)
         at = (origin[0] + self._plot_area.left, origin[1] + self._plot_area.top)
         surface.blit(self._done, at, (0, 0, done + 1, self._plot_area.height))
-        height = round((1.0 - shot.coverage) * (self._plot_area.height - 1))
+        height = round((1.0 - float(scene.height(np.array(shot.value)))) * (self._plot_area.height - 1))
         pygame.draw.aacircle(surface, symbols.BACKGROUND, (at[0] + done, at[1] + height), round(6 * self._unit) + 1)
         pygame.draw.aacircle(surface, symbols.CURVE, (at[0] + done, at[1] + height), max(3, round(5 * self._unit)))
+
+    def _worded(self, value: float) -> str:
+        """The value of the curve, in its unit."""
+        curve = self._scene.curve
+        scaled = curve.scale * value
+        unit = curve.label.partition(", ")[2]
+        if unit == "%":
+            scaled = np.floor(10.0 * curve.scale * value) / 10.0  # 100 % is all of it
+        return f"{scaled:{curve.format}} {unit}".rstrip()
+
+    def _widest(self) -> str:
+        """The longest text for a value of the curve."""
+        ends = np.array(self._scene.limits) / self._scene.curve.scale
+        values = self._scene.curves.union[:: max(1, self._scene.iterations // 200)]
+        return max((self._worded(float(value)) for value in (*ends, *values)), key=len)
 
     def _write(self, text: str, at: tuple[int, int], colour: Colour, anchor: str = "midleft") -> None:
         width = self._area.width - at[0] if anchor == "midleft" else self._area.width
@@ -78,9 +93,9 @@ class Panel:
         names = ("iteration", "simulated time", "robots alive", "messages heard", "topology", "seed")
         fixed = {"topology": scene.topology, "seed": str(scene.seed)}
         column = max(letters.render(name, self._small, symbols.MUTED).get_width() for name in names) + self._small
-        wide = letters.render("100.0 %", self._large, symbols.CURVE).get_size()
+        wide = letters.render(self._widest(), self._large, symbols.CURVE).get_size()
         beside = (wide[0] + self._small // 2, wide[1] // 2 + self._small // 3)
-        self._write("coverage", beside, symbols.MUTED)
+        self._write(scene.curve.label.partition(",")[0], beside, symbols.MUTED)
         top = wide[1] + round(10 * self._unit)
         rows = [(column, top + place * self._line) for place in range(len(names))]
         half = letters.render("X", self._small, symbols.MUTED).get_height() // 2
@@ -92,16 +107,19 @@ class Panel:
     def _plot(self, top: int, bottom: int) -> None:
         """Draw axes and the whole curve, dim, and keep a bright one for the part that lies behind."""
         scene, line = self._scene, self._line
-        left = self._letters.render("100", self._small, symbols.MUTED).get_width() + self._small // 2
+        (low, high), parts = scene.limits, (0.0, 0.25, 0.5, 0.75, 1.0)
+        ticks = {part: f"{low + part * (high - low):.3g}" for part in parts}
+        widths = [self._letters.render(tick, self._small, symbols.MUTED).get_width() for tick in ticks.values()]
+        left = max(widths) + self._small // 2
         right = self._area.width - self._small
         area = pygame.Rect(left, top + line, right - left, bottom - top - round(3.3 * line))
         self._plot_area = area
-        self._write("coverage, %", (0, top + line // 4), symbols.MUTED)
+        self._write(scene.curve.label, (0, top + line // 4), symbols.MUTED)
         self._write("iteration", (area.centerx, area.bottom + round(1.6 * line)), symbols.MUTED, "center")
-        for percent in (0, 50, 100) if area.height < 5 * line else (0, 25, 50, 75, 100):
-            y = area.bottom - 1 - round(percent / 100 * (area.height - 1))
+        for part in parts[::2] if area.height < 5 * line else parts:
+            y = area.bottom - 1 - round(part * (area.height - 1))
             pygame.draw.line(self._still, symbols.RULE, (area.left, y), (area.right, y))
-            self._write(str(percent), (area.left - self._small // 3, y), symbols.MUTED, "midright")
+            self._write(ticks[part], (area.left - self._small // 3, y), symbols.MUTED, "midright")
         for iteration in _ticks(scene.iterations, max(2, area.width // (3 * self._small))):
             x = area.left + round(area.width * iteration / scene.iterations)
             pygame.draw.line(self._still, symbols.RULE, (x, area.bottom), (x, area.bottom + line // 4))
@@ -137,9 +155,9 @@ class Panel:
         x = rows * (size[0] - 1) / scene.iterations
 
         def line(share: NDArray[np.float64]) -> list[tuple[float, float]]:
-            return list(zip(x.tolist(), ((1.0 - share[rows]) * (size[1] - 1)).tolist(), strict=True))
+            return list(zip(x.tolist(), ((1.0 - scene.height(share[rows])) * (size[1] - 1)).tolist(), strict=True))
 
-        if len(rows) > 1:
+        if len(rows) > 1 and curves.most is not None and curves.least is not None:
             symbols.polygon(surface, band, line(curves.most) + line(curves.least)[::-1])
         for iteration in scene.marks:
             at = round(iteration * (size[0] - 1) / scene.iterations)
@@ -159,6 +177,7 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
         ("aim", "its way ahead and goal"),
         ("mutual", "link: each hears the other"),
         ("one way", "link: the one at the arrow hears"),
+        ("heading", "the heading it estimates"),
         ("fault", "robot with a fault"),
         ("dead", "dead robot"),
         ("removed", "where a robot was removed"),
@@ -166,11 +185,15 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
         ("free", "free, in the map of any robot"),
         ("seen", "occupied, in the map of any robot"),
         ("unexplored", "floor in no map yet"),
-        ("curves", "curve: all together; band: single robots"),
+        (
+            "curves",
+            "curve: all together; band: single robots" if scene.curves.most is not None else "curve: swarm",
+        ),
         ("mark", "event"),
     ]
     rare = {kind: kind in scene.signs for kind in ("fault", "dead", "removed", "box")}
-    rare["mark"] = bool(scene.marks)
+    rare |= {"mark": bool(scene.marks), "tile": rows > 0, "aim": scene.walks, "heading": scene.has_headings}
+    rare |= dict.fromkeys(("free", "seen", "unexplored"), scene.has_maps)
     return [(kind, text) for kind, text in signs if rare.get(kind, True)]
 
 
@@ -195,6 +218,9 @@ def _sign(surface: pygame.Surface, kind: str, at: tuple[int, int], unit: float) 
             symbols.link(surface, *ends, broad)
         case "one way":
             symbols.link(surface, *ends, broad, 0.0)
+        case "heading":
+            symbols.heading(surface, (x - 6 * unit, y), 0.5, 16 * unit, broad)
+            symbols.robot(surface, (x - 6 * unit, y), 0.5, 3.5 * unit, colour, pygame.Surface((0, 0)))
         case "fault":
             symbols.fault(surface, at, 3.5 * unit)
             symbols.robot(surface, at, 0.5, 3.5 * unit, colour, pygame.Surface((0, 0)))

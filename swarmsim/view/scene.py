@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Box
-from swarmsim.recording import Recording
-from swarmsim.replay import MapReplay
-from swarmsim.view.happenings import Happenings, Mark, Note
+from swarmsim.core.events import Box
+from swarmsim.core.state import UNKNOWN
+from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.recording.reader import Recording
+from swarmsim.view.occurrences import Mark, Note, Occurrences
 from swarmsim.world.svg import read_floor_plan
 
 Points = NDArray[np.float64]  # (p, 2): x, y in m
@@ -33,22 +34,23 @@ class Shot:
     marks: list[Mark]  # what is wrong with each robot
     boxes: tuple[Box, ...]  # m: what stands in the building besides its plan
     captions: list[str]  # what has just happened, the oldest first
-    origins: Points  # (n, 2): the lower left corner of each tile, in m
+    origins: Points  # (n, 2): the lower left corner of each tile, in m; (0, 2) if robots have none
     mutual: NDArray[np.int32]  # (a, 2): pairs that hear each other, the lower id first
     one_way: NDArray[np.int32]  # (b, 2): receiver, sender
     goals: Points  # (n, 2): m, NaN for none
     ways: list[Points]  # for each robot the rest of its path, from its own place; empty for none
-    coverage: float  # share of the domain, 0 to 1
+    value: float  # of the measure that the task is about
+    headings: NDArray[np.float64] | None  # (n,): rad, which way each robot estimates to have to go, if it does
     messages: int  # heard so far
 
 
 @dataclass(frozen=True, slots=True)
 class Curves:
-    """Coverage of the domain (0 to 1) by iteration, each of shape (iterations,)."""
+    """The measure that the task is about, by iteration, each of shape (iterations,)."""
 
-    union: NDArray[np.float64]  # of all maps together
-    least: NDArray[np.float64]  # the live robot that knows least
-    most: NDArray[np.float64]  # the live robot that knows most
+    union: NDArray[np.float64]  # of the swarm
+    least: NDArray[np.float64] | None  # the lowest of live robots, if it is measured of single ones
+    most: NDArray[np.float64] | None  # the highest
 
 
 class Scene:
@@ -69,16 +71,23 @@ class Scene:
         self.iterations = recording.iterations
         self.robots = scenario.robots.count
         self.radius = scenario.robots.radius  # m
-        self.tile: tuple[int, int] = recording["tiles"].shape[2:]  # rows, columns
+        #: Rows and columns of a tile; 0, 0 if robots have none.
+        self.tile: tuple[int, int] = recording["tiles"].shape[2:] if "tiles" in recording else (0, 0)
+        self.has_maps = "changes" in recording
+        self.has_headings = "heading" in recording
+        #: Whether there are ways and goals to show.
+        self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
+        self.curve = recording.curve
         self.title = scenario.title
         self.seed = scenario.seed
         self.topology = _described(scenario.network.topology)
         self.curves = _curves(recording)
-        self._happenings = Happenings(recording)
-        notes = self._happenings.notes
+        self.limits = _limits(self.curves, recording)
+        self._occurrences = Occurrences(recording)
+        notes = self._occurrences.notes
         self.marks = sorted({note.iteration for note in notes if note.kind != "finished"})
         self.names = _names(notes)
-        self.signs = _signs(self._happenings, recording)
+        self.signs = _signs(self._occurrences, recording)
         self._period = scenario.period
         self._messages = np.cumsum(recording["messages"], dtype=np.int64)
         self._starts: list[list[int]] = [[] for _ in range(self.robots)]
@@ -100,27 +109,41 @@ class Scene:
         mutual, one_way = _paired(recording.links(row), self.robots)
         goals = recording["goals"][row]
         aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
-        corner = np.array([self.lattice.x0, self.lattice.y0])
         return Shot(
             iteration=int(iteration),
             time=iteration * self._period,
             row=row,
             pose=pose,
             alive=alive,
-            marks=[self._happenings.mark(robot, row) for robot in range(self.robots)],
-            boxes=self._happenings.boxes(row),
-            captions=[note.text for note in self._happenings.latest(row, HELD / self._period, CAPTIONS)],
-            origins=recording["origins"][row][:, ::-1] * self.lattice.cell + corner,
+            marks=[self._occurrences.mark(robot, row) for robot in range(self.robots)],
+            boxes=self._occurrences.boxes(row),
+            captions=[note.text for note in self._occurrences.latest(row, HELD / self._period, CAPTIONS)],
+            origins=self._origins(row),
             mutual=mutual,
             one_way=one_way,
             goals=aims,
             ways=[self._way(robot, row, pose[robot, :2], aims[robot]) for robot in range(self.robots)],
-            coverage=float(self.curves.union[row]),
+            value=float(self.curves.union[row]),
+            headings=recording["heading"][row] if self.has_headings else None,
             messages=int(self._messages[row]),
         )
 
+    def height(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where values of the curve lie between the ends of its axis, 0 to 1."""
+        low, high = (end / self.curve.scale for end in self.limits)
+        return np.nan_to_num(np.clip((values - low) / (high - low), 0.0, 1.0))
+
+    def _origins(self, row: int) -> Points:
+        if "origins" not in self._recording:
+            return np.empty((0, 2))
+        corner = np.array([self.lattice.x0, self.lattice.y0])
+        origins: Points = self._recording["origins"][row][:, ::-1] * self.lattice.cell + corner
+        return origins
+
     def cells(self, row: int) -> NDArray[np.uint8]:
         """The collective map (rows, columns) of the recording's row: UNKNOWN, FREE or OCCUPIED."""
+        if not self.has_maps:
+            return np.full(self.lattice.shape, UNKNOWN, np.uint8)
         if row < self._replay.iteration:
             self._replay = MapReplay(self._recording)
         self._replay.advance(row)
@@ -147,15 +170,15 @@ def _names(notes: list[Note]) -> dict[int, str]:
     return {iteration: ", ".join(dict.fromkeys(found)) for iteration, found in kinds.items()}
 
 
-def _signs(happenings: Happenings, recording: Recording) -> set[str]:
+def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
     """Which of the signs that not every run needs are ever drawn: dead, removed, fault, box."""
     signs: set[str] = set()
-    for iteration in {0, *(note.iteration for note in happenings.notes)}:
+    for iteration in {0, *(note.iteration for note in occurrences.notes)}:
         row = min(iteration, recording.iterations - 1)
-        marks = [happenings.mark(robot, row) for robot in range(recording.scenario.robots.count)]
+        marks = [occurrences.mark(robot, row) for robot in range(recording.scenario.robots.count)]
         for alive, mark in zip(recording["alive"][row].tolist(), marks, strict=True):
             signs.add(mark if not alive and mark in ("removed", "late") else "dead" if not alive else mark)
-        if happenings.boxes(row):
+        if occurrences.boxes(row):
             signs.add("box")
     return signs
 
@@ -164,18 +187,31 @@ def _described(table: dict[str, object]) -> str:
     long = (bool, list, dict)  # named by their key alone, if at all
     parameters = [f"{key} = {value}" for key, value in table.items() if key != "use" and not isinstance(value, long)]
     parameters += [key for key, value in table.items() if value is True]
-    return ", ".join([str(table["use"]), *parameters])
+    return ", ".join([str(table["use"]).rpartition(":")[2], *parameters])
 
 
 def _curves(recording: Recording) -> Curves:
     alive = recording["alive"].copy()
     alive[~alive.any(axis=1)] = True  # once nobody is left, what the dead knew
-    share = recording["covered"] / recording["domain"].sum()
+    curve = recording.curve
+    if curve.robots is None:
+        return Curves(recording[curve.name], None, None)
+    share = recording[curve.robots]
     return Curves(
-        union=recording["coverage"],
+        union=recording[curve.name],
         least=np.where(alive, share, np.inf).min(axis=1),
         most=np.where(alive, share, -np.inf).max(axis=1),
     )
+
+
+def _limits(curves: Curves, recording: Recording) -> tuple[float, float]:
+    """The ends of the curve's axis, in its unit."""
+    curve = recording.curve
+    drawn = [values for values in (curves.union, curves.least, curves.most) if values is not None]
+    values = curve.scale * np.concatenate([values[np.isfinite(values)] for values in drawn])
+    low = curve.low if curve.low is not None else float(values.min(initial=0.0))
+    high = curve.high if curve.high is not None else float(values.max(initial=low))
+    return low, high if high > low else low + 1.0
 
 
 def _corners(path: Points) -> Points:

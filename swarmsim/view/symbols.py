@@ -82,6 +82,13 @@ def robot(surface: pygame.Surface, at: Pixel, yaw: float, radius: float, colour:
     surface.blit(label, label.get_rect(center=(round(at[0]), round(at[1]) + 1)))
 
 
+def heading(surface: pygame.Surface, at: Pixel, yaw: float, length: float, width: int) -> None:
+    """A line from a robot's centre, under its disc, along the heading that it estimates."""
+    end = (at[0] + length * math.cos(yaw), at[1] - length * math.sin(yaw))
+    for ink, broad in ((EDGE, width + 2), (CURVE, width)):
+        pygame.draw.aaline(surface, ink, at, end, broad)
+
+
 def dead(surface: pygame.Surface, at: Pixel, radius: float) -> None:
     """A grey disc with a cross."""
     pygame.draw.aacircle(surface, EDGE, at, radius + 1.3)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from swarmsim.core.errors import InputError
-from swarmsim.recording import Recording
+from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.scene import Scene
 

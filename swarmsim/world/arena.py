@@ -12,8 +12,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Box
 from swarmsim.world.boundary import boundary, shares
 from swarmsim.world.cells import Cells, between, flood, grown, richest_piece, rim
 from swarmsim.world.svg import FloorPlan

@@ -1,16 +1,16 @@
 """Figures of runs and of what many runs say together, saved as the same bytes every time."""
 
 from swarmsim.view.plots.conditions import comparison, distributions
-from swarmsim.view.plots.curves import coverage, padded
 from swarmsim.view.plots.listing import table
 from swarmsim.view.plots.local_maps import local_maps
 from swarmsim.view.plots.network import contact_times, degrees, network_course, who_heard_whom
+from swarmsim.view.plots.over_time import curves, padded
 from swarmsim.view.plots.rewiring import rewiring
 from swarmsim.view.plots.sheet import save
 from swarmsim.view.plots.style import COLOURS, FINEST
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "Steps", "comparison", "contact_times", "coverage", "degrees", "distributions",
+    "COLOURS", "FINEST", "Steps", "comparison", "contact_times", "curves", "degrees", "distributions",
     "local_maps", "network_course", "padded", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.marks import area_key, counted, estimate_bars, line_key, places_of, quartile_box
+from swarmsim.view.plots.fault_marks import area_key, counted, estimate_bars, line_key, places_of, quartile_box
 from swarmsim.view.plots.scales import name_conditions, span_axis
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, PALE, PURPLE, VERMILLION, Reals, styled

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.ground import dead_key, draw_outlines, measure_in_metres
-from swarmsim.view.plots.marks import area_key, line_key
+from swarmsim.view.plots.fault_marks import area_key, line_key
+from swarmsim.view.plots.floor_plan import dead_key, draw_outlines, measure_in_metres
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, GREY, VERMILLION, styled
 from swarmsim.view.scene import Scene
@@ -46,7 +46,7 @@ def local_maps(
             interpolation="nearest",
         )  # fmt: skip
         draw_outlines(axes, scene.layers, BLUE)
-        if shot.alive[robot]:
+        if shot.alive[robot] and len(shot.origins):
             axes.add_patch(Rectangle(shot.origins[robot].tolist(), length, height, fill=False, ec=VERMILLION, lw=1.0))
         state, mark, colour = ("", "o", VERMILLION) if shot.alive[robot] else (", dead", "x", GREY)
         axes.plot(*shot.pose[robot, :2], mark, color=colour, ms=3.0)  # small enough to leave the tile in sight
@@ -59,6 +59,6 @@ def local_maps(
         axes.tick_params(labelbottom=True)
     handles: list[Artist] = [area_key(name, colour, BLACK) for name, colour in CELLS.items()]
     handles += [line_key("walls as they are", BLUE, "", "-", width=0.8), line_key("robot", VERMILLION, "o", size=3.0)]
-    handles += [area_key("its tile", "none", VERMILLION)]
+    handles += [area_key("its tile", "none", VERMILLION)] if len(shot.origins) else []
     handles += [] if shot.alive[list(robots)].all() else [dead_key()]
     return settled(figure, handles)

@@ -13,7 +13,7 @@ from matplotlib.ticker import FormatStrFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from swarmsim.network.analysis import Reach, Snapshot, Spells
-from swarmsim.view.plots.marks import area_key, line_key
+from swarmsim.view.plots.fault_marks import area_key, line_key
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, COLOURS, FINEST, GREY, Line, Reals, styled
 

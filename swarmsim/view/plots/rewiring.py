@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.ground import dead_key, draw_robot, draw_solids, measure_in_metres, solid_keys
-from swarmsim.view.plots.marks import line_key
+from swarmsim.view.plots.fault_marks import line_key
+from swarmsim.view.plots.floor_plan import dead_key, draw_robot, draw_solids, measure_in_metres, solid_keys
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, COLOURS, GREY, styled
 from swarmsim.view.scene import Scene

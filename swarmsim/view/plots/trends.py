@@ -11,7 +11,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.marks import counted, estimate_bars, line_key
+from swarmsim.view.plots.fault_marks import counted, estimate_bars, line_key
 from swarmsim.view.plots.scales import mark_values, span_axis
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Line, Reals, styled

@@ -13,12 +13,14 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from swarmsim.core.events import encoded
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Behaviour
+from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario
-from swarmsim.core.state import Delivery, Letters, Moment
-from swarmsim.kernels import occupancy
-from swarmsim.recording import DIGESTED, EVENT, FORMAT, Digests, versions
+from swarmsim.core.state import Moment
+from swarmsim.recording.digests import DIGESTED, Digests, versions
+from swarmsim.recording.reader import FORMAT
 
 BLOCK: Final = 64  # iterations held back between two flushes, and the length of a chunk
 MANY: Final = 4096  # rows in a chunk of tables that have many for each iteration
@@ -40,50 +42,54 @@ class Recorder:
         lattice: Lattice,
         domain: NDArray[np.bool_],
         truth: NDArray[np.bool_],
-        behaviour: Behaviour,
+        curve: Curve,
     ) -> None:
-        """`world` is the floor plan's SVG text; `domain` and `truth` (occupied) are (rows, columns) at the start."""
+        """`world` is the floor plan's text, `curve` what is drawn of the task's measures.
+
+        `domain` and `truth` (occupied) are (rows, columns) at the start.
+        """
         self._digests = Digests()
         self._held: list[Moment] = []
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
-        self._totals = {"links": 0, "waypoints": 0, "letters": 0, "changes": 0}
+        self._totals: dict[str, int] = {}
         self._fates = ["heard"]
-        count = scenario.robots.count
-        self._maps = MapChanges(behaviour, count, lattice)
-        tile = tuple(scenario.sensor.get("tile", (6, 7)))
         self._file = h5py.File(path, "x", libver="latest")
         self._file.attrs.update(
             {
                 "swarmsim-recording": FORMAT,
-                "scenario": tomli_w.dumps(msgspec.to_builtins(scenario)),
+                "scenario": tomli_w.dumps(_without_none(msgspec.to_builtins(scenario))),
                 "versions": json.dumps(versions()),
                 "lattice": [lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns],
                 "digested": " ".join(DIGESTED),
+                "curve": msgspec.json.encode(curve).decode(),
+                "measures": "[]",
+                "rows": "[]",
             }
         )
         self._file["world"] = np.frombuffer(world.encode(), np.uint8)
         for name, mask in (("domain", domain), ("truth", truth)):
             self._file.create_dataset(name, data=mask, compression="gzip")
-        self._table("pose", (count, 3), np.float64)
-        self._table("alive", (count,), np.bool_)
-        self._table("tiles", (count, *tile), np.uint8)
-        self._table("origins", (count, 2), np.int32)
-        self._table("goals", (count, 2), np.int32)
-        self._table("coverage", (), np.float64)
-        self._table("covered", (count,), np.int32)
-        self._table("messages", (), np.int32)
-        self._table("links", (2,), np.int32, MANY)
-        self._table("links_end", (), np.int64)  # links of iteration t: links[links_end[t - 1]:links_end[t]]
+        self._table("digests", (len(DIGESTED), 8), np.uint8)
+
+    def _open(self, moment: Moment) -> None:
+        """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
+        for name, row in _rows(moment).items():
+            self._table(name, np.shape(row), np.asarray(row).dtype)
+        for name, rows in _lists(moment).items():
+            self._table(name, rows.shape[1:], rows.dtype, MANY)
+            self._table(f"{name}_end", (), np.int64)  # rows of iteration t: NAME[NAME_end[t - 1]:NAME_end[t]]
+            self._totals[name] = 0
         self._table("letters", (5,), np.int32, MANY)  # receiver, sender, iteration sent, bytes, fate; ends as of links
         self._table("letters_end", (), np.int64)
+        self._totals |= {"letters": 0, "waypoints": 0}
         self._table("fates", (), FATE)  # what became of a letter: 0 is heard, all others why it was lost
-        self._table("changes", (3,), np.int32, MANY)  # of maps: robot, row-major cell, new state; ends as of links
-        self._table("changes_end", (), np.int64)
         self._append("fates", np.array(self._fates, FATE))
         self._table("waypoints", (2,), np.float32, MANY)
         self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
-        self._table("events", (), EVENT)
-        self._table("digests", (len(DIGESTED), 8), np.uint8)
+        self._table("events", (), np.uint8, MANY)  # text: an event in JSON a line
+        once = ("fates", "waypoints", "paths", "events")
+        self._file.attrs["rows"] = json.dumps([n for n in self._tables if n not in (*once, *self._totals)])
+        self._file.attrs["measures"] = json.dumps(list(moment.measured.values))
         self._file.swmr_mode = True
 
     def _table(self, name: str, row: tuple[int, ...], kind: Any, chunk: int = BLOCK) -> None:
@@ -94,8 +100,9 @@ class Recorder:
 
     def sample(self, moment: Moment) -> None:
         """Keep one iteration; every BLOCK iterations they are written and flushed."""
+        if len(self._tables) == 1:
+            self._open(moment)
         self._digests.sample(moment)
-        self._maps.sample(moment)
         self._held.append(moment)
         if len(self._held) == BLOCK:
             self.flush()
@@ -105,37 +112,34 @@ class Recorder:
         held, self._held = self._held, []
         if not held:
             return
-        self._append("pose", [moment.state.pose for moment in held])
-        self._append("alive", [moment.state.alive for moment in held])
-        self._append("tiles", [moment.tiles.values for moment in held])
-        self._append("origins", [moment.tiles.origins for moment in held])
-        self._append("goals", [moment.intents.goals for moment in held])
-        self._append("coverage", [moment.coverage.share for moment in held])
-        self._append("covered", [moment.coverage.each for moment in held])
-        self._append("messages", [len(moment.delivery.heard) for moment in held])
-        self._append_each("links", [moment.links for moment in held])
+        rows, lists = [_rows(moment) for moment in held], [_lists(moment) for moment in held]
+        for name in rows[0]:
+            self._append(name, [row[name] for row in rows])
+        for name in lists[0]:
+            self._append_each(name, [one[name] for one in lists])
         known = len(self._fates)
         self._append_each("letters", [self._with_fates(moment.delivery) for moment in held])
         self._append("fates", np.array(self._fates[known:], FATE))
-        self._append_each("changes", self._maps.taken())
-        planned = [(moment, robot) for moment in held for robot in np.flatnonzero(moment.intents.planned)]
-        ways = [moment.intents.waypoints[robot, : moment.intents.counts[robot]] for moment, robot in planned]
-        ends = self._totals["waypoints"] + np.cumsum([len(way) for way in ways], dtype=np.int64)
-        if ways:
-            self._append("waypoints", np.concatenate(ways))
-            self._append(
-                "paths",
-                [(moment.state.iteration, robot, end) for (moment, robot), end in zip(planned, ends, strict=True)],
-            )
-            self._totals["waypoints"] = int(ends[-1])
-        events = [(e.iteration, e.robot, e.kind.encode(), e.cause.encode()) for moment in held for e in moment.events]
-        self._append("events", np.array(events, EVENT))
+        self._append_ways(held)
+        events = b"".join(encoded(event) + b"\n" for moment in held for event in moment.events)
+        self._append("events", np.frombuffer(events, np.uint8))
         for name, table in self._tables.items():
             if name != "digests":
                 table.flush()
-        rows = self._digests.rows[-len(held) :]
-        self._append("digests", np.frombuffer(b"".join(rows), np.uint8).reshape(-1, len(DIGESTED), 8))
+        digests = self._digests.rows[-len(held) :]
+        self._append("digests", np.frombuffer(b"".join(digests), np.uint8).reshape(-1, len(DIGESTED), 8))
         self._tables["digests"].flush()
+
+    def _append_ways(self, held: list[Moment]) -> None:
+        """Append every path in the iteration in which it is new."""
+        planned = [(moment, robot) for moment in held for robot in np.flatnonzero(moment.intents.planned)]
+        ways = [moment.intents.waypoints[robot, : moment.intents.counts[robot]] for moment, robot in planned]
+        if ways:
+            ends = self._totals["waypoints"] + np.cumsum([len(way) for way in ways], dtype=np.int64)
+            self._append("waypoints", np.concatenate(ways))
+            which = [(moment.state.iteration, robot) for moment, robot in planned]
+            self._append("paths", np.column_stack([np.array(which, np.int64), ends]))
+            self._totals["waypoints"] = int(ends[-1])
 
     def _append(self, name: str, rows: Any) -> None:
         if len(rows):
@@ -174,37 +178,29 @@ class Recorder:
         self.close()
 
 
+def _rows(moment: Moment) -> dict[str, Any]:
+    """What has one row of the same shape in every iteration, by the name of its table."""
+    parts = (moment.readings, moment.knowledge, moment.intents, moment.measured)
+    return {
+        "pose": moment.state.pose,
+        "alive": moment.state.alive,
+        "messages": len(moment.delivery.heard),
+        "progress": moment.measured.progress,
+        **{name: row for part in parts for name, row in part.record().rows.items()},
+    }
+
+
+def _lists(moment: Moment) -> dict[str, NDArray[Any]]:
+    """What has as many rows as there happen to be, by the name of its table."""
+    return {"links": moment.links, **moment.knowledge.record().lists}
+
+
+def _without_none(value: Any) -> Any:
+    """The same without what TOML cannot say."""
+    if isinstance(value, dict):
+        return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
+    return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
 def _with_column(letters: Letters, fate: int) -> NDArray[np.int32]:
     return np.column_stack([letters, np.full(len(letters), fate, np.int32)])
-
-
-class MapChanges:
-    """A probe that notes which cells of the robots' maps have become unknown, free or occupied."""
-
-    def __init__(self, behaviour: Behaviour, robots: int, lattice: Lattice) -> None:
-        self._behaviour = behaviour
-        self._columns = lattice.columns
-        self._robots = np.arange(robots, dtype=np.int32)
-        self._shown = np.zeros((robots, lattice.rows * lattice.columns), np.uint8)
-        self._noted: list[NDArray[np.int32]] = []
-
-    def sample(self, moment: Moment) -> None:
-        """Compare the maps with those of the iteration before: under its tiles or, if need be, everywhere."""
-        shown, tiles, inbox = self._shown, moment.tiles, moment.inbox
-        log_odds = self._behaviour.log_odds.reshape(shown.shape)
-        observed = self._behaviour.observed.reshape(shown.shape)
-        if self._behaviour.forgets or moment.events:
-            found = np.empty((shown.size, 3), np.int32)
-            count = occupancy.changes_anywhere(log_odds, observed, shown, found)
-        else:
-            owners = np.concatenate([self._robots, inbox.receivers])
-            origins = np.concatenate([tiles.origins, inbox.origins])
-            shape = tiles.values.shape[1:]
-            found = np.empty((len(owners) * shape[0] * shape[1] + 1, 3), np.int32)
-            count = occupancy.changes_under(log_odds, observed, shown, owners, origins, shape, self._columns, found)
-        self._noted.append(found[:count].copy())
-
-    def taken(self) -> list[NDArray[np.int32]]:
-        """The changes (c, 3) of each iteration since this was last asked: robot, row-major cell, new state."""
-        noted, self._noted = self._noted, []
-        return noted

@@ -2,36 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Behaviour, Box, Building
-from swarmsim.core.state import Event, Moment
+from swarmsim.core.parts import Building
+from swarmsim.core.state import Moment
 
 Cells = NDArray[np.bool_]  # (rows, columns)
-
-
-def boxes_at(events: Iterable[Event], iteration: int) -> list[Box]:
-    """The boxes that stood in the building in an iteration besides its plan, in the order in which they came.
-
-    The cause of an event that changes the building is `box LEFT LOWER RIGHT UPPER stands`, or `... gone`, in m; its
-    iteration is the first one with the change.
-    """
-    boxes: list[Box] = []
-    for event in events:
-        words = event.cause.split(" ")
-        if words[0] != "box" or len(words) != 6 or event.iteration > iteration:
-            continue
-        left, low, right, high = map(float, words[1:5])
-        fate = words[5]
-        if fate == "stands":
-            boxes.append((left, low, right, high))
-        elif fate == "gone":
-            boxes.remove((left, low, right, high))
-    return boxes
 
 
 @dataclass(slots=True)
@@ -53,24 +32,25 @@ class ChangeMeasures:
     The union holds a cell for occupied if any robot that observed it does, as in the films.
     """
 
-    def __init__(self, building: Building, behaviour: Behaviour) -> None:
-        """Both are read at the end of each iteration, when `building` is that of the next one already."""
-        self._building, self._behaviour = building, behaviour
+    def __init__(self, building: Building) -> None:
+        """The `building` as it is at the start."""
         self._version = building.version
         self._truth, self._domain = building.occupied, building.domain
         self._stale: list[float | None] = []  # since the first change
+        self._robots = 0
         self.changes: list[Change] = []
 
     def sample(self, moment: Moment) -> None:
         """Take note of one iteration."""
-        observed, log_odds = self._behaviour.observed, self._behaviour.log_odds
+        observed, log_odds = moment.knowledge.observed, moment.knowledge.log_odds
+        self._robots = len(observed)
+        if self._version != moment.building.version:
+            self._note(moment.building, moment.state.iteration)
         if self.changes:
             self._stale.append(self._stale_share(observed, log_odds))
         for change in self.changes:
             if not change.over:
                 self._watch(change, moment.state.iteration, observed, log_odds)
-        if self._version != self._building.version:
-            self._note(moment.state.iteration + 1)
 
     def _stale_share(self, observed: Cells, log_odds: NDArray[np.float32]) -> float | None:
         known = observed.any(axis=0) & self._domain
@@ -93,9 +73,9 @@ class ChangeMeasures:
         for robot in np.flatnonzero(2 * own >= len(cells)).tolist():
             change.robots.setdefault(robot, delay)
 
-    def _note(self, iteration: int) -> None:
+    def _note(self, building: Building, iteration: int) -> None:
         """Watch the cells that have changed; what was changed once more is not watched for the earlier change."""
-        building, self._version = self._building, self._building.version
+        self._version = building.version
         changed = building.occupied != self._truth
         for change in self.changes:
             change.over |= bool(changed.reshape(-1)[change.cells].any())
@@ -108,7 +88,7 @@ class ChangeMeasures:
         """The run in numbers; docs/buildings.md defines each. None where a number is not defined."""
         changes = self.changes
         stale = [share for share in self._stale if share is not None]
-        watched = len(changes) * len(self._behaviour.observed)
+        watched = len(changes) * self._robots
         return {
             "changes": len(changes),
             "changes_detected": sum(change.half is not None for change in changes),

@@ -1,4 +1,4 @@
-"""What a message looks like on the air, byte by byte; its length is what radios are charged for."""
+"""What the messages of mapping robots hold, and how they look on the air, byte by byte."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.messages import Columns
 from swarmsim.core.state import UNKNOWN
 
 #: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
@@ -22,6 +23,23 @@ RELAYED: Final = struct.Struct(">HIhhB")
 #: Before a map: sender (2 bytes), iteration (4), then the first row and column (2 each, signed) and the numbers of rows
 #: and columns (2 each) of the smallest rectangle with all known cells, big-endian.
 MAP: Final = struct.Struct(">HIhhHH")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TileItems(Columns):
+    """The tiles in messages."""
+
+    values: NDArray[np.uint8]  # (t, rows, columns)
+    origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
+    sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
+    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelayedItems(TileItems):
+    """Tiles that come over several links."""
+
+    hops: NDArray[np.uint8]  # (t,): links between the robot that sensed it and the one that tells it now
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +138,94 @@ def unpack_map(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[n
     cells = np.full(shape, UNKNOWN, np.uint8)
     cells[row : row + rows, column : column + columns] = unpack_cells(data[MAP.size :], (rows, columns))
     return sender, iteration, cells
+
+
+class TileCodec:
+    """One robot's current tile a message."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+
+    def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
+        """The message with its one tile."""
+        return pack(sender, iteration, items.origins[0], items.values[0])
+
+    def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
+        """Its sender, iteration and tile."""
+        sender, iteration, origin, tile = unpack(data, self._shape)
+        return sender, iteration, TileItems(tile[None], origin[None], _ints(sender), _ints(iteration))
+
+
+class RelayCodec:
+    """One robot's current tile, then those that it relays."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+
+    def pack(self, sender: int, iteration: int, items: RelayedItems) -> bytes:
+        """The message; its first item is the sender's own."""
+        columns = zip(items.sources, items.sensed, items.hops, items.origins, items.values, strict=True)
+        readings = [Reading(int(source), int(sensed), int(hops), o, v) for source, sensed, hops, o, v in columns]
+        return pack_relay(sender, iteration, items.origins[0], items.values[0], readings[1:])
+
+    def unpack(self, data: bytes) -> tuple[int, int, RelayedItems]:
+        """Its sender, iteration and tiles."""
+        sender, iteration, origin, tile, relayed = unpack_relay(data, self._shape)
+        readings = [Reading(sender, iteration, 0, origin, tile), *relayed]
+        return (
+            sender,
+            iteration,
+            RelayedItems(
+                np.array([one.tile for one in readings], np.uint8),
+                np.array([one.origin for one in readings], np.int32),
+                np.array([one.source for one in readings], np.int32),
+                np.array([one.sensed for one in readings], np.int32),
+                np.array([one.hops for one in readings], np.uint8),
+            ),
+        )
+
+
+class MapCodec:
+    """The known cells of one robot's map, cut into tiles of one shape."""
+
+    def __init__(self, shape: tuple[int, int], grid: tuple[int, int]) -> None:
+        """`shape` of the tiles and of the whole `grid`, in rows and columns."""
+        self._shape, self._grid = shape, grid
+
+    def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
+        """The message with the smallest rectangle that holds all known cells."""
+        (rows, columns), (high, wide) = self._grid, self._shape
+        cells = np.full((rows + high, columns + wide), UNKNOWN, np.uint8)
+        for (row, column), tile in zip(items.origins, items.values, strict=True):
+            cells[row : row + high, column : column + wide] = tile
+        return pack_map(sender, iteration, cells[:rows, :columns])
+
+    def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
+        """Its sender, iteration and the pieces of the map."""
+        sender, iteration, cells = unpack_map(data, self._grid)
+        _, origins, values = pieces(cells[None], self._shape)
+        nobody, now = np.full(len(values), -1, np.int32), np.full(len(values), iteration, np.int32)
+        return sender, iteration, TileItems(values, origins, nobody, now)
+
+
+def _ints(value: int) -> NDArray[np.int32]:
+    return np.array([value], np.int32)
+
+
+def pieces(
+    maps: NDArray[np.uint8], shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
+    """The `maps` (n, rows, columns) cut into tiles of `shape`, without those that are UNKNOWN all over.
+
+    Gives the row in `maps` (t,), rising, the origins (t, 2) and the values (t, *shape) of the tiles.
+    """
+    robots, rows, columns = maps.shape
+    down, across = -(-rows // shape[0]), -(-columns // shape[1])
+    padded = np.full((robots, down * shape[0], across * shape[1]), UNKNOWN, np.uint8)
+    padded[:, :rows, :columns] = maps
+    cut = padded.reshape(robots, down, shape[0], across, shape[1]).swapaxes(2, 3)
+    # Rows first: numpy is slow where it reduces the few cells of a tile's row one by one.
+    strips = (padded != UNKNOWN).reshape(robots, down, shape[0], -1).any(axis=2)
+    owners, row, column = np.nonzero(strips.reshape(robots, down, across, shape[1]).any(axis=3))
+    origins = np.stack([row * shape[0], column * shape[1]], axis=1).astype(np.int32)
+    return owners, origins, cut[owners, row, column]

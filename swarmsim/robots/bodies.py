@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 import pymunk
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from pymunk import batch
 
-from swarmsim.core.parts import Building, Crowd, Motion
-from swarmsim.core.scenario import Physics, Robots
+from swarmsim.core.parts import Building, Crowd, Motion, Setting
+from swarmsim.core.scenario import Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
 
@@ -19,6 +21,17 @@ READ = (
     batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 )
 WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
+
+
+class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Discs on two wheels with mass, traction and friction, which push, slip and block each other (Chipmunk)."""
+
+    substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; rounded down to a whole fraction of the period
+    friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
+
+    def build(self, setting: Setting) -> DifferentialDrive:
+        """The bodies, where the robots start."""
+        return DifferentialDrive(setting.robots, self, setting.building, setting.start)
 
 
 class DifferentialDrive:
@@ -30,7 +43,7 @@ class DifferentialDrive:
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
     """
 
-    def __init__(self, robots: Robots, physics: Physics, building: Building, pose: NDArray[np.float64]) -> None:
+    def __init__(self, robots: Robots, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
         self._robots = robots
         self._substep = physics.substep
         self._moment = pymunk.moment_for_circle(robots.mass, 0.0, robots.radius)
@@ -55,6 +68,7 @@ class DifferentialDrive:
             self._robot_ids.append(body.id)
         self._wheels = np.zeros((len(pose), 2))
         self._alive = np.ones(len(pose), np.bool_)
+        self._retired = np.zeros(len(pose), np.bool_)
         self._iteration = 0
         self._prepare()
 
@@ -136,7 +150,8 @@ class DifferentialDrive:
         self._wheels[robots] = 0.0
 
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again."""
+        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again, but for those retired."""
+        robots, pose = robots[~self._retired[robots]], pose[~self._retired[robots]]
         for robot, (x, y, yaw) in zip(robots, pose, strict=True):
             disc = self._discs[robot]
             if disc.space is None:
@@ -147,6 +162,10 @@ class DifferentialDrive:
         self._moving[robots, 3:] = 0.0
         self._wheels[robots] = 0.0
         self._alive[robots] = True
+
+    def retire(self, robots: NDArray[np.int64]) -> None:
+        """Let nothing bring these robots (r,) back that are out, or will be."""
+        self._retired[robots] = True
 
     def _meet_crowds(self) -> list[tuple[Crowd, list[pymunk.Body], NDArray[np.bool_]]]:
         """The crowds, their bodies, and which robots (n,) they see.

@@ -27,7 +27,7 @@ class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
 
 class WaypointFollower:
-    """Follows each robot's waypoints by pure pursuit."""
+    """Follows each robot's waypoints by pure pursuit, or its velocity."""
 
     def __init__(self, parameters: PurePursuit, setting: Setting) -> None:
         robots = setting.robots
@@ -36,13 +36,28 @@ class WaypointFollower:
         self._wanted = np.zeros((robots.count, 2))
         self._waypoints = np.empty((robots.count, 0, 2))
         self._counts = np.zeros(robots.count, np.int32)
+        self._turning: NDArray[np.bool_] | None = None  # who moves at a velocity, if anybody ever does
+        self._twisting = np.empty((0, 2))
 
     def follow(self, intents: Intents) -> None:
         """Start on new waypoints."""
         self._waypoints, self._counts = intents.waypoints, intents.counts
         self._cursor[:] = 0
+        self._turning = None
+        if intents.twists is not None:
+            self._turning = np.asarray(~np.isnan(intents.twists).any(axis=1))
+            self._twisting = self._wheels(intents.twists[self._turning])
+
+    def _wheels(self, twists: NDArray[np.float64]) -> WheelSpeeds:
+        """The wheel speeds of velocities (t, 2) in m/s and rad/s; slower, on the same arc, where one is too fast."""
+        _, top, base, _ = self._limits
+        wheels = twists[:, :1] + 0.5 * base * twists[:, 1:] * np.array([-1.0, 1.0])
+        slower = np.minimum(1.0, top / np.maximum(np.abs(wheels).max(axis=1, initial=1e-12), 1e-12))
+        return np.asarray(wheels * slower[:, None])
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds wanted at these poses."""
         drive.pursue(pose, self._waypoints, self._counts, self._cursor, *self._limits, self._wanted)
+        if self._turning is not None:
+            self._wanted[self._turning] = self._twisting
         return self._wanted

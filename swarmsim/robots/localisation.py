@@ -7,7 +7,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.parts import Setting
-from swarmsim.core.state import State, Tiles
+from swarmsim.core.state import Readings, State
 
 
 class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -19,8 +19,8 @@ class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class PerfectLocalisation:
-    """Gives the true pose and leaves the tiles where they were sensed."""
+    """Gives the true pose and leaves what was sensed where it was sensed."""
 
-    def locate(self, state: State, tiles: Tiles) -> tuple[NDArray[np.float64], Tiles]:
+    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
         """The pose as it is."""
-        return state.pose, tiles
+        return state.pose, readings

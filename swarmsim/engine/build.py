@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,15 +11,18 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.bodies import DifferentialDrive
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Box, Building, Fault, Parts, Sensor, Setting, Survey
-from swarmsim.core.scenario import Robots, Scenario, Table, World
+from swarmsim.core.events import Box
+from swarmsim.core.parts import Building, Calendar, Computation, Fault, Parts, Sensor, Setting, Strategy, Survey, Task
+from swarmsim.core.scenario import PLACES, Robots, Scenario, Table, World
+from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
-from swarmsim.recorder import Recorder
-from swarmsim.simulation import Simulation
+from swarmsim.engine.guard import built, guarded, margin_of
+from swarmsim.engine.simulation import Simulation
+from swarmsim.recording.recorder import Recorder
+from swarmsim.robots.sensors import with_field
 from swarmsim.world.arena import Arena
 from swarmsim.world.svg import read_floor_plan
 
@@ -36,8 +39,8 @@ class Run:
 
     def recorder(self, path: Path) -> Recorder:
         """A probe that records the run in a new file."""
-        arena, behaviour = self.arena, self.simulation.parts.behaviour
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, behaviour)
+        arena, curve = self.arena, self.simulation.parts.task.curve
+        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
 
 
 def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
@@ -48,50 +51,67 @@ def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
     """
     if world is None:
         world = read_world(scenario, name)
-    robots, stop, network = scenario.robots, scenario.stop, scenario.network
-    sensor = msgspec.json.encode(scenario.sensor)
+    try:
+        return _built(scenario, world)
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from problem
 
+
+def _built(scenario: Scenario, world: str) -> Run:
+    robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
+    sensor = msgspec.json.encode(scenario.sensor)
     alone = msgspec.structs.replace(robots, count=1)  # how many there are changes nothing of what they can reach
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
         return _survey(world, scenario.world, scenario.grid.cell, alone, sensor, boxes)
 
-    try:
-        ground = _open(world, scenario.world, scenario.grid.cell, alone, sensor)
-    except InputError as problem:
-        raise InputError(f"{name}: {problem}") from problem
-    arena, plain = ground.arena, survey(())
-    setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed))
+    arena = _open(world, scenario.world, scenario.grid.cell, alone, sensor).arena
+    plain = survey(())
     page = (0.0, 0.0, arena.plan.width, arena.plan.height)
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, page=page)
+    setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
+    setting = replace(setting, start=_start(setting, arena.name))
+    if "field" in tables:
+        setting = replace(setting, scalar_field=_make("field", tables["field"], setting))
 
-    def make(seam: str, place: str, table: Table, *more: Any) -> Any:
-        try:
-            return _make(seam, place, table, setting, *more)
-        except InputError as problem:
-            raise InputError(f"{name}: {problem}") from problem
+    def make(seam: str) -> Any:
+        return _make(seam, tables[seam], setting)
 
-    bodies = DifferentialDrive(robots, scenario.physics, building, _place(setting, arena, plain.entrance, name))
-    behaviour = make("behaviour", "behaviour", scenario.behaviour)
+    bodies = make("physics")
     parts = Parts(
-        sensor=make("sensor", "sensor", scenario.sensor, building),
-        localisation=make("localisation", "localisation", scenario.localisation),
-        sharing=make("sharing", "network.sharing", network.sharing, behaviour),
-        topology=make("topology", "network.topology", network.topology, building),
-        channel=make("channel", "network.channel", network.channel, building),
-        behaviour=behaviour,
-        motion=make("motion", "motion", scenario.motion),
+        sensor=with_field(make("sensor"), setting, float(tables.get("field", {}).get("noise", 0.0))),
+        localisation=make("localisation"),
+        computation=make("computation"),
+        strategy=make("strategy"),
+        topology=make("topology"),
+        channel=make("channel"),
+        motion=make("motion"),
         bodies=bodies,
+        task=make("task"),
         building=building,
+        calendar=Calendar(bodies.state()),
     )
+    for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
+        _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
+    parts = guarded(parts, setting)
     for number, table in enumerate(scenario.faults):
-        fault: Fault = make("fault", f"faults[{number}]", table, number)
+        fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = fault.install(parts)
         except InputError as problem:
-            raise InputError(f"{name}: faults[{number}].{problem}") from problem
-    simulation = Simulation(parts, scenario.period, stop.coverage, stop.iterations, stop.at_coverage)
+            raise InputError(f"faults[{number}].{problem}") from problem
+    simulation = Simulation(parts, scenario.period, stop.iterations, stop.when_done)
     return Run(scenario, world, arena, plain.domain, simulation)
+
+
+def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
+    """Raise InputError unless the part reads what the computation gives."""
+    if not issubclass(computation.knows, part.reads):
+        raise InputError(
+            f"{place}.use: {tables[place.rpartition('.')[2]]['use']!r} reads {part.reads.__name__}, and "
+            f"{tables['computation']['use']!r} gives {computation.knows.__name__}; expected a "
+            f"{place.rpartition('.')[2]} and a computation that go together"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +126,7 @@ def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
     table: Table = msgspec.json.decode(sensor)
     plan = read_floor_plan(text, world.file, world.scale)
-    arena = Arena.open(plan, cell, max(table.get("tile", (1, 1))) + 1, world.file)
+    arena = Arena.open(plan, cell, margin_of(registry.part("sensor", table)) + 1, world.file)
     reachable = arena.reachable(robots.spawn, robots.radius)
     domain = arena.coverage_domain(reachable, _observable(table, arena, robots, reachable))
     for shared in (reachable, domain):
@@ -141,10 +161,11 @@ def _walls_alone(arena: Arena) -> Building:
     return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
-def _make(seam: str, place: str, table: Table, *more: Any) -> Any:
+def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
     """The part that a table describes. Raises InputError that starts with its place in the scenario."""
+    place = place or ".".join(PLACES[seam])
     try:
-        return registry.part(seam, table).build(*more)
+        return built(seam, table, setting)
     except InputError as problem:
         raise InputError(f"{place}.{problem}") from problem
 
@@ -165,32 +186,34 @@ def read_world(scenario: Scenario, name: str) -> str:
 def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell."""
     lattice = arena.lattice
-    setting = Setting(robots, lattice, 1.0, Streams(0))
-    sensor: Sensor = _make("sensor", "sensor", table, setting, _walls_alone(arena))
+    setting = Setting(robots, lattice, 1.0, Streams(0), _walls_alone(arena))
+    sensor: Sensor = _make("sensor", table, setting)
     cells = np.argwhere(reachable)
     pose = np.zeros((len(cells), 3))
     pose[:, :2] = lattice.centres(cells)
     none = np.zeros((len(cells), 2))
-    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_)))
+    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
+    if tiles is None:
+        return reachable
     which, row, column = np.nonzero(tiles.values != UNKNOWN)
     observed = np.zeros(lattice.shape, np.bool_)
     observed[tiles.origins[which, 0] + row, tiles.origins[which, 1] + column] = True
     return observed
 
 
-def _place(setting: Setting, arena: Arena, centres: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def _start(setting: Setting, world: str) -> NDArray[np.float64]:
     """Start poses (n, 3): each robot at the centre of a free cell of the spawn area, heading anywhere.
 
     Every robot draws from its own stream, after those with lower ids have taken their places, so that one
     more robot moves none of the others. Raises InputError if the area holds fewer robots.
     """
-    robots = setting.robots
+    robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
         if not open_.any():
             raise InputError(
-                f"{name}: robots.count: spawn area {robots.spawn!r} of {arena.name} holds {robot} robots of radius "
+                f"robots.count: spawn area {robots.spawn!r} of {world} holds {robot} robots of radius "
                 f"{robots.radius:g} m, not {robots.count}; expected fewer robots or a larger area"
             )
         stream = setting.streams.open("spawn", robot)

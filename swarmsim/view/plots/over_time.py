@@ -1,32 +1,41 @@
-"""Coverage curves: how fast the swarms of each condition map."""
+"""Curves over time: how fast the swarms of each condition get on with their task."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from swarmsim.view.plots.marks import area_key, described, fault_marks
+from swarmsim.core.parts import Curve
+from swarmsim.view.plots.fault_marks import area_key, described, fault_marks
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import COLOURS, DASHES, FINEST, GREY, MARKERS, Reals, styled
 
+COVERAGE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0)
+
 
 @styled
-def coverage(curves: Mapping[str, Sequence[Reals]], title: str, marks: Mapping[str, Sequence[int]] = {}) -> Figure:
-    """The mean coverage of each condition and the band that holds 95 % of its runs, against iterations.
+def curves(
+    values: Mapping[str, Sequence[Reals]],
+    title: str,
+    marks: Mapping[str, Sequence[int]] = {},
+    curve: Curve = COVERAGE,
+) -> Figure:
+    """The mean of each condition and the band that holds 95 % of its runs, against iterations.
 
-    `curves` gives, for each condition, the curves (t,) of its runs: the share of the domain, 0 to 1, after
-    1, 2, ... t iterations. A run that is over keeps its last value as long as others of its condition go on.
-    `marks` are the iterations at which faults befell the swarms of a condition.
+    `values` gives, for each condition, the curves (t,) of its runs: what `curve` describes, by default the share of
+    the domain that is covered, after 1, 2, ... t iterations. A run that is over keeps its last value as long as others
+    of its condition go on. `marks` are the iterations at which faults befell the swarms of a condition.
     """
-    names = [described(label, runs) for label, runs in curves.items()]
+    names = [described(label, runs, _whole(curve)) for label, runs in values.items()]
     figure = sheet(6.4 + 0.075 * max(map(len, names)), max(4.4, 1.4 + 0.21 * len(names)), title)
     axes = figure.subplots()
     handles: list[Artist] = []
-    for row, runs in enumerate(curves.values()):
-        filled = 100.0 * padded(runs)
+    for row, runs in enumerate(values.values()):
+        filled = curve.scale * padded(runs)
         kept = np.unique(np.linspace(0, filled.shape[1] - 1, FINEST).round().astype(int))
         low, high = np.percentile(filled[:, kept], (2.5, 97.5), axis=0)
         colour, step = COLOURS[row % len(COLOURS)], max(1, len(kept) // 8)
@@ -37,11 +46,19 @@ def coverage(curves: Mapping[str, Sequence[Reals]], title: str, marks: Mapping[s
             label=names[row],
         )  # fmt: skip
     handles += [area_key("95 % of the runs", GREY, "none", 0.25)]
-    handles += fault_marks(axes, list(curves), marks)
-    ends = [*(len(run) for runs in curves.values() for run in runs), *(at for times in marks.values() for at in times)]
-    axes.set(xlabel="iteration", ylabel="coverage, %", xlim=(0.0, 1.02 * max(ends)), ylim=(0.0, 102.0))
+    handles += fault_marks(axes, list(values), marks)
+    ends = [*(len(run) for runs in values.values() for run in runs), *(at for times in marks.values() for at in times)]
+    axes.set(xlabel="iteration", ylabel=curve.label, xlim=(0.0, 1.02 * max(ends)))
+    if curve.low is not None and curve.high is not None:
+        axes.set_ylim(curve.low, curve.high + 0.02 * (curve.high - curve.low))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
     return settled(figure)
+
+
+def _whole(curve: Curve) -> float | None:
+    """The value of a curve in per cent below which a run is not done; None for all other curves."""
+    percent = curve.rises and curve.high is not None and curve.label.endswith("%")
+    return curve.high / curve.scale if percent and curve.high is not None else None
 
 
 def padded(runs: Sequence[Reals]) -> Reals:

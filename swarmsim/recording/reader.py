@@ -1,84 +1,28 @@
-"""What is kept of a run: one HDF5 file, readable up to its last flush, and a digest of every iteration."""
+"""A recorded run, read back from its HDF5 file."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import platform
 import tomllib
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import hdf5
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.scenario import Scenario, decode
-from swarmsim.core.state import Event, Moment
+from swarmsim.core.parts import Curve
+from swarmsim.core.scenario import Scenario, shape
 
-FORMAT: Final = 2  # raised whenever an older reader would misread a newer file
-DIGESTED: Final = (
-    "pose", "velocity", "wheels", "alive", "tiles", "links", "heard", "goals", "waypoints", "coverage",
-)  # fmt: skip
-PER_ITERATION: Final = (
-    "pose", "alive", "tiles", "origins", "goals", "coverage", "covered", "messages",
-    "links_end", "letters_end", "changes_end", "digests",
-)  # fmt: skip
-EVENT: Final = np.dtype([("iteration", "<i4"), ("robot", "<i4"), ("kind", "S32"), ("cause", "S192")])
-
-
-class Digests:
-    """A probe that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
-
-    def __init__(self) -> None:
-        self.rows: list[bytes] = []
-
-    def sample(self, moment: Moment) -> None:
-        """Append one row: the hashes of DIGESTED, in that order."""
-        self.rows.append(b"".join(_hash(*arrays) for arrays in _digested(moment)))
-
-    def total(self) -> str:
-        """The digest of the whole run so far, in hexadecimal."""
-        return hashlib.blake2b(b"".join(self.rows), digest_size=16).hexdigest()
-
-
-def _digested(moment: Moment) -> tuple[tuple[NDArray[Any], ...], ...]:
-    state, tiles, inbox, intents = moment.state, moment.tiles, moment.inbox, moment.intents
-    coverage = moment.coverage
-    return (
-        (state.pose,),
-        (state.velocity,),
-        (state.wheels,),
-        (state.alive,),
-        (tiles.values, tiles.origins),
-        (moment.links,),
-        (inbox.receivers, inbox.senders, inbox.values, inbox.origins, inbox.sources, inbox.sensed),
-        (intents.goals,),
-        (intents.counts, intents.waypoints),
-        (np.array([coverage.union, coverage.domain]), coverage.each),
-    )
-
-
-def _hash(*arrays: NDArray[Any]) -> bytes:
-    hashed = hashlib.blake2b(digest_size=8)
-    for array in arrays:
-        hashed.update(np.ascontiguousarray(array).data)
-    return hashed.digest()
-
-
-def versions() -> dict[str, str]:
-    """What a run's bytes depend on besides its scenario and seed."""
-    packages = {name: version(name) for name in ("numpy", "numba", "pymunk", "shapely", "svgelements")}
-    return {
-        "swarmsim": version("swarmsim-lab"),
-        "python": platform.python_version(),
-        **packages,
-        "platform": f"{platform.system()} {platform.machine()}",
-    }
+FORMAT: Final = 3  # raised whenever an older reader would misread a newer file
+SHARES: Final = (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)  # of the task, whose times a summary tells
 
 
 class Recording:
@@ -102,19 +46,32 @@ class Recording:
                 table = tomllib.loads(file.attrs["scenario"])
                 x0, y0, cell, rows, columns = file.attrs["lattice"]
                 self.digested: list[str] = file.attrs["digested"].split()
+                self._measures: list[str] = json.loads(file.attrs["measures"])  # of the swarm, by name
+                #: What the task is about, and how it is drawn.
+                self.curve: Curve = msgspec.json.decode(file.attrs["curve"], type=Curve)
+                self._rows: set[str] = set(json.loads(file.attrs["rows"]))  # tables with one row for each iteration
                 self._arrays: dict[str, NDArray[Any]] = {name: file[name][()] for name in file}
         except (OSError, KeyError, ValueError, RuntimeError) as problem:
             raise InputError(
                 f"{self.path}: not a whole recording ({problem}); expected an HDF5 file written by 'swarmsim run'"
             ) from problem
-        self.scenario: Scenario = decode(table, str(self.path))
+        self.scenario: Scenario = shape(table, str(self.path))
         self.lattice = Lattice(float(x0), float(y0), float(cell), int(rows), int(columns))
         self.iterations = len(self._arrays["digests"])
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A table of the file by its name, cut to whole iterations where it has one row for each."""
         array = self._arrays[name]
-        return array[: self.iterations] if name in PER_ITERATION else array
+        return array[: self.iterations] if name in self._rows else array
+
+    def __contains__(self, name: str) -> bool:
+        """Whether the file has a table of this name."""
+        return name in self._arrays
+
+    @property
+    def progress(self) -> NDArray[np.float64]:
+        """How much of the task was done after each iteration (t,), 0 to 1."""
+        return self["progress"]
 
     @cached_property
     def world(self) -> str:
@@ -154,10 +111,8 @@ class Recording:
 
     def events(self) -> list[Event]:
         """All events in the order in which they happened."""
-        return [
-            Event(int(row["iteration"]), int(row["robot"]), row["kind"].decode(), row["cause"].decode())
-            for row in self._arrays["events"]
-        ]
+        text = self._arrays["events"].tobytes() if "events" in self else b""
+        return [decoded(line) for line in text.splitlines()]
 
     def digest(self) -> str:
         """The digest of the whole run, in hexadecimal; equal for equal runs."""
@@ -177,41 +132,30 @@ class Recording:
         return {name: int(count) for name, count in zip(self.fates[1:], counts[1:], strict=True)}
 
     def reached(self, share: float) -> int | None:
-        """The number of iterations after which the union covered this share, or None."""
-        hits = np.flatnonzero(self["coverage"] >= share)
+        """The number of iterations after which this share of the task was done, or None."""
+        hits = np.flatnonzero(self.progress >= share)
         return int(hits[0]) + 1 if len(hits) else None
 
     def summary(self) -> dict[str, Any]:
         """The run in a few numbers, for tables and JSON."""
         events = self.events()
-        ends = [event.kind for event in events if event.kind in ("finished", "not finished")]
-        coverage = self["coverage"]
+        ends = ["finished" if event.finished else "not finished" for event in events if isinstance(event, Ended)]
+        ran = self.iterations > 0
         return {
             "title": self.scenario.title,
             "status": ends[-1] if ends else "interrupted",
             "iterations": self.iterations,
-            "coverage": float(coverage[-1]) if self.iterations else 0.0,
-            "reached": {f"{100 * share:g} %": self.reached(share) for share in (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)},
+            "measures": {name: float(self[name][-1]) for name in self._measures} if ran else {},
+            "progress": float(self.progress[-1]) if ran else 0.0,
+            "reached": {f"{100 * share:g} %": self.reached(share) for share in SHARES} if ran else {},
             "robots": self.scenario.robots.count,
-            "alive": int(self["alive"][-1].sum()) if self.iterations else self.scenario.robots.count,
+            "alive": int(self["alive"][-1].sum()) if ran else self.scenario.robots.count,
             "domain cells": int(self._arrays["domain"].sum()),
-            "messages": int(self["messages"].sum()),
-            "bytes": int(self._arrays["letters"][:, 3].sum(where=self._arrays["letters"][:, 4] == 0)),
-            "lost": self._lost(),
-            "events": [
-                {"iteration": iteration, "kind": kind, "cause": cause, "robots": list(robots)}
-                for (iteration, kind, cause), robots in grouped(events).items()
-            ],
+            "messages": int(self["messages"].sum()) if ran else 0,
+            "bytes": int(self._arrays["letters"][:, 3].sum(where=self._arrays["letters"][:, 4] == 0)) if ran else 0,
+            "lost": self._lost() if ran else {},
+            "events": [msgspec.to_builtins(event) for event in events],
             "seed": self.scenario.seed,
             "digest": self.digest(),
             "versions": self.versions,
         }
-
-
-def grouped(events: list[Event]) -> dict[tuple[int, str, str], tuple[int, ...]]:
-    """All robots with which the same happened: by iteration, kind and cause, in the order of the events."""
-    groups: dict[tuple[int, str, str], tuple[int, ...]] = {}
-    for event in events:
-        key = (event.iteration, event.kind, event.cause)
-        groups[key] = groups.get(key, ()) + ((event.robot,) if event.robot >= 0 else ())
-    return groups

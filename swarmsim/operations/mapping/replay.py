@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.state import FREE, OCCUPIED
-from swarmsim.recording import Recording
+from swarmsim.recording.reader import Recording
 
 
 class MapReplay:

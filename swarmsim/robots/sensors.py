@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from copy import copy
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Building, Setting
-from swarmsim.core.state import State, Tiles
+from swarmsim.core.parts import Field, Sensor, Setting
+from swarmsim.core.state import Readings, State, Tiles
 from swarmsim.kernels import rays
 
 
@@ -24,7 +26,12 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     reach: Annotated[float, Meta(gt=0.0)] = 1.0  # m
     robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
 
-    def build(self, setting: Setting, building: Building) -> IrRingSensor:
+    @property
+    def margin(self) -> int:
+        """How many cells a tile reaches beyond the cell of its robot, at most."""
+        return max(self.tile)
+
+    def build(self, setting: Setting) -> IrRingSensor:
         """The sensor for a swarm among these walls."""
         lattice = setting.lattice
         corner = lattice.cell * math.hypot((self.tile[0] + 1) / 2, (self.tile[1] + 1) / 2)
@@ -35,13 +42,13 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"beams: {self.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
                 f"cells of {lattice.cell:g} m; at least {needed} are needed"
             )
-        return IrRingSensor(self, setting, building)
+        return IrRingSensor(self, setting)
 
 
 class IrRingSensor:
     """Senses the tiles of the whole swarm in one call."""
 
-    def __init__(self, parameters: IrRing, setting: Setting, building: Building) -> None:
+    def __init__(self, parameters: IrRing, setting: Setting) -> None:
         lattice = setting.lattice
         corner = lattice.cell * math.hypot((parameters.tile[0] + 1) / 2, (parameters.tile[1] + 1) / 2)
         self._reach = min(parameters.reach, corner)  # what lies beyond the tile is not looked for
@@ -49,7 +56,7 @@ class IrRingSensor:
         rows = math.ceil(lattice.rows * lattice.cell / side)
         columns = math.ceil(lattice.columns * lattice.cell / side)
         self._coarse = (lattice.x0, lattice.y0, side, rows, columns)
-        self._building = building
+        self._building = setting.building
         self._prepare()
         angles = np.arange(parameters.beams) * (2.0 * np.pi / parameters.beams)
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -74,7 +81,7 @@ class IrRingSensor:
         self._walls, self._version = self._building.walls, self._building.version
         self._near = rays.bins(self._walls, self._reach, *self._coarse)
 
-    def sense(self, state: State) -> Tiles:
+    def sense(self, state: State) -> Readings:
         """The tiles of all robots, each around its own cell; those of dead robots are all UNKNOWN."""
         parameters = self._parameters
         if self._version != self._building.version:
@@ -97,4 +104,48 @@ class IrRingSensor:
             values,
             origins,
         )
-        return Tiles(values, origins)
+        return Readings(Tiles(values, origins))
+
+
+class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots that sense nothing but where they are."""
+
+    @property
+    def margin(self) -> int:
+        """No cell."""
+        return 0
+
+    def build(self, setting: Setting) -> Senseless:
+        """The sensor."""
+        return Senseless()
+
+
+class Senseless:
+    """Gives nothing."""
+
+    def sense(self, state: State) -> Readings:
+        """No readings."""
+        return Readings()
+
+
+class FieldSensor:
+    """A sensor that besides samples a scalar field where each robot is, with normal noise."""
+
+    def __init__(self, inner: Sensor, field: Field, period: float, noise: float, salt: int) -> None:
+        """`period` (s) of an iteration; `noise` is the standard deviation, in the field's unit."""
+        self._inner, self._field, self._period, self._noise, self._salt = inner, field, period, noise, salt
+
+    def sense(self, state: State) -> Readings:
+        """The readings, with the field's value where each robot is; NaN for the dead."""
+        value = self._field.value(state.iteration * self._period, state.pose[:, :2])
+        if self._noise > 0.0:
+            value = value + self._noise * chance.normal(self._salt, state.iteration, np.arange(state.robots), 0)
+        return replace(self._inner.sense(state), field=np.where(state.alive, value, np.nan))
+
+
+def with_field(sensor: Sensor, setting: Setting, noise: float) -> Sensor:
+    """The sensor, which also samples the setting's field, if there is one; `noise` as in FieldSensor."""
+    if setting.scalar_field is None:
+        return sensor
+    salt = int(setting.streams.open("field noise").integers(0, 2**64, dtype=np.uint64))
+    return FieldSensor(sensor, setting.scalar_field, setting.period, noise, salt)

@@ -20,9 +20,9 @@ def counted(runs: Sequence[int]) -> str:
     return f", n = {min(runs)}{f' to {max(runs)}' if min(runs) < max(runs) else ''}" if len(runs) else ""
 
 
-def described(label: str, runs: Sequence[Reals]) -> str:
-    """A condition with the number of its runs, and of those that did not get to 100 %."""
-    below = sum(run[-1] < 1.0 for run in runs)
+def described(label: str, runs: Sequence[Reals], whole: float | None = 1.0) -> str:
+    """A condition with the number of its runs, and of those that did not get to 100 %, the value `whole`."""
+    below = 0 if whole is None else sum(run[-1] < whole for run in runs)
     return f"{label} (n = {len(runs)}{f', {below} below 100 %' if below else ''})"
 
 

@@ -1,19 +1,15 @@
-"""What one run says in numbers: how fast, how far, how much talk, and how good the maps are."""
+"""How good the maps of a run are, and what each robot did for them, in numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Behaviour, Building
-from swarmsim.core.scenario import Robots
-from swarmsim.core.state import UNKNOWN, Moment, State
-
-SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of the domain whose times are measured
+from swarmsim.core.state import UNKNOWN, Moment
+from swarmsim.recording.measures import jain, share_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +21,6 @@ class Quality:
     f1: float | None  # 2 TP / (2 TP + FP + FN)
     iou: float | None  # TP / (TP + FP + FN)
     false_occupied: int  # FP, cells
-
-
-def reached(curve: NDArray[np.float64], share: float) -> int | None:
-    """The number of iterations after which `curve` (t,), a coverage from 0 to 1, was first at `share`, or None."""
-    hits = np.flatnonzero(curve >= share)
-    return int(hits[0]) + 1 if len(hits) else None
 
 
 def mean_coverage(curve: NDArray[np.float64], horizon: int | None = None) -> float | None:
@@ -62,8 +52,8 @@ def quality(occupied: NDArray[np.bool_], truth: NDArray[np.bool_], where: NDArra
     tp = int(np.count_nonzero(occupied & truth & where))
     fp = int(np.count_nonzero(occupied & ~truth & where))
     fn = int(np.count_nonzero(~occupied & truth & where))
-    precision, recall = _share(tp, tp + fp), _share(tp, tp + fn)
-    return Quality(precision, recall, _share(2 * tp, 2 * tp + fp + fn), _share(tp, tp + fp + fn), fp)
+    precision, recall = share_of(tp, tp + fp), share_of(tp, tp + fn)
+    return Quality(precision, recall, share_of(2 * tp, 2 * tp + fp + fn), share_of(tp, tp + fp + fn), fp)
 
 
 def probability(log_odds: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -116,14 +106,8 @@ def disagreement(observed: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> fl
 
 def overlap(held: NDArray[np.bool_]) -> float | None:
     """How often the cells held (n, cells) are held once more: sum_i |M_i| / |union M_i| - 1 (Xu et al. 2022)."""
-    ratio = _share(int(np.count_nonzero(held)), int(np.count_nonzero(held.any(axis=0))))
+    ratio = share_of(int(np.count_nonzero(held)), int(np.count_nonzero(held.any(axis=0))))
     return None if ratio is None else ratio - 1.0
-
-
-def jain(shares: NDArray[np.float64]) -> float | None:
-    """Fairness (sum x)^2 / (n sum x^2) of what each robot (n,) did (Jain et al. 1984): 1 is equal, 1/n is one alone."""
-    squares = float(len(shares) * (shares**2).sum())
-    return float(shares.sum() ** 2) / squares if squares > 0.0 else None
 
 
 def _inside(origins: NDArray[np.int32], tiles: tuple[int, ...], grid: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -133,60 +117,43 @@ def _inside(origins: NDArray[np.int32], tiles: tuple[int, ...], grid: tuple[int,
     return np.asarray(fits)
 
 
-def _share(part: float, whole: float) -> float | None:
-    return part / whole if whole else None
-
-
 def _mean(values: Sequence[float | None]) -> float | None:
     """The mean of what is defined."""
     defined = [value for value in values if value is not None]
     return float(np.mean(defined)) if defined else None
 
 
-class Measures:
-    """A probe that keeps what `summary` needs while a run goes, so that studies need no recording.
+class MapMeasures:
+    """A probe that keeps what it takes to judge the maps of a run, so that studies need no recording.
 
     Cells count in the coverage domain alone, except those that messages carry. What a robot *sensed* came
     from its own tiles; its map also holds what it heard. Robots that died keep their rows.
     """
 
-    def __init__(self, building: Building, robots: Robots, period: float, behaviour: Behaviour) -> None:
-        """`period` in s. Maps are judged by the `building` of the end; what was sensed, by its domain now."""
-        domain, count = building.domain, robots.count
-        self._building, self._domain, self._period, self._behaviour = building, domain, period, behaviour
-        self._leap = 2.0 * robots.speed * period  # m; whoever is that far in one iteration was carried there
-        self._counted = np.tile(domain.reshape(-1), count)
-        self._sensed = np.zeros(count * domain.size, np.bool_)
-        self._known = np.zeros(count * domain.size, np.bool_)  # sensed or heard
-        self._robots = np.arange(count)
+    def __init__(self, robots: int, domain: NDArray[np.bool_]) -> None:
+        """The coverage domain (rows, columns) at the start counts for what was sensed, the last one for maps."""
+        self._domain = domain
+        self._counted = np.tile(domain.reshape(-1), robots)
+        self._sensed = np.zeros(robots * domain.size, np.bool_)
+        self._known = np.zeros(robots * domain.size, np.bool_)  # sensed or heard
+        self._robots = np.arange(robots)
         self._offsets = np.zeros((0, 0), np.int64)  # of a tile's cells from its first, in the grid's row-major order
-        self._path = np.zeros(count)
-        self._last: State | None = None
-        self._union: list[int] = []
-        self._cells: list[int] = []  # of the domain, which changes with the building
-        self._each: list[NDArray[np.int32]] = []  # -1 for the dead
-        self._finished = False
+        self._union: list[float] = []
+        self._last: Moment | None = None
         self._readings = self._carried = self._fresh = self._heard = self._age = 0
-        self._links = self._messages = self._bytes = self._lost = 0
 
     def sample(self, moment: Moment) -> None:
         """Take note of one iteration."""
-        state, coverage, last = moment.state, moment.coverage, self._last
-        self._union.append(coverage.union)
-        self._cells.append(coverage.domain)
-        self._each.append(np.where(state.alive, coverage.each, -1).astype(np.int32))
-        if last is not None:
-            step = np.hypot(*(state.pose - last.pose)[:, :2].T)
-            self._path += np.where(last.alive & (step < self._leap), step, 0.0)
-        self._last = state
-        self._finished = any(event.robot < 0 and event.kind == "finished" for event in moment.events)
+        self._union.append(moment.measured.values["coverage"])
+        self._last = moment
         self._read(moment)
 
     def _read(self, moment: Moment) -> None:
         """Count what was sensed, then what was heard."""
-        robots, tiles, inbox = len(self._robots), moment.tiles, moment.inbox
-        values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.values])
-        origins = np.concatenate([tiles.origins, inbox.origins])
+        robots, tiles, inbox = len(self._robots), moment.readings.tiles, moment.knowledge.taken
+        assert tiles is not None
+        values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.content.values])
+        origins = np.concatenate([tiles.origins, inbox.content.origins])
         owners = np.concatenate([self._robots, inbox.receivers])
         seen = values != UNKNOWN
         rows, columns = (room - size for room, size in zip(self._domain.shape, values.shape[1:], strict=True))
@@ -202,55 +169,32 @@ class Measures:
         fresh = heard[~self._known[heard]]
         self._known[fresh] = True
         self._readings += int(np.count_nonzero(self._counted[sensed]))
-        self._links += len(moment.links)
-        self._messages += len(moment.delivery.heard)
-        self._bytes += int(moment.delivery.heard[:, 3].sum())
-        self._lost += sum(len(letters) for _, letters in moment.delivery.lost)
         self._heard += len(inbox.receivers)
-        self._age += len(inbox.receivers) * moment.state.iteration - int(inbox.sensed.sum(dtype=np.int64))
+        self._age += len(inbox.receivers) * moment.state.iteration - int(inbox.content.sensed.sum(dtype=np.int64))
         self._carried += len(heard)
         self._fresh += len(set(fresh.tolist()))  # a cell in two messages is new once
 
-    def curve(self) -> NDArray[np.float64]:
-        """Coverage after each iteration (t, 4): the union's, then the least, mean and most of robots alive, or nan."""
-        union = np.array(self._union, np.float64)
-        each = np.array(self._each, np.float64).reshape(-1, len(self._robots))
-        living = each >= 0.0
-        count = living.sum(axis=1)
-        least = np.where(living, each, np.inf).min(axis=1, initial=np.inf)
-        mean = np.where(living, each, 0.0).sum(axis=1) / np.maximum(count, 1)
-        own = np.stack([least, mean, each.max(axis=1, initial=-1.0)], axis=1)
-        own[count == 0] = np.nan
-        return np.column_stack([union, own]) / np.array(self._cells, np.float64).reshape(-1, 1)
-
     def summary(self) -> dict[str, float | int | None]:
-        """The run in numbers; docs/measures.md defines each. None where a number is not defined."""
-        return {**self._times(), **self._maps(), **self._work(), **self._talk()}
-
-    def _times(self) -> dict[str, float | int | None]:
-        union = np.array(self._union, np.float64) / np.array(self._cells, np.float64)
-        ran = len(union)
-        times = {f"t{share}": reached(union, share / 100) for share in SHARES}
-        t95, t100 = times["t95"], times["t100"]
-        return {
-            "finished": int(self._finished),
-            "iterations": ran if self._finished else None,
-            "iterations_run": ran,
-            "seconds": ran * self._period if self._finished else None,
-            "coverage": float(union[-1]) if ran else 0.0,
-            **times,
-            "tail_ratio": t100 / t95 if t95 and t100 else None,
+        """The maps in numbers; docs/measures.md defines each. None where a number is not defined."""
+        union = np.array(self._union)
+        times: dict[str, float | int | None] = {
+            "coverage": float(union[-1]) if len(union) else 0.0,
             "mean_coverage": mean_coverage(union),
             "discovery_time": discovery_time(union),
         }
+        return {**times, **self._maps(), **self._work()}
 
     def _maps(self) -> dict[str, float | int | None]:
-        domain = self._building.domain
-        observed, log_odds = self._behaviour.observed[:, domain], self._behaviour.log_odds[:, domain]
+        if self._last is None:
+            return {}
+        building, maps = self._last.building, self._last.knowledge
+        observed, log_odds = maps.observed[:, building.domain], maps.log_odds[:, building.domain]
+        truth = building.occupied[building.domain]
         occupied = observed & (log_odds > 0.0)
         belief = np.where(observed, probability(log_odds), 0.5)
-        robots = [self._judge(*row) for row in zip(occupied, belief, observed, strict=True)]
-        union = self._judge(
+        robots = [_judge(truth, *row) for row in zip(occupied, belief, observed, strict=True)]
+        union = _judge(
+            truth,
             union_occupied(observed, log_odds),
             union_probability(observed, log_odds),
             np.asarray(observed.any(axis=0)),
@@ -262,21 +206,6 @@ class Measures:
             "overlap_maps": overlap(observed),
         }
 
-    def _judge(
-        self, occupied: NDArray[np.bool_], belief: NDArray[np.float64], observed: NDArray[np.bool_]
-    ) -> dict[str, float | int | None]:
-        truth = self._building.occupied[self._building.domain]
-        found = quality(occupied, truth, observed)
-        return {
-            "precision": found.precision,
-            "recall": found.recall,
-            "f1": found.f1,
-            "iou": found.iou,
-            "false_occupied": found.false_occupied,
-            "entropy": entropy(belief),
-            "brier": brier(belief, truth, observed),
-        }
-
     def _work(self) -> dict[str, float | int | None]:
         cells = self._domain.reshape(-1)
         sensed = self._sensed.reshape(len(self._robots), -1)[:, cells]
@@ -284,21 +213,25 @@ class Measures:
         own = sensed.sum(axis=1)
         return {
             "overlap_sensed": overlap(sensed),
-            "heard_share": _share(known - int(own.sum()), known),
-            "redundancy": _share(self._readings, int(np.count_nonzero(sensed.any(axis=0)))),
-            "path_sum": float(self._path.sum()),
-            "path_longest": float(self._path.max(initial=0.0)),
-            "path_mean": float(self._path.mean()),
-            "jain_path": jain(self._path),
+            "heard_share": share_of(known - int(own.sum()), known),
+            "redundancy": share_of(self._readings, int(np.count_nonzero(sensed.any(axis=0)))),
             "jain_sensed": jain(own.astype(np.float64)),
+            "age": share_of(self._age, self._heard),
+            "fresh_share": share_of(self._fresh, self._carried),
         }
 
-    def _talk(self) -> dict[str, float | int | None]:
-        return {
-            "messages": self._messages,
-            "bytes": self._bytes,
-            "delivered_share": _share(self._messages, self._links),
-            "lost": self._lost,
-            "age": _share(self._age, self._heard),
-            "fresh_share": _share(self._fresh, self._carried),
-        }
+
+def _judge(
+    truth: NDArray[np.bool_], occupied: NDArray[np.bool_], belief: NDArray[np.float64], observed: NDArray[np.bool_]
+) -> dict[str, float | int | None]:
+    """How one map, given cell by cell of the domain, compares with the truth."""
+    found = quality(occupied, truth, observed)
+    return {
+        "precision": found.precision,
+        "recall": found.recall,
+        "f1": found.f1,
+        "iou": found.iou,
+        "false_occupied": found.false_occupied,
+        "entropy": entropy(belief),
+        "brier": brier(belief, truth, observed),
+    }

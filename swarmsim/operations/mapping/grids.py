@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.state import Inbox, Tiles
+from swarmsim.core.messages import Inbox
+from swarmsim.core.state import Tiles
 from swarmsim.kernels import occupancy, trust
+from swarmsim.operations.mapping.message import TileItems
 
 
 class OccupancyGrids:
@@ -25,7 +27,7 @@ class OccupancyGrids:
         #: The log-odds of `hit`, `miss`, `lowest` and `highest`.
         self.steps = tuple(np.float32(math.log(p / (1.0 - p))) for p in (hit, miss, lowest, highest))
 
-    def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox) -> NDArray[np.int32]:
+    def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox[TileItems]) -> NDArray[np.int32]:
         """Add every live robot's own tile, then the readings it heard, in the inbox's order.
 
         Pieces of somebody's map (source -1) come last and fill unknown cells only: the readings behind them may
@@ -33,7 +35,7 @@ class OccupancyGrids:
 
         Gives (n + m,): how many cells each robot's own tile, then each tile heard, was the first to show it.
         """
-        if inbox.sources.min(initial=0) < 0:
+        if inbox.content.sources.min(initial=0) < 0:
             return self._update_and_fill(alive, tiles, inbox)
         fresh = np.empty(len(alive) + len(inbox.receivers), np.int32)
         occupancy.fuse(
@@ -43,18 +45,27 @@ class OccupancyGrids:
             tiles.values,
             tiles.origins,
             inbox.receivers,
-            inbox.values,
-            inbox.origins,
+            inbox.content.values,
+            inbox.content.origins,
             *self.steps,
             fresh,
         )
         return fresh
 
-    def _update_and_fill(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox) -> NDArray[np.int32]:
-        pieces = inbox.sources < 0
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Empty the maps of these robots."""
+        self.observed[robots] = False
+        self.log_odds[robots] = 0.0
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give these robots another one's map."""
+        self.observed[robots], self.log_odds[robots] = self.observed[source], self.log_odds[source]
+
+    def _update_and_fill(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox[TileItems]) -> NDArray[np.int32]:
+        pieces = inbox.content.sources < 0
         fresh = np.empty(len(alive) + len(pieces), np.int32)
         told = fresh[len(alive) :]
-        readings = Inbox(*(getattr(inbox, name)[~pieces] for name in Inbox.__slots__))
+        readings = inbox.take(~pieces)
         added = self.update(alive, tiles, readings)
         fresh[: len(alive)], told[~pieces] = added[: len(alive)], added[len(alive) :]
         filled = np.empty(np.count_nonzero(pieces), np.int32)
@@ -62,8 +73,8 @@ class OccupancyGrids:
             self.log_odds,
             self.observed,
             inbox.receivers[pieces],
-            inbox.values[pieces],
-            inbox.origins[pieces],
+            inbox.content.values[pieces],
+            inbox.content.origins[pieces],
             *self.steps,
             filled,
         )
@@ -88,7 +99,6 @@ class WaryGrids:
         sets = shape if quorum > 1 else (shape[0], 0, 0)
         own, free, occupied = np.zeros(shape, np.bool_), np.zeros(sets, np.uint64), np.zeros(sets, np.uint64)
         self._witnesses = trust.Witnesses(own, free, occupied, quorum)
-        self._mapped: NDArray[np.bool_] = np.zeros(shape[0], np.bool_)  # who has mapped anything
 
     @property
     def log_odds(self) -> NDArray[np.float32]:
@@ -100,13 +110,11 @@ class WaryGrids:
         """Which cells each robot's map holds (n, rows, columns); a live view."""
         return self._grids.observed
 
-    def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox) -> NDArray[np.int32]:
+    def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox[TileItems]) -> NDArray[np.int32]:
         """Add every live robot's own tile, then what it believes of the tiles it heard, as `OccupancyGrids` does.
 
         Gives (n + m,): how many cells each robot's own tile, then each tile heard, was the first to show it.
         """
-        if self._witnesses.quorum > 1:
-            self._forget_with_maps()
         fresh = np.empty(len(alive) + len(inbox.receivers), np.int32)
         trust.fuse_warily(
             self.log_odds,
@@ -117,19 +125,20 @@ class WaryGrids:
             tiles.origins,
             inbox.receivers,
             inbox.senders,
-            inbox.sources < 0,
-            inbox.values,
-            inbox.origins,
+            inbox.content.sources < 0,
+            inbox.content.values,
+            inbox.content.origins,
             *self._grids.steps,
             fresh,
         )
-        self._mapped |= fresh[: len(alive)] > 0
         return fresh
 
-    def _forget_with_maps(self) -> None:
-        """Whoever has lost its whole map, as in a reboot, has lost what it was told as well."""
-        mapped = np.asarray(self.observed.any(axis=(1, 2)))
-        lost = self._mapped & ~mapped
-        self._witnesses.free[lost] = 0
-        self._witnesses.occupied[lost] = 0
-        self._mapped = mapped
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Empty the maps of these robots, and what they were told."""
+        self._grids.forget(robots)
+        for column in (self._witnesses.own, self._witnesses.free, self._witnesses.occupied):
+            column[robots] = 0
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give these robots another one's map; on whose word it stands they do not know."""
+        self._grids.adopt(robots, source)

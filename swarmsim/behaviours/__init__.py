@@ -1,1 +1,0 @@
-"""What a robot does with what it senses and hears."""

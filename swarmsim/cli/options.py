@@ -1,0 +1,25 @@
+"""Options that several verbs have."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+
+def _let_code_run(context: typer.Context, allowed: bool) -> bool:
+    """For as long as the verb runs, whether scenarios may name code of their own."""
+    from swarmsim.core import registry
+
+    context.with_resource(registry.own_code(allowed))
+    return allowed
+
+
+AllowCode = Annotated[
+    bool,
+    typer.Option(
+        "--allow-code",
+        callback=_let_code_run,
+        help="Let the scenario run code of its own: parts named as ./file.py:Name or module:Name.",
+    ),
+]

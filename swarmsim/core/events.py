@@ -1,0 +1,84 @@
+"""What happens in a run besides its iterations: typed values; words are made where people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+import msgspec
+from msgspec import Struct
+
+Box = tuple[float, float, float, float]  # left, lower, right, upper edge in m
+
+
+class Happened(Struct, frozen=True, tag_field="event", tag=True):
+    """Something worth a mark in the film and a line in the summary."""
+
+    iteration: int  # the first one in which it is so
+
+
+class Begins(Happened, frozen=True, tag="begins"):
+    """A fault begins."""
+
+    fault: int  # its place among the scenario's faults
+    robots: tuple[int, ...] = ()  # with whom; none if it strikes no robot in particular
+
+
+class Ends(Happened, frozen=True, tag="ends"):
+    """A fault is over."""
+
+    fault: int
+    robots: tuple[int, ...] = ()
+
+
+class BoxStands(Happened, frozen=True, tag="box-stands"):
+    """Something stands in the building that was not there."""
+
+    fault: int
+    box: Box
+
+
+class BoxGone(Happened, frozen=True, tag="box-gone"):
+    """A box has left the building."""
+
+    fault: int
+    box: Box
+
+
+class BoxWaits(Happened, frozen=True, tag="box-waits"):
+    """A box is due, but somebody is in its place."""
+
+    fault: int
+    box: Box
+
+
+class Ended(Happened, frozen=True, tag="ended"):
+    """The run is over; `iteration` is its last one."""
+
+    finished: bool  # whether the task was done
+
+
+Event = Begins | Ends | BoxStands | BoxGone | BoxWaits | Ended
+E = TypeVar("E", bound=Happened)
+
+
+def encoded(event: Event) -> bytes:
+    """The event as JSON, as recordings keep it."""
+    return msgspec.json.encode(event)
+
+
+def decoded(text: bytes | str) -> Event:
+    """The event that `encoded` wrote."""
+    event: Event = msgspec.json.decode(text, type=Event)
+    return event
+
+
+def boxes_at(events: Iterable[Event], iteration: int) -> list[Box]:
+    """The boxes that stood in the building in an iteration besides its plan, in the order in which they came."""
+    boxes: list[Box] = []
+    for event in events:
+        if event.iteration <= iteration and isinstance(event, BoxStands):
+            boxes.append(event.box)
+        elif event.iteration <= iteration and isinstance(event, BoxGone):
+            boxes.remove(event.box)
+    return boxes

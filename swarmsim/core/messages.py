@@ -1,0 +1,179 @@
+"""What robots say and hear: columns of any kind, letters on their way, and what arrives."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final, Generic, Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Letters = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes
+
+#: What every message starts with: sender (2 bytes) and iteration (4), big-endian.
+HEADER: Final = struct.Struct(">HI")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Columns:
+    """A table of items; every field of a subclass is an array whose first axis counts them."""
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All columns, in their order."""
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    def take(self, rows: NDArray[Any]) -> Self:
+        """The items at these indices, or those that a mask marks."""
+        return type(self)(*(column[rows] for column in self.arrays()))
+
+    @classmethod
+    def joined(cls, tables: Sequence[Self]) -> Self:
+        """The items of several tables, one after the other; at least one table."""
+        return cls(*map(np.concatenate, zip(*(table.arrays() for table in tables), strict=True)))
+
+    def __len__(self) -> int:
+        return len(self.arrays()[0])
+
+
+C = TypeVar("C", bound=Columns)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Said(Generic[C]):
+    """What every robot says in one iteration: one message each, of any number of items."""
+
+    content: C  # (t,): the items of all messages
+    ends: NDArray[np.int64]  # (n,): robot i says the items ends[i - 1] to ends[i]
+    sizes: NDArray[np.int32]  # (n,): bytes of each robot's message, header included
+    one_each: bool = False  # whether item i is all that robot i says, which is faster to look up
+
+    @classmethod
+    def each(cls, content: C, size: int) -> Self:
+        """Item i is what robot i says, in so many bytes."""
+        count = len(content)
+        return cls(content, np.arange(1, count + 1), np.full(count, size, np.int32), one_each=True)
+
+    def starts(self) -> NDArray[np.int64]:
+        """Where each robot's items begin (n,)."""
+        return np.concatenate([np.zeros(1, np.int64), self.ends[:-1]])
+
+    def of(self, robot: int) -> C:
+        """The items of one robot's message."""
+        return self.content.take(np.arange(self.ends[robot - 1] if robot else 0, self.ends[robot]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Delivery:
+    """What became, in one iteration, of messages: some are heard, some lost, and others still under way."""
+
+    heard: Letters  # sorted by receiver, sender, iteration sent
+    lost: tuple[tuple[str, Letters], ...]  # by reason
+    oldest: int  # no message still under way was sent before this iteration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inbox(Generic[C]):
+    """The items heard in one iteration, sorted by receiver, sender and iteration sent."""
+
+    receivers: NDArray[np.int32]  # (t,)
+    senders: NDArray[np.int32]  # (t,): who said it
+    sent: NDArray[np.int32]  # (t,): the iteration in which it was said
+    content: C  # (t,)
+    oldest: int = 0  # no message still under way was said before this iteration
+
+    def take(self, rows: NDArray[Any]) -> Inbox[C]:
+        """Some of the items."""
+        columns = (self.receivers[rows], self.senders[rows], self.sent[rows], self.content.take(rows))
+        return Inbox(*columns, self.oldest)
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All columns: who heard what of whom, and when it was said."""
+        return self.receivers, self.senders, self.sent, *self.content.arrays()
+
+    def __len__(self) -> int:
+        return len(self.receivers)
+
+
+class Codec(Protocol[C]):
+    """What a computation's messages look like on the air; their lengths are the sizes that channels charge for."""
+
+    def pack(self, sender: int, iteration: int, items: C) -> bytes:
+        """One message."""
+        ...
+
+    def unpack(self, data: bytes) -> tuple[int, int, C]:
+        """Its sender, the iteration in which it was said, and its items, exactly as they were packed."""
+        ...
+
+
+class PlainCodec(Generic[C]):
+    """One item a message: the header, then the item's fields in their order, big-endian."""
+
+    def __init__(self, example: C) -> None:
+        """`example` has, for every column, the type and the shape of an item, and any number of them."""
+        self._kind = type(example)
+        self._columns = [(column.dtype.newbyteorder(">"), column.shape[1:]) for column in example.arrays()]
+        #: Bytes of every message.
+        self.size: int = HEADER.size + sum(kind.itemsize * int(np.prod(shape)) for kind, shape in self._columns)
+
+    def pack(self, sender: int, iteration: int, items: C) -> bytes:
+        """One message; raises ValueError unless it has one item."""
+        if len(items) != 1:
+            raise ValueError(f"{len(items)} items in a message that holds one")
+        packed = (
+            column.astype(kind).tobytes() for column, (kind, _) in zip(items.arrays(), self._columns, strict=True)
+        )
+        return HEADER.pack(sender, iteration) + b"".join(packed)
+
+    def unpack(self, data: bytes) -> tuple[int, int, C]:
+        """Its sender, iteration and item."""
+        sender, iteration = HEADER.unpack_from(data)
+        at, columns = HEADER.size, []
+        for kind, shape in self._columns:
+            count = int(np.prod(shape))
+            column = np.frombuffer(data, kind, count, at).reshape(1, *shape)
+            columns.append(column.astype(kind.newbyteorder("=")))
+            at += kind.itemsize * count
+        return sender, iteration, self._kind(*columns)
+
+
+class PostOffice(Generic[C]):
+    """Keeps what was said until it has arrived; channels decide on letters alone."""
+
+    def __init__(self) -> None:
+        self._said: dict[int, Said[C]] = {}  # by iteration
+
+    def post(self, iteration: int, said: Said[C]) -> None:
+        """Take what all robots say in an iteration."""
+        self._said[iteration] = said
+
+    def open(self, iteration: int, delivery: Delivery) -> Inbox[C]:
+        """What the letters heard in this iteration hold; what no letter under way can refer to is dropped."""
+        heard = delivery.heard
+        sent = heard[:, 2]
+        if len(heard) == 0 or sent.min() == iteration:
+            inbox = self._of(iteration, heard, delivery.oldest)
+        else:
+            parts = [self._of(int(t), heard[sent == t], delivery.oldest) for t in np.unique(sent)]
+            columns = [np.concatenate(column) for column in zip(*(part.arrays()[:3] for part in parts), strict=True)]
+            content = type(parts[0].content).joined([part.content for part in parts])
+            unsorted = Inbox(columns[0], columns[1], columns[2], content, delivery.oldest)
+            inbox = unsorted.take(np.lexsort(columns[::-1]))
+        for t in [t for t in self._said if t < min(delivery.oldest, iteration)]:
+            del self._said[t]
+        return inbox
+
+    def _of(self, iteration: int, heard: Letters, oldest: int) -> Inbox[C]:
+        """What letters (m, 4) of one iteration hold, message by message."""
+        said = self._said[iteration]
+        receivers, senders, sent = heard[:, 0], heard[:, 1], heard[:, 2]
+        rows: NDArray[Any] = senders
+        if not said.one_each:
+            starts = said.starts()
+            counts = (said.ends - starts)[senders]
+            first = np.repeat(starts[senders] - np.cumsum(counts) + counts, counts)
+            receivers, senders, sent = (np.repeat(column, counts) for column in (receivers, senders, sent))
+            rows = first + np.arange(len(receivers))
+        return Inbox(receivers, senders, sent, said.content.take(rows), oldest)

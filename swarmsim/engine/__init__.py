@@ -1,0 +1,1 @@
+"""The engine: a scenario becomes parts, and the tick runs them."""

@@ -1,0 +1,249 @@
+"""Holds somebody else's parts to what their seams promise; what breaks it ends the run, part and iteration named."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+import swarmsim
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError, PartError
+from swarmsim.core.messages import Codec, Delivery, Said
+from swarmsim.core.parts import (
+    Channel,
+    Computation,
+    Curve,
+    Links,
+    Localisation,
+    Parts,
+    Sensor,
+    Setting,
+    Strategy,
+    Summary,
+    Task,
+    Topology,
+)
+from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
+from swarmsim.engine import contracts
+
+MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
+_PACKAGE: Final = Path(swarmsim.__file__).parent
+T = TypeVar("T")
+
+
+def margin_of(sensor: msgspec.Struct) -> int:
+    """How many cells a sensor's tiles reach beyond the cell of their robot, at most."""
+    margin: int = getattr(sensor, "margin", MARGIN)
+    return margin
+
+
+def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
+    """The part that a table describes. Raises InputError, also for whatever somebody else's `build` raises."""
+    parameters = registry.part(seam, table)
+    if registry.is_ours(parameters):
+        return parameters.build(setting)
+    try:
+        return parameters.build(setting)
+    except InputError:
+        raise
+    except Exception as problem:
+        raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
+
+
+def told(problem: BaseException) -> str:
+    """An exception in words, with the lines of code outside of this package that led to it."""
+    frames = [f for f in traceback.extract_tb(problem.__traceback__) if _PACKAGE not in Path(f.filename).parents]
+    own = [f for f in frames if "site-packages" not in f.filename] or frames
+    lines = "".join(f"\n  {frame.filename}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in own)
+    return f"{type(problem).__name__}: {problem}{lines}"
+
+
+class Guard:
+    """Calls a part, and raises PartError for what it raises and for what it gives that breaks its contract."""
+
+    def __init__(self, seam: str, part: Any) -> None:
+        kind = type(part)
+        self._part, self._name = part, f"{seam} {kind.__module__}.{kind.__qualname__}"
+        self._iteration = 0
+
+    def _call(self, iteration: int, call: Callable[[], T], check: Callable[[T], str | None]) -> T:
+        self._iteration = iteration
+        try:
+            given = call()
+        except InputError:
+            raise
+        except Exception as problem:
+            raise PartError(f"{self._name}, iteration {iteration}: {told(problem)}") from problem
+        wrong = check(given)
+        if wrong is not None:
+            raise PartError(f"{self._name}, iteration {iteration}: {wrong}")
+        return given
+
+
+class GuardedSensor(Guard):
+    """Readings with a row for each robot."""
+
+    _part: Sensor
+
+    def sense(self, state: State) -> Readings:
+        """The readings, checked."""
+        return self._call(state.iteration, lambda: self._part.sense(state), lambda r: contracts.readings(r, state))
+
+
+class GuardedLocalisation(Guard):
+    """Poses and readings with a row for each robot."""
+
+    _part: Localisation
+
+    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
+        """The estimates, checked."""
+        return self._call(
+            state.iteration,
+            lambda: self._part.locate(state, readings),
+            lambda given: contracts.first_of(contracts.pose(given[0], state), contracts.readings(given[1], state)),
+        )
+
+
+class GuardedTopology(Guard):
+    """Links among live robots, in order."""
+
+    _part: Topology
+
+    def links(self, state: State) -> Links:
+        """The links, checked."""
+        return self._call(state.iteration, lambda: self._part.links(state), lambda found: contracts.links(found, state))
+
+
+class GuardedChannel(Guard):
+    """Letters among robots, in order."""
+
+    _part: Channel
+
+    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
+        """What arrives, checked."""
+        return self._call(
+            state.iteration,
+            lambda: self._part.deliver(state, links, sizes),
+            lambda found: contracts.delivery(found, state, len(links)),
+        )
+
+
+class GuardedComputation(Guard):
+    """Messages of the sizes they have, and knowledge that follows from what was sensed and heard."""
+
+    _part: Computation
+
+    def __init__(self, part: Computation, setting: Setting) -> None:
+        super().__init__("computation", part)
+        self._auditor = part.knows.auditor(setting)
+
+    @property
+    def knows(self) -> type[Knowledge]:
+        """What it says it gives."""
+        return self._part.knows
+
+    @property
+    def codec(self) -> Codec[Any]:
+        """Its own."""
+        return self._part.codec
+
+    @property
+    def maps(self) -> Any:
+        """What all robots know, for those who map."""
+        return self._part.maps  # type: ignore[attr-defined]
+
+    def say(self, observations: Observations) -> Said[Any]:
+        """The messages, checked."""
+        return self._call(
+            observations.iteration,
+            lambda: self._part.say(observations),
+            lambda found: contracts.said(found, observations),
+        )
+
+    def hear(self, observations: Observations) -> Knowledge:
+        """The knowledge, audited."""
+
+        def check(found: Knowledge) -> str | None:
+            wrong = contracts.knowledge(found, self._part.knows)
+            return wrong if wrong is not None else self._auditor.audit(found, observations)
+
+        return self._call(observations.iteration, lambda: self._part.hear(observations), check)
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Pass it on."""
+        self._call(self._iteration, lambda: self._part.forget(robots), lambda _: None)
+        self._auditor.forget(robots)
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Pass it on."""
+        self._call(self._iteration, lambda: self._part.adopt(robots, source), lambda _: None)
+        self._auditor.adopt(robots, source)
+
+
+class GuardedStrategy(Guard):
+    """Intents that motors can follow."""
+
+    _part: Strategy
+
+    @property
+    def reads(self) -> type[Knowledge]:
+        """What it says it needs."""
+        return self._part.reads
+
+    def step(self, observations: Observations) -> Intents:
+        """The intents, checked."""
+        return self._call(
+            observations.iteration,
+            lambda: self._part.step(observations),
+            lambda found: contracts.intents(found, observations),
+        )
+
+
+class GuardedTask(Guard):
+    """Measures that are numbers."""
+
+    _part: Task
+
+    @property
+    def reads(self) -> type[Knowledge]:
+        """What it says it measures."""
+        return self._part.reads
+
+    @property
+    def curve(self) -> Curve:
+        """Its own."""
+        return self._part.curve
+
+    def measure(self, moment: Moment) -> Measured:
+        """The measures, checked."""
+        return self._call(
+            moment.state.iteration,
+            lambda: self._part.measure(moment),
+            lambda found: contracts.measured(found, moment.state.robots),
+        )
+
+    def summaries(self) -> Sequence[Summary]:
+        """Its own."""
+        return self._part.summaries()
+
+
+def guarded(parts: Parts, setting: Setting) -> Parts:
+    """The same parts, those that are not ours held to their contracts."""
+    wrap: dict[str, Callable[[Any], Any]] = {
+        "sensor": lambda part: GuardedSensor("sensor", part),
+        "localisation": lambda part: GuardedLocalisation("localisation", part),
+        "topology": lambda part: GuardedTopology("topology", part),
+        "channel": lambda part: GuardedChannel("channel", part),
+        "computation": lambda part: GuardedComputation(part, setting),
+        "strategy": lambda part: GuardedStrategy("strategy", part),
+        "task": lambda part: GuardedTask("task", part),
+    }
+    foreign = {s: make(part) for s, make in wrap.items() if not registry.is_ours(part := getattr(parts, s))}
+    return replace(parts, **foreign)

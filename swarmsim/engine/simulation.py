@@ -1,0 +1,75 @@
+"""The tick: one iteration of Algorithm 1 for the whole swarm, then of the world's physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+from swarmsim.core.events import Ended, Event
+from swarmsim.core.messages import PostOffice
+from swarmsim.core.parts import Now, Parts, Probe
+from swarmsim.core.state import Moment, Observations
+
+
+class Simulation:
+    """A swarm in a building, advanced one iteration at a time until its task is done."""
+
+    def __init__(self, parts: Parts, period: float, limit: int, when_done: Literal["stop", "go-on"] = "stop") -> None:
+        """`limit` is the number of iterations after which the run ends unfinished, `period` the duration of one in s.
+
+        A run that goes on `when_done` ends at the limit, but finished.
+        """
+        self.parts = parts
+        self.state = parts.bodies.state()
+        #: The iterations after which the task was first done; None if it has not been.
+        self.finished_after: int | None = None
+        self._period, self._limit, self._stops = period, limit, when_done == "stop"
+        self._post: PostOffice[Any] = PostOffice()
+        self._now = Now(0, self.state, self.state, 0.0)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the task has been done."""
+        return self.finished_after is not None
+
+    @property
+    def over(self) -> bool:
+        """Whether the run has ended, finished or at its limit."""
+        return (self.finished and self._stops) or self.state.iteration >= self._limit
+
+    def run(self, probes: Sequence[Probe] = ()) -> bool:
+        """Tick to the end of the run; gives whether the task was done before the limit."""
+        while not self.over:
+            self.tick(probes)
+        return self.finished
+
+    def tick(self, probes: Sequence[Probe] = ()) -> Moment:
+        """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves."""
+        parts = self.parts
+        events = parts.calendar.advance(self._now)
+        state = parts.bodies.state() if parts.calendar else self.state
+        pose, readings = parts.localisation.locate(state, parts.sensor.sense(state))
+        observations = Observations(state.iteration, pose, state.velocity, state.alive, readings)
+        said = parts.computation.say(observations)
+        self._post.post(state.iteration, said)
+        links = parts.topology.links(state)
+        delivery = parts.channel.deliver(state, links, said.sizes)
+        inbox = self._post.open(state.iteration, delivery)
+        observations = replace(observations, inbox=inbox)
+        knowledge = parts.computation.hear(observations)
+        intents = parts.strategy.step(replace(observations, knowledge=knowledge))
+        parts.motion.follow(intents)
+        self.state = parts.bodies.drive(parts.motion, self._period)
+        moment = Moment(state, events, parts.building, readings, links, delivery, inbox, knowledge, intents)
+        moment = replace(moment, measured=parts.task.measure(moment))
+        if moment.measured.finished and not self.finished:
+            self.finished_after = self.state.iteration
+        self._now = Now(self.state.iteration, state, self.state, moment.measured.progress)
+        moment = replace(moment, events=(*events, *self._ending()))
+        for probe in probes:
+            probe.sample(moment)
+        return moment
+
+    def _ending(self) -> tuple[Event, ...]:
+        return (Ended(self.state.iteration - 1, self.finished),) if self.over else ()

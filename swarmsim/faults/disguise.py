@@ -1,0 +1,50 @@
+"""A computation around another one, which does all but what a fault changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.messages import Codec, Said
+from swarmsim.core.parts import Computation
+from swarmsim.core.state import Knowledge, Observations
+
+
+class WrappedComputation:
+    """Passes everything on."""
+
+    def __init__(self, inner: Computation) -> None:
+        self._inner = inner
+
+    @property
+    def knows(self) -> type[Knowledge]:
+        """What the computation inside gives."""
+        return self._inner.knows
+
+    @property
+    def codec(self) -> Codec[Any]:
+        """That of the computation inside."""
+        return self._inner.codec
+
+    @property
+    def maps(self) -> Any:
+        """The maps of robots that map; None if they do not."""
+        return getattr(self._inner, "maps", None)
+
+    def say(self, observations: Observations) -> Said[Any]:
+        """What the computation inside says."""
+        return self._inner.say(observations)
+
+    def hear(self, observations: Observations) -> Knowledge:
+        """What the computation inside knows."""
+        return self._inner.hear(observations)
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Pass it on."""
+        self._inner.forget(robots)
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Pass it on."""
+        self._inner.adopt(robots, source)

@@ -1,0 +1,1 @@
+"""Collective operations: local computations, control strategies, and the tasks that measure them."""

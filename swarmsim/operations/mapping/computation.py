@@ -1,0 +1,173 @@
+"""The local computation of collective mapping: each robot keeps an occupancy grid of what it senses and hears.
+
+Lines 2 to 5 of Algorithm 1 of Kit, Mateo and Bouffanais, "A Decentralized Mobile Computing Network for
+Multi-Robot Systems Operations" (2018).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta, Struct, field
+from numpy.typing import NDArray
+
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import Knowledge, Observations, Tiles
+from swarmsim.kernels import occupancy
+from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.sharing import Sharing, tiles_of
+
+Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
+
+
+class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot keeps an occupancy grid (Elfes 1989) of the tiles that it senses and hears.
+
+    The increments are the log-odds of `hit` and `miss`: the probability that a cell is occupied, given
+    that one beam ended in it or that all beams passed. A beam that ends proves matter, a passing one only
+    its own line, so a hit outweighs several misses. The log-odds stay between those of `lowest` and
+    `highest`, which bounds what has to be unlearned when the world changes: a wall that is gone is free again after
+    more than logit(highest) / -logit(miss) misses, 9 by default, and a new one is a wall after one hit.
+
+    With a `decay` every map loses that share of its log-odds in each iteration, and a cell whose log-odds have
+    fallen below half of one observation's, min(logit(hit), -logit(miss)) / 2, becomes unknown again, hence a frontier.
+    A cell last left at log-odds l is forgotten ln(2 |l| / that observation's) / -ln(1 - decay) iterations later: for
+    what is free beyond doubt that is 2.3 / decay by default, for a wall 2.8 / decay. Equal clamps, logit(highest) =
+    -logit(lowest), make both equally long. A robot that does not live forgets nothing.
+
+    `share` says what a robot tells: `current-tile`, `relay` or `map`, a table with `use` and the policy's own keys.
+    `trust` is the defence against robots that lie. With "own" a robot's own sensing voids, for good, what it hears of
+    a cell; with "quorum", besides, what it hears of others counts only once `quorum` different senders have said the
+    same.
+    """
+
+    hit: Probability = 0.9
+    miss: Probability = 0.4
+    lowest: Probability = 0.12
+    highest: Probability = 0.97
+    decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
+    share: dict[str, Any] = field(default_factory=dict)  # what is told
+    trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
+    quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
+
+    def __post_init__(self) -> None:
+        try:
+            msgspec.structs.force_setattr(self, "share", registry.complete("sharing", self.share))
+        except InputError as problem:
+            raise InputError(f"share.{problem}") from problem
+
+    def build(self, setting: Setting) -> MapComputation:
+        """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
+        if not self.lowest < self.miss < 0.5 < self.hit < self.highest:
+            raise InputError(
+                f"hit: expected lowest < miss < 0.5 < hit < highest, got "
+                f"{self.lowest:g}, {self.miss:g}, {self.hit:g}, {self.highest:g}"
+            )
+        if self.quorum is not None and self.trust != "quorum":
+            raise InputError(f"quorum: robots with trust {self.trust!r} need none; expected trust = 'quorum'")
+        others = setting.robots.count - 1
+        if self.trust == "quorum" and (self.quorum or 2) > others:
+            raise InputError(f"quorum: {self.quorum or 2} of {others} others never agree; expected {others} at most")
+        try:
+            sharing: Sharing = registry.part("sharing", self.share).build(setting)
+        except InputError as problem:
+            raise InputError(f"share.{problem}") from problem
+        return MapComputation(self, setting, sharing)
+
+
+class MapComputation:
+    """One occupancy grid per robot, of which nobody else can write a cell."""
+
+    knows: type[Knowledge] = Maps
+
+    def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing) -> None:
+        count, lattice = setting.robots.count, setting.lattice
+        grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
+        quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
+        self._grids = grids if parameters.trust == "all" else WaryGrids(grids, quorum)
+        self._sharing = sharing
+        weakest = min(logit(parameters.hit), -logit(parameters.miss))
+        self._forgets = parameters.decay > 0.0
+        self._kept, self._least = np.float32(1.0 - parameters.decay), np.float32(0.5 * weakest)
+        self._observed, self._log_odds = _read_only(grids.observed), _read_only(grids.log_odds)
+        self._columns = lattice.columns
+        self._robots = np.arange(count, dtype=np.int32)
+        self._shown = np.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
+        self._rewritten = False  # whether maps have changed otherwise than by readings since then
+        nobody = np.empty(0, np.int32)
+        nothing = TileItems(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
+        #: What all robots know, as `hear` gave it last.
+        self.maps = self._maps(
+            np.empty((0, 3), np.int32), np.zeros(count, np.int32), Inbox(nobody, nobody, nobody, nothing)
+        )
+
+    @property
+    def codec(self) -> Codec[Any]:
+        """That of what is shared."""
+        return self._sharing.codec
+
+    def say(self, observations: Observations) -> Said[Any]:
+        """What the sharing policy tells."""
+        return self._sharing.say(observations, self.maps)
+
+    def hear(self, observations: Observations) -> Maps:
+        """Map what was sensed, then what was heard."""
+        tiles, alive = tiles_of(observations), observations.alive
+        taken = self._sharing.taken(observations)
+        if self._forgets:
+            known, log_odds = (grid.reshape(len(alive), -1) for grid in (self._grids.observed, self._grids.log_odds))
+            occupancy.fade(log_odds, known, alive, self._kept, self._least)
+        fresh = self._grids.update(alive, tiles, taken)
+        news = fresh[: len(alive)].copy()
+        np.add.at(news, taken.receivers, fresh[len(news) :])
+        self.maps = self._maps(self._changes(tiles, taken), news, taken)
+        return self.maps
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Empty the maps of robots (r,)."""
+        self._grids.forget(robots)
+        self._rewritten = True
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) the map of another one."""
+        self._grids.adopt(robots, source)
+        self._rewritten = True
+
+    def _maps(self, changes: NDArray[np.int32], news: NDArray[np.int32], taken: Inbox[Any]) -> Maps:
+        return Maps(self._observed, self._log_odds, changes, news, taken)
+
+    def _changes(self, tiles: Tiles, taken: Inbox[Any]) -> NDArray[np.int32]:
+        """Which cells have another state than was last reported: under tiles or, if need be, everywhere."""
+        shown = self._shown
+        log_odds, observed = self._grids.log_odds.reshape(shown.shape), self._grids.observed.reshape(shown.shape)
+        if self._forgets or self._rewritten:
+            self._rewritten = False
+            found = np.empty((shown.size, 3), np.int32)
+            count = occupancy.changes_anywhere(log_odds, observed, shown, found)
+        else:
+            shape = tiles.values.shape[1:]
+            found = np.empty(((len(self._robots) + len(taken)) * shape[0] * shape[1] + 1, 3), np.int32)
+            count = occupancy.changes_under(
+                log_odds, observed, shown, self._robots, tiles.origins, taken.receivers, taken.content.origins,
+                shape, self._columns, found,
+            )  # fmt: skip
+        return found[:count].copy()
+
+
+def _read_only(grids: NDArray[Any]) -> NDArray[Any]:
+    view = grids.view()
+    view.flags.writeable = False
+    return view
+
+
+def logit(probability: float) -> float:
+    """The log-odds of a probability."""
+    return math.log(probability / (1.0 - probability))

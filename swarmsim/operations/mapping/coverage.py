@@ -1,0 +1,71 @@
+"""The task of collective mapping: how much of the building the swarm's maps cover."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from swarmsim.core.parts import Building, Curve, Setting, Summary
+from swarmsim.core.state import Knowledge, Measured, Moment
+from swarmsim.kernels import occupancy
+from swarmsim.operations.mapping.changes import ChangeMeasures
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.measures import MapMeasures
+
+CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0, robots="covered", format=".1f")
+
+
+class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The union of all maps, the dead's included, has to cover a share of the coverage domain.
+
+    The domain is every free cell that robots can observe, and the wall cells beside those; it changes with the
+    building. It is measured, and never fed back.
+    """
+
+    share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the domain
+
+    def build(self, setting: Setting) -> CoverageTask:
+        """The task."""
+        return CoverageTask(self, setting)
+
+
+class CoverageTask:
+    """Counts cells by the changes of the maps alone, which recordings keep as well."""
+
+    reads: type[Knowledge] = Maps
+    curve = CURVE
+
+    def __init__(self, parameters: Coverage, setting: Setting) -> None:
+        count, cells = setting.robots.count, setting.lattice.rows * setting.lattice.columns
+        self._setting, self._wanted = setting, parameters.share
+        self._held = np.zeros((count, cells), np.bool_)  # which cells each map holds
+        self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
+        self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
+        self._union = 0  # ... and in any
+        self._version = -1  # of the building whose domain that is
+
+    def measure(self, moment: Moment) -> Measured:
+        """The share of the domain that the union covers, and that each robot's own map does."""
+        if self._version != moment.building.version:
+            self._count_anew(moment.building)
+        changes = moment.knowledge.changes
+        self._union += occupancy.recount(changes, self._held, self._holders, self._domain, self._each)
+        share = self._union / self._cells
+        return Measured(
+            {"coverage": share}, {"covered": self._each / self._cells}, min(1.0, share / self._wanted),
+            share >= self._wanted,
+        )  # fmt: skip
+
+    def _count_anew(self, building: Building) -> None:
+        self._version, self._domain = building.version, building.domain.reshape(-1)
+        self._cells = int(np.count_nonzero(self._domain))
+        self._each[:] = np.count_nonzero(self._held & self._domain, axis=1)
+        self._union = int(np.count_nonzero((self._holders > 0) & self._domain))
+
+    def summaries(self) -> Sequence[Summary]:
+        """What maps are judged by, and how well they follow a building that changes."""
+        robots = self._setting.robots.count
+        return MapMeasures(robots, self._setting.building.domain), ChangeMeasures(self._setting.building)

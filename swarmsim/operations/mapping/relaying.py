@@ -1,0 +1,109 @@
+"""Relaying: readings that travel through the network over more than one link."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated, Any
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import ArrayLike, NDArray
+
+from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import Observations
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.message import RelayCodec, RelayedItems, current_tile_bytes, relayed_tile_bytes
+from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+
+
+class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot tells its own tile, and once more those that it heard for the first time in the last iteration.
+
+    A reading travels over at most `hops` links, one an iteration; with 1 nothing is relayed.
+    """
+
+    hops: Annotated[int, Meta(ge=1, le=255)] = 2
+
+    def build(self, setting: Setting) -> RelaySharing:
+        """The policy."""
+        return RelaySharing(setting.robots.count, self.hops)
+
+
+class RelaySharing:
+    """Flooding with a limit of hops; a robot takes in each reading once, and never one of its own."""
+
+    codec: Codec[Any]
+
+    def __init__(self, robots: int, hops: int) -> None:
+        self._robots, self._hops = robots, hops
+        self._known = KnownReadings(robots)
+        self._relayed: Inbox[RelayedItems] | None = None  # to be said by its receivers
+        self._oldest: dict[int, int] = {}  # of the readings said, by the iteration in which they were
+
+    def say(self, observations: Observations, maps: Maps) -> Said[RelayedItems]:
+        """Every live robot's own tile, then those that it relays; the dead say nothing."""
+        tiles, alive, now = tiles_of(observations), observations.alive, observations.iteration
+        rows, columns = tiles.values.shape[1:]
+        self.codec = RelayCodec((rows, columns))
+        robots = np.flatnonzero(alive).astype(np.int32)
+        own = RelayedItems(
+            tiles.values[robots], tiles.origins[robots], robots, np.full(len(robots), now, np.int32),
+            np.zeros(len(robots), np.uint8),
+        )  # fmt: skip
+        relayers, items = robots[:0], own.take(robots[:0])
+        if self._relayed is not None:
+            again = self._relayed.take(alive[self._relayed.receivers])
+            relayers, items = again.receivers, again.content
+        speakers = np.concatenate([robots, relayers])
+        order = np.argsort(speakers, kind="stable")
+        ends = np.searchsorted(speakers[order], np.arange(self._robots), side="right")
+        relayed = np.bincount(relayers, minlength=self._robots)
+        sizes = (current_tile_bytes(rows, columns) + relayed * relayed_tile_bytes(rows, columns)) * alive
+        content = RelayedItems.joined([own, items]).take(order)
+        self._oldest[now] = int(content.sensed.min(initial=now))
+        return Said(content, ends, sizes.astype(np.int32))
+
+    def taken(self, observations: Observations) -> Inbox[RelayedItems]:
+        """The readings that are news to their receivers, each by the shortest way, ties by the sender's id."""
+        inbox, known = inbox_of(observations), self._known
+        items = inbox.content
+        hops = items.hops.astype(np.int64) + 1
+        keys = known.keys(inbox.receivers, items.sources, items.sensed)
+        news = np.flatnonzero((items.sources != inbox.receivers) & ~known.holds(keys))
+        news = news[np.lexsort((inbox.senders[news], hops[news], keys[news]))]
+        news = np.sort(news[np.unique(keys[news], return_index=True)[1]])
+        known.add(keys[news])
+        heard = inbox.take(news)
+        heard = replace(heard, content=replace(heard.content, hops=hops[news].astype(np.uint8)))
+        self._relayed = heard.take(hops[news] < self._hops)
+        now = observations.iteration
+        self._oldest = {t: sensed for t, sensed in self._oldest.items() if t >= min(inbox.oldest, now)}
+        under_way = min(self._oldest.values(), default=now)
+        known.forget_before(int(self._relayed.content.sensed.min(initial=under_way)))
+        return heard
+
+
+class KnownReadings:
+    """Which robot has which reading of the others."""
+
+    def __init__(self, robots: int) -> None:
+        self._robots = robots
+        self._keys = np.empty(0, np.int64)  # rising
+
+    def keys(self, owners: ArrayLike, sources: ArrayLike, sensed: ArrayLike) -> NDArray[np.int64]:
+        """One number for each robot in `owners` and the reading that it has; they rise with `sensed`."""
+        when, owner, source = (np.asarray(column, np.int64) for column in (sensed, owners, sources))
+        return np.asarray((when * self._robots + owner) * self._robots + source)
+
+    def holds(self, keys: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the robot of each of the `keys` (t,) has the reading."""
+        return np.isin(keys, self._keys)
+
+    def add(self, keys: NDArray[np.int64]) -> None:
+        """Note new readings (t,)."""
+        self._keys = np.sort(np.concatenate([self._keys, keys]))
+
+    def forget_before(self, sensed: int) -> None:
+        """Drop the readings from before an iteration: no copy of them is under way any more."""
+        self._keys = self._keys[np.searchsorted(self._keys, self.keys(0, 0, sensed)) :]

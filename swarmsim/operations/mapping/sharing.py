@@ -1,0 +1,133 @@
+"""Sharing policies: what mapping robots tell each other."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.message import (
+    MapCodec,
+    TileCodec,
+    TileItems,
+    current_tile_bytes,
+    map_bytes,
+    pieces,
+)
+
+
+class Sharing(Protocol):
+    """What mapping robots say, and what they take in of what they hear."""
+
+    codec: Codec[Any]
+
+    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
+        """The message of every robot: from its tile now, and from its map before this iteration."""
+        ...
+
+    def taken(self, observations: Observations) -> Inbox[Any]:
+        """The items of the inbox that are taken in, with the columns of TileItems at least."""
+        ...
+
+
+class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot tells the tile it senses now and nothing else: no history, no relaying, no map."""
+
+    def build(self, setting: Setting) -> CurrentTileSharing:
+        """The policy."""
+        return CurrentTileSharing(setting.robots.count)
+
+
+class CurrentTileSharing:
+    """One tile a message."""
+
+    codec: Codec[Any]
+
+    def __init__(self, robots: int) -> None:
+        self._ids = np.arange(robots, dtype=np.int32)
+        self._ends = np.arange(1, robots + 1, dtype=np.int64)
+        self._sizes = np.empty(0, np.int32)
+
+    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+        """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
+        tiles = tiles_of(observations)
+        if len(self._sizes) != len(self._ids):
+            rows, columns = tiles.values.shape[1:]
+            self._sizes = np.full(len(self._ids), current_tile_bytes(rows, columns), np.int32)
+            self.codec = TileCodec((rows, columns))
+        sensed = np.full(len(self._ids), observations.iteration, np.int32)
+        items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
+        return Said(items, self._ends, self._sizes, one_each=True)
+
+    def taken(self, observations: Observations) -> Inbox[TileItems]:
+        """All of it."""
+        return inbox_of(observations)
+
+
+class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot tells all that it knows: its map as it stands before it takes in what it senses and hears now."""
+
+    def build(self, setting: Setting) -> WholeMapSharing:
+        """The policy."""
+        return WholeMapSharing()
+
+
+class WholeMapSharing:
+    """The known cells of a map, cut into tiles that nobody in particular has sensed (source -1).
+
+    Such a tile is belief, not evidence: a receiver fills with it the cells that it does not know, and no others,
+    for the reading behind it may have reached the receiver before, or come from the receiver itself.
+    """
+
+    codec: Codec[Any]
+
+    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+        """Every live robot's map; the dead say nothing."""
+        # Arithmetic on the values of cells, because it is several times as fast as choosing between them.
+        known = np.uint8(OCCUPIED - FREE) * (maps.log_odds > 0.0) + np.uint8(FREE)
+        known *= maps.observed & observations.alive[:, None, None]  # all else is UNKNOWN, 0
+        rows, columns = tiles_of(observations).values.shape[1:]
+        self.codec = MapCodec((rows, columns), known.shape[1:])
+        owners, origins, values = pieces(known, (rows, columns))
+        nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), observations.iteration, np.int32)
+        ends = np.searchsorted(owners, np.arange(len(known)), side="right")
+        return Said(TileItems(values, origins, nobody, now), ends, map_bytes(_enclosing_cells(known)))
+
+    def taken(self, observations: Observations) -> Inbox[TileItems]:
+        """All of it."""
+        return inbox_of(observations)
+
+
+def tiles_of(observations: Observations) -> Tiles:
+    """The tiles that robots sense. Raises InputError if their sensor gives none."""
+    tiles = observations.readings.tiles
+    if tiles is None:
+        raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
+    return tiles
+
+
+def inbox_of(observations: Observations) -> Inbox[Any]:
+    """What robots hear, once there is something to hear."""
+    assert observations.inbox is not None
+    return observations.inbox
+
+
+def _enclosing_cells(maps: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """How many cells (n,) the smallest rectangles with all known cells of the `maps` (n, rows, columns) have."""
+    known = maps != UNKNOWN
+    height, width = (_spans(known.any(axis=axis)) for axis in (2, 1))
+    return np.asarray(height * width, np.int32)
+
+
+def _spans(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """From the first to the last of the marked in each row (n, length), both included; 0 where none is."""
+    length = marked.shape[1]
+    spans = length - marked.argmax(axis=1) - marked[:, ::-1].argmax(axis=1)
+    return np.asarray(np.where(marked.any(axis=1), spans, 0))

@@ -1,0 +1,82 @@
+"""What any run says in numbers: how fast, how far, and how much talk."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.events import Ended
+from swarmsim.core.scenario import Robots
+from swarmsim.core.state import Moment, State
+
+SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of the task whose times are measured
+
+
+def reached(curve: NDArray[np.float64], share: float) -> int | None:
+    """The number of iterations after which `curve` (t,), from 0 to 1, was first at `share`, or None."""
+    hits = np.flatnonzero(curve >= share)
+    return int(hits[0]) + 1 if len(hits) else None
+
+
+def jain(shares: NDArray[np.float64]) -> float | None:
+    """Fairness (sum x)^2 / (n sum x^2) of what each robot (n,) did (Jain et al. 1984): 1 is equal, 1/n is one alone."""
+    squares = float(len(shares) * (shares**2).sum())
+    return float(shares.sum() ** 2) / squares if squares > 0.0 else None
+
+
+def share_of(part: float, whole: float) -> float | None:
+    """The part over the whole; None for the whole of nothing."""
+    return part / whole if whole else None
+
+
+class RunMeasures:
+    """A probe that keeps what is measured of every run, whatever its task, so that studies need no recording."""
+
+    def __init__(self, robots: Robots, period: float) -> None:
+        """`period` in s."""
+        self._period = period
+        self._leap = 2.0 * robots.speed * period  # m; whoever is that far in one iteration was carried there
+        self._path = np.zeros(robots.count)
+        self._last: State | None = None
+        self._progress: list[float] = []
+        self._finished = False
+        self._links = self._messages = self._bytes = self._lost = 0
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        state, last = moment.state, self._last
+        if last is not None:
+            step = np.hypot(*(state.pose - last.pose)[:, :2].T)
+            self._path += np.where(last.alive & (step < self._leap), step, 0.0)
+        self._last = state
+        self._progress.append(moment.measured.progress)
+        self._finished = any(isinstance(event, Ended) and event.finished for event in moment.events)
+        self._links += len(moment.links)
+        self._messages += len(moment.delivery.heard)
+        self._bytes += int(moment.delivery.heard[:, 3].sum())
+        self._lost += sum(len(letters) for _, letters in moment.delivery.lost)
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The run in numbers; docs/measures.md defines each. None where a number is not defined."""
+        progress = np.array(self._progress)
+        ran = len(progress)
+        times = {f"t{share}": reached(progress, share / 100) for share in SHARES}
+        t95, t100 = times["t95"], times["t100"]
+        return {
+            "finished": int(self._finished),
+            "iterations": ran if self._finished else None,
+            "iterations_run": ran,
+            "seconds": ran * self._period if self._finished else None,
+            **times,
+            "tail_ratio": t100 / t95 if t95 and t100 else None,
+            "path_sum": float(self._path.sum()),
+            "path_longest": float(self._path.max(initial=0.0)),
+            "path_mean": float(self._path.mean()),
+            "jain_path": jain(self._path),
+            "messages": self._messages,
+            "bytes": self._bytes,
+            "delivered_share": share_of(self._messages, self._links),
+            "lost": self._lost,
+        }

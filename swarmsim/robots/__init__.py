@@ -1,0 +1,1 @@
+"""What robots are made of: bodies, sensors, localisation and motion."""

@@ -1,0 +1,58 @@
+"""Puts what happens in a run into words, for tables and pictures."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event
+from swarmsim.core.scenario import Scenario, Table
+from swarmsim.faults.spelling import described
+
+#: What begins and ends with a fault that is not called as its scenario's table.
+WORDS: Final = {
+    "remove": ("removed", "returned"),
+    "crash": ("crashed", "repaired"),
+    "join": ("late", "joined"),
+    "battery": ("battery empty", "battery full"),
+    "door": ("door closed", "door opened"),
+    "furniture": ("furniture placed", "furniture taken"),
+    "rubble": ("rubble fell", "rubble cleared"),
+}
+
+
+def _name(table: Table) -> str:
+    """What a part is called; of somebody's own code the name alone."""
+    return str(table["use"]).rpartition(":")[2]
+
+
+def worded(event: Event, scenario: Scenario) -> str:
+    """What happened, in a word or two, as in `motor off over`."""
+    if isinstance(event, Ended):
+        return "finished" if event.finished else "not finished"
+    table = scenario.faults[event.fault]
+    name = _name(table)
+    plain = " ".join([name, *([table["failure"]] if "failure" in table else [])])
+    begins, ends = WORDS.get(str(table["use"]), (plain, f"{plain} over"))
+    if isinstance(event, BoxWaits):
+        return f"{name} waits"
+    return begins if isinstance(event, Begins | BoxStands) else ends
+
+
+def cause_of(event: Event, scenario: Scenario) -> str:
+    """Why, or where, it happened."""
+    if isinstance(event, Ended):
+        if not event.finished:
+            return f"limit of {scenario.stop.iterations} iterations"
+        name, share = _name(scenario.task), scenario.task.get("share")
+        return f"{name} {share:g} reached" if share is not None else f"{name} done"
+    if isinstance(event, Begins | Ends):
+        return described(scenario.faults[event.fault])
+    fate = "stands" if isinstance(event, BoxStands) else "gone" if isinstance(event, BoxGone) else "waits"
+    return f"box {' '.join(f'{edge:.10g}' for edge in event.box)} {fate}"
+
+
+def line_of(event: Event, scenario: Scenario) -> str:
+    """The event in a line, as in `50: motor off (motor off at=50): robots 3, 7`."""
+    who = ", ".join(map(str, getattr(event, "robots", ())))
+    text = f"{event.iteration}: {worded(event, scenario)} ({cause_of(event, scenario)})"
+    return text + (f": robots {who}" if who else "")

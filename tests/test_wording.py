@@ -1,0 +1,71 @@
+"""Words are made from typed events and the scenario's faults, where people read them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from conftest import made
+
+from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends
+from swarmsim.view.wording import line_of, worded
+
+BOX = (3.9, 0.9, 4.3, 1.3)
+FAULTS = """faults=[
+    {use="remove", at=5}, {use="crash", at=5}, {use="join", at=5},
+    {use="battery", capacity=5.0, per_metre=1.0, per_byte=0.0, idle=0.0}, {use="motor", failure="off", at=5},
+    {use="door", at=5, box=[3.9, 0.9, 4.3, 1.3]}, {use="furniture", at=5, box=[3.9, 0.9, 4.3, 1.3]},
+    {use="radio", failure="jam", at=5, area=[0.5, 0.5, 1.0, 1.0]}]""".replace("\n", "")
+REMOVE, CRASH, JOIN, BATTERY, MOTOR, DOOR, FURNITURE, JAM = range(8)
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return made("robots.count=6", FAULTS).scenario
+
+
+@pytest.mark.parametrize(
+    ("event", "words"),
+    [
+        (Begins(5, REMOVE, (1,)), "removed"),
+        (Ends(5, REMOVE, (1,)), "returned"),
+        (Begins(5, CRASH, (1,)), "crashed"),
+        (Ends(5, CRASH, (1,)), "repaired"),
+        (Begins(0, JOIN, (1,)), "late"),
+        (Ends(5, JOIN, (1,)), "joined"),
+        (Begins(5, BATTERY, (1,)), "battery empty"),
+        (Begins(5, MOTOR, (1,)), "motor off"),
+        (Ends(5, MOTOR, (1,)), "motor off over"),
+        (Begins(5, JAM), "radio jam"),
+        (Ends(5, JAM), "radio jam over"),
+        (BoxStands(5, DOOR, BOX), "door closed"),
+        (BoxGone(5, DOOR, BOX), "door opened"),
+        (BoxWaits(5, DOOR, BOX), "door waits"),
+        (BoxStands(5, FURNITURE, BOX), "furniture placed"),
+        (BoxGone(5, FURNITURE, BOX), "furniture taken"),
+        (Ended(9, True), "finished"),
+        (Ended(9, False), "not finished"),
+    ],
+)
+def test_an_event_is_called_as_people_call_it(scenario, event, words: str) -> None:
+    assert worded(event, scenario) == words
+
+
+@pytest.mark.parametrize(
+    ("event", "line"),
+    [
+        (Begins(5, MOTOR, (3, 4)), "5: motor off (motor off at=5): robots 3, 4"),
+        (BoxStands(5, DOOR, BOX), "5: door closed (box 3.9 0.9 4.3 1.3 stands)"),
+        (Ended(9, True), "9: finished (coverage 1 reached)"),
+        (Ended(499, False), "499: not finished (limit of 500 iterations)"),
+    ],
+)
+def test_a_line_names_the_cause_and_the_robots(scenario, event, line: str) -> None:
+    assert line_of(event, scenario) == line
+
+
+def test_words_need_no_pictures() -> None:
+    code = "import sys, swarmsim.view.wording; sys.exit(' '.join({'pygame', 'matplotlib'} & {*sys.modules}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""

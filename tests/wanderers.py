@@ -1,0 +1,104 @@
+"""A swarm that does not map, as somebody else might write it: every robot tells its heading and drives along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.parts import Curve
+from swarmsim.core.state import Estimates, Intents, Knowledge, Measured
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heading(Columns):
+    heading: np.ndarray  # (t,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Headings(Estimates):
+    heading: np.ndarray  # (n,)
+
+
+class Tell(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A computation."""
+
+    def build(self, setting):
+        return Teller()
+
+
+class Teller:
+    knows = Headings
+    codec = PlainCodec(Heading(np.zeros(0)))
+
+    def say(self, observations):
+        return Said.each(Heading(observations.pose[:, 2].copy()), self.codec.size)
+
+    def hear(self, observations):
+        return Headings(observations.pose[:, 2].copy())
+
+    def forget(self, robots):
+        pass
+
+    def adopt(self, robots, source):
+        pass
+
+
+class Drive(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A strategy; it breaks down in an iteration, if one is given."""
+
+    speed: float = 0.1
+    breaks_at: int = -1
+
+    def build(self, setting):
+        return Driver(self)
+
+
+class Driver:
+    reads = Headings
+
+    def __init__(self, parameters):
+        self._parameters = parameters
+
+    def step(self, observations):
+        if observations.iteration == self._parameters.breaks_at:
+            raise RuntimeError("the wheel came off")
+        twists = np.zeros((len(observations.alive), 2))
+        twists[:, 0] = self._parameters.speed
+        return Intents.twisting(twists)
+
+
+class Roam(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A task: to be so far from the start, in m, on the mean."""
+
+    far: float = 0.5
+
+    def build(self, setting):
+        return Roaming(self.far, setting)
+
+
+class Roaming:
+    reads = Knowledge
+    curve = Curve("distance", "distance, m")
+
+    def __init__(self, far, setting):
+        self._far, self._start = far, setting.start[:, :2]
+
+    def measure(self, moment):
+        away = np.hypot(*(moment.state.pose[:, :2] - self._start).T)
+        mean = float(away.mean())
+        return Measured(
+            {"distance": mean, "farthest": float(away.max())}, {}, min(1.0, mean / self._far), mean >= self._far
+        )
+
+    def summaries(self):
+        return ()
+
+
+WANDERING = [
+    f'mind.computation={{use="{__file__}:Tell"}}',
+    f'mind.strategy={{use="{__file__}:Drive"}}',
+    f'task={{use="{__file__}:Roam"}}',
+]
