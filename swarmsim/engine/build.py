@@ -128,7 +128,8 @@ def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -
     plan = read_floor_plan(text, world.file, world.scale)
     arena = Arena.open(plan, cell, margin_of(registry.part("sensor", table)) + 1, world.file)
     reachable = arena.reachable(robots.spawn, robots.radius)
-    domain = arena.coverage_domain(reachable, _observable(table, arena, robots, reachable))
+    observed = _observable(table, arena, robots, reachable)
+    domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     for shared in (reachable, domain):
         shared.flags.writeable = False
     return _Ground(arena, reachable, domain)
@@ -144,7 +145,7 @@ def _survey(text: str, world: World, cell: float, robots: Robots, sensor: bytes,
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
         observed = _observable(msgspec.json.decode(sensor), arena, robots, reachable)
-        domain = arena.domain_left(reachable, observed)
+        domain = reachable if observed is None else arena.domain_left(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
         shared.flags.writeable = False
@@ -183,8 +184,8 @@ def read_world(scenario: Scenario, name: str) -> str:
         raise InputError(f"{name}: world: {path} is not UTF-8 text; expected an SVG file") from problem
 
 
-def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The cells (rows, columns) that a robot can observe from the centre of some reachable cell."""
+def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     setting = Setting(robots, lattice, 1.0, Streams(0), _walls_alone(arena))
     sensor: Sensor = _make("sensor", table, setting)
@@ -194,7 +195,7 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     none = np.zeros((len(cells), 2))
     tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
     if tiles is None:
-        return reachable
+        return None
     which, row, column = np.nonzero(tiles.values != UNKNOWN)
     observed = np.zeros(lattice.shape, np.bool_)
     observed[tiles.origins[which, 0] + row, tiles.origins[which, 1] + column] = True

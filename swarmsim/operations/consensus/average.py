@@ -1,0 +1,157 @@
+"""Average consensus: robots that agree on the mean of what each of them has measured, each by talking to few."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.state import Estimates, Knowledge, Measured, Moment, Observations
+
+CURVE: Final = Curve("error", "largest error", low=0.0, format=".2e", rises=False)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Share(Columns):
+    """What robots say: their estimate, and how many robots they heard in the last iteration."""
+
+    value: NDArray[np.float64]  # (t,)
+    degree: NDArray[np.int32]  # (t,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Values(Estimates):
+    """What every robot takes the average for, and what it has measured itself."""
+
+    value: NDArray[np.float64]  # (n,)
+    measured: NDArray[np.float64]  # (n,)
+
+
+class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot moves its estimate towards those that it hears: x_i += sum_j w_ij (x_j - x_i).
+
+    It starts with the field's value where it is or, without a field, with the row of `values` or a random number
+    between 0 and 1. `constant`: w_ij = `gain`, which has to be less than 1 / the largest number of robots heard.
+    `metropolis`: w_ij = 1 / (1 + max(d_i, d_j)), where d is how many each heard in the last iteration (Xiao, Boyd and
+    Kim 2007). Where each pair hears each other and nothing is lost, the mean of all estimates stays as it is.
+    """
+
+    weights: Literal["metropolis", "constant"] = "metropolis"
+    gain: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None  # for constant
+    values: list[float] | None = None  # of each robot
+
+    def build(self, setting: Setting) -> AverageComputation:
+        """The computation. Raises InputError for keys that contradict each other or the swarm."""
+        count = setting.robots.count
+        if (self.gain is None) == (self.weights == "constant"):
+            raise InputError(f"gain: expected one with weights = 'constant' alone, not with {self.weights!r}")
+        if self.values is not None and len(self.values) != count:
+            raise InputError(f"values: {len(self.values)} for {count} robots; expected one for each")
+        return AverageComputation(self, setting)
+
+
+class AverageComputation:
+    """One number a robot."""
+
+    knows: type[Knowledge] = Values
+
+    def __init__(self, parameters: AverageConsensus, setting: Setting) -> None:
+        count = setting.robots.count
+        self.codec = PlainCodec(Share(np.zeros(0), np.zeros(0, np.int32)))
+        self._gain = parameters.gain
+        drawn = [setting.streams.open("average", robot).uniform() for robot in range(count)]
+        self._given = np.array(drawn if parameters.values is None else parameters.values, np.float64)
+        self._value, self._measured = np.zeros(count), np.zeros(count)
+        self._degree, self._known = np.zeros(count, np.int32), np.zeros(count, np.bool_)
+
+    def say(self, observations: Observations) -> Said[Share]:
+        """Every robot's estimate."""
+        field, new = observations.readings.field, ~self._known & observations.alive
+        self._measured[new] = self._given[new] if field is None else field[new]
+        self._value[new], self._known[new] = self._measured[new], True
+        return Said.each(Share(self._value.copy(), self._degree.copy()), self.codec.size)
+
+    def hear(self, observations: Observations) -> Values:
+        """Move towards those heard."""
+        inbox = observations.inbox
+        assert inbox is not None
+        receivers, content = inbox.receivers, inbox.content
+        heard = np.bincount(receivers, minlength=len(self._value)).astype(np.int32)
+        if self._gain is not None:
+            weight = np.full(len(receivers), self._gain)
+        else:
+            weight = 1.0 / (1.0 + np.maximum(content.degree, self._degree[receivers]))
+            weight[(content.degree == 0) | (self._degree[receivers] == 0)] = 0.0  # it is not known yet
+        step = np.bincount(receivers, weight * (content.value - self._value[receivers]), minlength=len(self._value))
+        self._value += np.where(observations.alive, step, 0.0)
+        self._degree[:] = heard
+        return Values(self._value.copy(), self._measured.copy())
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Let robots (r,) start from what they measure next."""
+        self._known[robots] = False
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) the estimate of another one."""
+        self._value[robots], self._measured[robots] = self._value[source], self._measured[source]
+        self._known[robots] = True
+
+
+class Agreement(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Every live robot's estimate is the mean of what all robots have measured."""
+
+    tolerance: Annotated[float, Meta(gt=0.0)] = 1e-6  # the largest error that finishes the run
+
+    def build(self, setting: Setting) -> AgreementTask:
+        """The task."""
+        return AgreementTask(self.tolerance)
+
+
+class AgreementTask:
+    """Compares estimates with the mean of all that was measured, the dead's included."""
+
+    reads: type[Knowledge] = Values
+    curve = CURVE
+
+    def __init__(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._first: float | None = None
+
+    def measure(self, moment: Moment) -> Measured:
+        """The largest error, how far estimates are apart, and the error of each."""
+        knowledge, alive = moment.knowledge, moment.state.alive
+        each = np.abs(knowledge.value - knowledge.measured.mean())
+        error = float(each[alive].max(initial=0.0))
+        spread = float(np.ptp(knowledge.value[alive])) if alive.any() else 0.0
+        self._first = max(error, self._tolerance) if self._first is None else self._first
+        done = 1.0 - np.log(max(error, self._tolerance) / self._tolerance) / max(
+            np.log(self._first / self._tolerance), 1e-12
+        )
+        values = {"error": error, "spread": spread}
+        return Measured(values, {"errors": each}, float(np.clip(done, 0.0, 1.0)), error <= self._tolerance)
+
+    def summaries(self) -> Sequence[Summary]:
+        """The last errors."""
+        return (AgreementMeasures(),)
+
+
+class AgreementMeasures:
+    """A probe that keeps the last errors."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, float] = {}
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        self._last = dict(moment.measured.values)
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The largest error and the spread at the end."""
+        return {"error_end": self._last.get("error"), "spread_end": self._last.get("spread")}

@@ -1,0 +1,125 @@
+"""Heading consensus: each robot turns towards the headings that it hears (Kit et al. 2018, Eq. 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import chance
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import Estimates, Knowledge, Observations
+
+TURN: Final = 2.0 * np.pi  # rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heading(Columns):
+    """What robots say: which way they go."""
+
+    heading: NDArray[np.float64]  # (t,): rad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Headings(Estimates):
+    """Which way every robot has decided to go."""
+
+    heading: NDArray[np.float64]  # (n,): rad, counter-clockwise from the x axis
+    leads: NDArray[np.bool_]  # (n,): whether it is informed, and turns by itself now
+
+
+class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Own heading plus the mean of the wrapped differences to those heard, plus noise.
+
+    theta_i(t + dt) = theta_i(t) + dt / k sum_j wrap(theta_j(t) - theta_i(t)) + noise xi_i(t), where robot i hears k
+    robots and xi is uniform in [-pi, pi] (Kit, Mateo and Bouffanais 2018, Eq. 1). It starts with the heading of its
+    body or, with a `spread` below a full circle, with that heading times spread / 2 pi: from within half a circle
+    headings never wrap, and the equation is the linear consensus that theorems are about.
+
+    `leaders` are informed robots, as the two birds of the paper's Fig. 2 that see an obstacle: from iteration `at` on
+    they head by `turn` away from where they headed then or, with a `frequency`, to and fro by `turn` at each side.
+    """
+
+    noise: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # eta
+    dt: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None  # s; default: the period, at most 1
+    spread: Annotated[float, Meta(gt=0.0, le=TURN)] = TURN  # rad, of the headings at the start
+    leaders: list[Annotated[int, Meta(ge=0)]] = []
+    turn: float = 0.0  # rad
+    at: Annotated[int, Meta(ge=0)] = 0  # the first iteration in which leaders turn
+    frequency: Annotated[float, Meta(ge=0.0)] = 0.0  # Hz
+
+    def build(self, setting: Setting) -> HeadingComputation:
+        """The computation. Raises InputError for a leader that there is not."""
+        for robot in self.leaders:
+            if robot >= setting.robots.count:
+                raise InputError(
+                    f"leaders: there is no robot {robot}; expected ids from 0 to {setting.robots.count - 1}"
+                )
+        return HeadingComputation(self, setting)
+
+
+class HeadingComputation:
+    """One heading a robot."""
+
+    knows: type[Knowledge] = Headings
+
+    def __init__(self, parameters: HeadingConsensus, setting: Setting) -> None:
+        count = setting.robots.count
+        self.codec = PlainCodec(Heading(np.zeros(0)))
+        self._parameters, self._period = parameters, setting.period
+        self._dt = parameters.dt or min(1.0, setting.period)
+        self._salt = int(setting.streams.open("heading noise").integers(0, 2**64, dtype=np.uint64))
+        self._heading, self._known = np.zeros(count), np.zeros(count, np.bool_)
+        self._leads = np.zeros(count, np.bool_)
+        self._leads[parameters.leaders] = True
+        self._course = np.zeros(count)  # where leaders headed when they began to turn
+
+    def say(self, observations: Observations) -> Said[Heading]:
+        """Every robot's heading; whoever has none yet has that of its body."""
+        new = ~self._known
+        self._heading[new] = observations.pose[new, 2] * (self._parameters.spread / TURN)
+        self._known[:] = True
+        return Said.each(Heading(self._heading.copy()), self.codec.size)
+
+    def hear(self, observations: Observations) -> Headings:
+        """Turn towards those heard."""
+        inbox, heading, parameters = observations.inbox, self._heading, self._parameters
+        assert inbox is not None
+        count = len(heading)
+        apart = wrapped(inbox.content.heading - heading[inbox.receivers])
+        total = np.bincount(inbox.receivers, apart, minlength=count)
+        heard = np.bincount(inbox.receivers, minlength=count)
+        turned = heading + self._dt * total / np.maximum(heard, 1)
+        if parameters.noise > 0.0:
+            draw = chance.uniform(self._salt, observations.iteration, np.arange(count), 0)
+            turned = turned + parameters.noise * np.pi * (2.0 * draw - 1.0)
+        leads = self._leads if observations.iteration >= parameters.at else np.zeros_like(self._leads)
+        if leads.any():
+            turned = np.where(leads, self._led(observations.iteration - parameters.at), turned)
+        heading[observations.alive] = wrapped(turned[observations.alive])
+        return Headings(heading.copy(), leads)
+
+    def _led(self, since: int) -> NDArray[np.float64]:
+        """Where leaders head, so many iterations after they began to turn."""
+        if since == 0:
+            self._course[:] = self._heading
+        parameters, turns = self._parameters, TURN * self._parameters.frequency * since * self._period
+        return np.asarray(self._course + parameters.turn * (np.sin(turns) if parameters.frequency else 1.0))
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Let robots (r,) head where their bodies do."""
+        self._known[robots] = False
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) the heading of another one."""
+        self._heading[robots], self._known[robots] = self._heading[source], True
+
+
+def wrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles in rad, brought to [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -1,0 +1,76 @@
+"""Self-propelled robots: each goes its heading at constant speed, and turns away from walls that it senses."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Observations
+from swarmsim.operations.consensus.heading import Headings, wrapped
+
+
+class SelfPropelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot drives on at constant speed and turns to its heading within an iteration, as far as it can.
+
+    Cells of its tile that are occupied, nearer than `clearance` and not behind it, push its direction away from them,
+    as the potential of Khatib (1986) does; robots without tiles drive on blindly.
+    """
+
+    speed: Annotated[float, Meta(gt=0.0)] | None = None  # m/s; default: two thirds of what wheels can
+    clearance: Annotated[float, Meta(ge=0.0)] = 0.3  # m; 0 avoids nothing
+
+    def build(self, setting: Setting) -> Propulsion:
+        """The strategy."""
+        return Propulsion(self, setting)
+
+
+class Propulsion:
+    """Velocities from headings."""
+
+    reads: type[Knowledge] = Headings
+
+    def __init__(self, parameters: SelfPropelled, setting: Setting) -> None:
+        self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
+        self._clearance, self._lattice, self._period = parameters.clearance, setting.lattice, setting.period
+
+    def step(self, observations: Observations) -> Intents:
+        """On, towards the heading or away from walls."""
+        heading = observations.knowledge.heading
+        way = np.stack([np.cos(heading), np.sin(heading)], axis=1) + self._away(observations)
+        turn = wrapped(np.arctan2(way[:, 1], way[:, 0]) - observations.pose[:, 2]) / self._period
+        ahead = np.where(observations.alive, self._speed, 0.0)
+        return Intents.twisting(np.stack([ahead, np.where(observations.alive, turn, 0.0)], axis=1))
+
+    def _away(self, observations: Observations) -> NDArray[np.float64]:
+        """The push (n, 2) away from occupied cells, 1 at half the clearance from one cell."""
+        tiles, count = observations.readings.tiles, len(observations.alive)
+        if tiles is None or self._clearance == 0.0:
+            return np.zeros((count, 2))
+        robot, row, column = np.nonzero(tiles.values == OCCUPIED)
+        cells = tiles.origins[robot] + np.stack([row, column], axis=1)
+        gap = observations.pose[robot, :2] - self._lattice.centres(cells)
+        distance = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-3)
+        push = np.maximum(self._clearance / distance - 1.0, 0.0) / distance
+        return np.stack([np.bincount(robot, push * gap[:, axis], minlength=count) for axis in (0, 1)], axis=1)
+
+
+class Stand(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots stay where they are."""
+
+    def build(self, setting: Setting) -> Standing:
+        """The strategy."""
+        return Standing()
+
+
+class Standing:
+    """No robot moves."""
+
+    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+
+    def step(self, observations: Observations) -> Intents:
+        """Nothing."""
+        return Intents.twisting(np.zeros((len(observations.alive), 2)))

@@ -1,0 +1,282 @@
+"""Parts of others that break their contracts are refused with name and iteration; all of ours keep theirs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, made
+from typer.testing import CliRunner
+
+from swarmsim.cli import app
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError, PartError
+from swarmsim.core.scenario import load
+from swarmsim.engine import contracts
+from swarmsim.engine.build import build
+
+PARTS = '''
+from dataclasses import replace
+
+import numpy as np
+from msgspec import Struct
+
+from swarmsim.core.messages import Delivery
+from swarmsim.core.state import Intents, Measured, Readings, Tiles
+from swarmsim.operations.mapping.computation import OccupancyGrid
+from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.robots.sensors import IrRing
+
+
+class Links(Struct, frozen=True):
+    rows: tuple = ((0, 1),)
+    kind: str = "int32"
+
+    def build(self, setting):
+        return self
+
+    def links(self, state):
+        return list(self.rows) if self.kind == "list" else np.array(self.rows, self.kind)
+
+
+class Lying(Struct, frozen=True):
+    """Claims to know everything, with or without saying so in its changes."""
+
+    says_so: bool = False
+
+    def build(self, setting):
+        return Liar(OccupancyGrid().build(setting), self.says_so)
+
+
+class Liar:
+    knows = Maps
+
+    def __init__(self, inner, says_so):
+        self.inner, self.says_so, self.codec = inner, says_so, None
+        self.forget, self.adopt, self.say = inner.forget, inner.adopt, inner.say
+
+    def hear(self, observations):
+        maps = self.inner.hear(observations)
+        if observations.iteration < 3:
+            return maps
+        everything = np.ones_like(maps.observed)
+        if not self.says_so:
+            return replace(maps, observed=everything)
+        robot, cell = np.nonzero(~maps.observed.reshape(len(everything), -1))
+        more = np.column_stack([robot, cell, np.ones(len(cell))]).astype(np.int32)
+        return replace(maps, observed=everything, changes=np.concatenate([maps.changes, more]))
+
+
+class Honest(Struct, frozen=True):
+    def build(self, setting):
+        liar = Liar(OccupancyGrid().build(setting), False)
+        liar.hear = liar.inner.hear
+        return liar
+
+
+class Strategy(Struct, frozen=True):
+    does: str
+
+    def build(self, setting):
+        return Walker(self.does, NearestFrontier().build(setting))
+
+
+class Walker:
+    reads = Maps
+
+    def __init__(self, does, inner):
+        self.does, self.inner = does, inner
+
+    def step(self, observations):
+        intents = self.inner.step(observations)
+        if observations.iteration < 2:
+            return intents
+        if self.does == "nan":
+            return replace(intents, waypoints=np.full_like(intents.waypoints, np.nan))
+        if self.does == "write":
+            observations.knowledge.observed[:] = True
+        if self.does == "raise":
+            return {}["nothing"]
+        return "somewhere"
+
+
+class Tiled(Struct, frozen=True):
+    """A sensor with tiles of another size."""
+
+    def build(self, setting):
+        return IrRing(tile=(9, 9), reach=2.0, beams=120).build(setting)
+
+
+class Unbuildable(Struct, frozen=True):
+    def build(self):
+        return None
+'''
+
+
+@pytest.fixture
+def own(tmp_path: Path):
+    """Builds the room with parts in a file beside the scenario."""
+    (tmp_path / "mine.py").write_text(PARTS)
+    room = (ROOT / "scenarios" / "room.toml").read_text().replace("../worlds", str(ROOT / "worlds"))
+    path = tmp_path / "room.toml"
+    path.write_text(room)
+
+    def opened(*overrides: str):
+        with registry.own_code(True):
+            return build(load(path, overrides), str(path))
+
+    opened.path = path
+    return opened
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ("rows=[[1, 1]]", r"links\[0\]: \[1, 1\]: a robot hears itself"),
+        ("rows=[[0, 1], [0, 1]]", r"links\[1\]: \[0, 1\]: it repeats the link before"),
+        ("rows=[[1, 0], [0, 1]]", r"links\[1\]: .*sorted by receiver, then sender"),
+        ("rows=[[0, 9]]", r"links\[0\]: \[0, 9\]; expected ids from 0 to 2"),
+        ('kind="list"', "links: list; expected an array, int32"),
+        ('kind="float64"', "links: float64 of shape"),
+        ("rows=[0, 1]", r"links: int32 of shape \(2,\); expected int32 of shape \(any, 2\)"),
+    ],
+)
+def test_a_topology_that_breaks_its_contract_is_refused_by_name_and_iteration(own, keys: str, words: str) -> None:
+    run = own(f'network.topology={{use="./mine.py:Links", {keys}}}')
+    with pytest.raises(PartError, match=rf"topology .*Links, iteration 0: {words}"):
+        run.simulation.run()
+
+
+def test_links_of_the_dead_are_refused(own) -> None:
+    run = own('network.topology={use="./mine.py:Links"}', 'faults=[{use="crash", at=4, robots=[1]}]')
+    with pytest.raises(PartError, match=r"topology .*, iteration 4: links\[0\]: \[0, 1\]: one of the two is dead"):
+        run.simulation.run()
+
+
+def test_nobody_finishes_by_claiming_what_nothing_has_shown(own) -> None:
+    quiet = own('mind.computation={use="./mine.py:Lying"}')
+    with pytest.raises(PartError, match=r"Liar, iteration 3: robot 0's map holds \d+ cells, but its changes say \d+"):
+        quiet.simulation.run()
+    loud = own('mind.computation={use="./mine.py:Lying", says_so=true}')
+    with pytest.raises(PartError, match=r"Liar, iteration 3: robot 0 claims to know cell \(0, 0\), which no tile has"):
+        loud.simulation.run()
+    assert not loud.simulation.finished
+
+
+def test_a_computation_of_somebody_elses_that_keeps_its_word_runs_as_ours(own) -> None:
+    run, ours = own('mind.computation={use="./mine.py:Honest"}'), made()
+    assert run.simulation.run()
+    assert ours.simulation.run()
+    assert run.simulation.state.iteration == ours.simulation.state.iteration
+
+
+@pytest.mark.parametrize(
+    ("does", "words"),
+    [
+        ("nan", r"waypoints: \[0, 0, 0\] is not finite"),
+        ("write", "ValueError: assignment destination is read-only\n.*mine.py, line"),
+        ("raise", "KeyError: 'nothing'\n.*mine.py, line .*in step"),
+        ("talk", "step: str; expected Intents"),
+    ],
+)
+def test_a_strategy_that_breaks_its_contract_is_refused_with_its_own_lines(own, does: str, words: str) -> None:
+    run = own(f'mind.strategy={{use="./mine.py:Strategy", does="{does}"}}')
+    with pytest.raises(PartError, match=rf"(?s)strategy .*Walker, iteration 2: {words}") as refused:
+        run.simulation.run()
+    assert str(ROOT / "swarmsim") not in str(refused.value)
+
+
+def test_tiles_of_another_size_are_recorded(own, tmp_path: Path) -> None:
+    run = own('sensor={use="./mine.py:Tiled"}')
+    with run.recorder(tmp_path / "r.h5") as recorder:
+        assert run.simulation.run([recorder])
+    from swarmsim.recording.reader import Recording
+
+    assert Recording(tmp_path / "r.h5")["tiles"].shape[1:] == (3, 9, 9)
+
+
+def test_a_part_that_cannot_be_built_is_bad_input(own) -> None:
+    with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Unbuildable' cannot be built: TypeError"):
+        own('mind.strategy={use="./mine.py:Unbuildable"}')
+    with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Missing' cannot be imported"):
+        own('mind.strategy={use="./mine.py:Missing"}')
+
+
+def test_a_strangers_scenario_runs_no_code_unless_it_is_allowed(own, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(f"import pathlib\npathlib.Path({str(tmp_path / 'ran')!r}).touch()\n{PARTS}")
+    asked = ["run", str(own.path), "--set", 'mind.computation={use="./mine.py:Honest"}', "--out", str(tmp_path / "run")]
+    refused = CliRunner().invoke(app, asked)
+    assert isinstance(refused.exception, InputError)
+    assert "expected --allow-code" in str(refused.exception)
+    assert not (tmp_path / "ran").exists()
+    assert CliRunner().invoke(app, [*asked, "--allow-code"]).exit_code == 0
+    assert (tmp_path / "ran").exists()
+
+
+def test_knowledge_and_strategies_that_do_not_go_together_are_refused() -> None:
+    with pytest.raises(
+        InputError, match=r"mind\.strategy\.use: 'nearest-frontier' reads Maps, and 'heading-consensus'"
+    ):
+        made('mind.computation={use="heading-consensus"}')
+    with pytest.raises(InputError, match=r"task\.use: 'alignment' reads Headings, and 'occupancy-grid' gives Maps"):
+        made('task={use="alignment"}')
+
+
+SCENARIOS = {
+    "occupancy-grid": "room",
+    "heading-consensus": "operations/turn",
+    "average-consensus": "operations/average-consensus",
+}
+MINDS = [
+    *(("room", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
+    *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
+    ("operations/heading-consensus", "seed=1"),
+]
+
+
+def test_every_computation_is_tried() -> None:
+    assert SCENARIOS.keys() == registry.known("computation").keys()
+
+
+@pytest.mark.parametrize(("scenario", "key"), MINDS)
+def test_our_parts_keep_every_contract_and_messages_are_as_long_as_they_say(scenario: str, key: str) -> None:
+    run = made(key, "stop.iterations=25", 'faults=[{use="crash", at=8, lasts=6, count=1}]', scenario=scenario)
+    parts, problems = run.simulation.parts, []
+    auditor = parts.computation.knows.auditor(
+        type("Place", (), {"robots": run.scenario.robots, "lattice": run.arena.lattice})
+    )
+    say, hear, step = parts.computation.say, parts.computation.hear, parts.strategy.step
+
+    def checked_say(observations):
+        said = say(observations)
+        problems.append(contracts.said(said, observations))
+        problems.append(contracts.message_sizes(said, parts.computation.codec, observations.iteration))
+        return said
+
+    def checked_hear(observations):
+        found = hear(observations)
+        problems.append(contracts.knowledge(found, parts.computation.knows))
+        if observations.readings.tiles is not None and key != 'mind.computation.share={use="map"}':
+            problems.append(auditor.audit(found, observations))
+        return found
+
+    def checked_step(observations):
+        found = step(observations)
+        problems.append(contracts.intents(found, observations))
+        return found
+
+    parts.computation.say, parts.computation.hear, parts.strategy.step = checked_say, checked_hear, checked_step
+
+    class Check:
+        def sample(self, moment) -> None:
+            problems.append(contracts.links(moment.links, moment.state))
+            problems.append(contracts.delivery(moment.delivery, moment.state, len(moment.links)))
+            problems.append(contracts.readings(moment.readings, moment.state))
+            problems.append(contracts.measured(moment.measured, moment.state.robots))
+
+    run.simulation.run([Check()])
+    assert len(problems) > 100
+    assert [problem for problem in problems if problem] == []
+    assert np.isfinite(run.simulation.state.pose).all()
