@@ -9,6 +9,7 @@ import jsonschema
 import msgspec
 import pytest
 import tomli_w
+from conftest import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -155,7 +156,7 @@ def test_no_table_makes_anything_but_a_scenario_or_a_refusal(changes: dict[str, 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(st.text(max_size=40))
 def test_no_override_makes_anything_but_a_scenario_or_a_refusal(text: str) -> None:
-    path = Path(__file__).parent.parent / "scenarios" / "room.toml"
+    path = ROOT / "scenarios" / "room.toml"
     with suppress(InputError):  # anything else fails this test
         assert isinstance(load(path, [text]), Scenario)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from conftest import made
+from conftest import ROOT, made
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Ended
@@ -138,7 +138,7 @@ print("ticked", flush=True)
 def test_a_killed_run_opens_up_to_its_last_flush(tmp_path: Path, ticks: int) -> None:
     path = tmp_path / "recording.h5"
     end = "os.kill(os.getpid(), signal.SIGKILL)"
-    code = KILLED.format(tests=str(Path(__file__).parent), path=str(path), ticks=ticks, end=end)
+    code = KILLED.format(tests=str(ROOT / "tests"), path=str(path), ticks=ticks, end=end)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr.decode()
     recording = Recording(path)
@@ -151,7 +151,7 @@ def test_a_run_killed_at_any_moment_leaves_a_readable_file(tmp_path: Path) -> No
     rng = np.random.default_rng(5)
     for trial in range(4):
         path = tmp_path / f"{trial}.h5"
-        code = KILLED.format(tests=str(Path(__file__).parent), path=str(path), ticks=10**6, end="")
+        code = KILLED.format(tests=str(ROOT / "tests"), path=str(path), ticks=10**6, end="")
         process = subprocess.Popen([sys.executable, "-c", code])
         while not path.exists() or path.stat().st_size < 20_000:
             assert process.poll() is None

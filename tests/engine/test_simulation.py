@@ -1,12 +1,13 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import ROOT, made
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
@@ -30,7 +31,8 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_others() -> None:
 def test_another_process_gives_the_same_bytes() -> None:
     code = "from test_simulation import digest; print(digest('stop.iterations=60', scenario='basilica'))"
     command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=Path(__file__).parent)
+    path = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), str(Path(__file__).parent)])}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=path)
     assert done.stdout.strip() == digest("stop.iterations=60", scenario="basilica")
 
 

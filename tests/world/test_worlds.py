@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from conftest import ROOT
 
 from swarmsim.world.arena import Arena
 from swarmsim.world.svg import read_floor_plan
 
-WORLDS = Path(__file__).parents[1] / "worlds"
+WORLDS = ROOT / "worlds"
 ROBOT = 0.055
 
 
