@@ -10,6 +10,7 @@ from conftest import ROOT
 
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
+from swarmsim.recording.reader import Recording
 from swarmsim.study.plan import open_study
 
 SCENARIOS = sorted(ROOT.glob("scenarios/*.toml")) + sorted(ROOT.glob("scenarios/faults/*.toml"))
@@ -70,6 +71,22 @@ def test_the_scenario_of_the_readme_runs(copy: Path) -> None:
     simulation = build(load(path, ["stop.iterations=20"]), str(path)).simulation
     simulation.run()
     assert simulation.state.iteration == 20
+
+
+def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path) -> None:
+    listings = blocks("docs/minds.md", "python")
+    for listing in listings:
+        assert listing.count("\n") <= 25
+        (copy / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
+    for name, text in zip(("spread", "study"), blocks("docs/minds.md", "toml"), strict=True):
+        (copy / f"{name}.toml").write_text(text)
+    for command in "".join(blocks("docs/minds.md", "sh")).splitlines():
+        arguments = [sys.executable, "-m", *command.split()]
+        done = subprocess.run(arguments, cwd=copy, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    recording = Recording(copy / "runs" / "spread")
+    assert recording["smallest_gap"][-1] >= 0.35 > recording["smallest_gap"][0]
+    assert (copy / "runs" / "spread.mp4").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("page", ["docs/recordings.md", "docs/networks.md"])

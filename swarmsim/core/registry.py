@@ -39,6 +39,7 @@ SEAMS: Final = {
     "fault": None,
 }
 
+_OWN: Final = "swarmsim_own_"  # what the modules of scenarios' own files are called first
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
 
 
@@ -114,7 +115,7 @@ def _own(seam: str, use: str) -> type[msgspec.Struct]:
 
 def _loaded(path: Path) -> ModuleType:
     """The module in a file, under a name that no other module has."""
-    name = f"swarmsim_own_{hashlib.blake2b(str(path.resolve()).encode(), digest_size=6).hexdigest()}_{path.stem}"
+    name = f"{_OWN}{hashlib.blake2b(str(path.resolve()).encode(), digest_size=6).hexdigest()}_{path.stem}"
     if name in sys.modules:
         return sys.modules[name]  # parts of one file share its classes
     spec = importlib.util.spec_from_file_location(name, path)
@@ -134,13 +135,30 @@ def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
     """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
     if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
-    raise InputError(f"use: {use!r} is not a part: expected a msgspec.Struct with a method 'build'")
+    from swarmsim.core.forms import adapted  # simpler forms know the seams, which know the registry
+
+    simpler = adapted(seam, found)
+    if simpler is None:
+        raise InputError(
+            f"use: {use!r} is not a {seam}: expected a msgspec.Struct with a method 'build', or one of the simpler "
+            "forms: a function or, for minds, a class with a method 'step(self, me)'"
+        )
+    return simpler
+
+
+def author_of(part: object) -> Any:
+    """The class, or the function, that somebody wrote to make this part or parameter struct."""
+    return part if isinstance(part, type) else getattr(part, "written_by", type(part))
 
 
 def is_ours(part: object) -> bool:
     """Whether a part, or a parameter struct, belongs to this package; all others are held to their contracts."""
-    kind = part if isinstance(part, type) else type(part)
-    return kind.__module__.split(".")[0] == "swarmsim"
+    return str(author_of(part).__module__).split(".")[0] == "swarmsim"
+
+
+def is_own(kind: Any) -> bool:
+    """Whether a class or function stands in a file that a scenario names."""
+    return str(kind.__module__).startswith(_OWN)
 
 
 def source_of(seam: str, use: str) -> bytes:

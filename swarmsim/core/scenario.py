@@ -131,16 +131,27 @@ def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
 
     Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
     """
-    table = spelled_out(read_toml(path, "a scenario file"))
+    table = spelled_out(read_toml(path, "a scenario file"), str(path))
     for override in overrides:
         set_key(table, override)
     return decode({"title": path.stem, **table}, str(path), path.parent)
 
 
-def spelled_out(table: Table) -> Table:
-    """The table with its short forms written out: `world = "FILE"` as a table of its own."""
-    world = table.get("world")
-    return {**table, "world": {"file": world}} if isinstance(world, str) else table
+def spelled_out(table: Table, name: str) -> Table:
+    """The table with its short forms written out: `world = "FILE"` as a table, `mind.use` as both halves of a mind.
+
+    Raises InputError, which starts with `name`, for a mind that is given in both ways.
+    """
+    world, mind = table.get("world"), table.get("mind")
+    if isinstance(world, str):
+        table = {**table, "world": {"file": world}}
+    if isinstance(mind, dict) and "use" in mind:
+        if {"computation", "strategy"} & mind.keys():
+            raise InputError(
+                f"{name}: mind.use: stands for computation and strategy at once; expected it without those"
+            )
+        table = {**table, "mind": {"computation": dict(mind), "strategy": dict(mind)}}
+    return table
 
 
 def read_toml(path: Path, expected: str) -> Table:
@@ -187,7 +198,7 @@ def shape(table: Table, name: str) -> Scenario:
 
     Raises InputError, which names the file `name` and the key.
     """
-    table = spelled_out(table)
+    table = spelled_out(table, name)
     for key, now in MOVED.items():
         inner: Any = table
         for step in key.split("."):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -112,6 +113,10 @@ class Knowledge(ABC):
     def record(self) -> Record:
         """What is kept of it in the recording."""
 
+    def of(self, robot: int) -> Any:
+        """What one robot knows of it, for minds that are written for one robot; None where that is not told apart."""
+        return None
+
     @classmethod
     def auditor(cls, setting: Setting) -> Auditor:
         """What holds a computation of somebody else's to its word in one run."""
@@ -129,6 +134,10 @@ class Estimates(Knowledge):
     def record(self) -> Record:
         """A table for each field, of its name."""
         return Record({field.name: getattr(self, field.name) for field in fields(self)})
+
+    def of(self, robot: int) -> SimpleNamespace:
+        """Its row of every field."""
+        return SimpleNamespace(**{field.name: getattr(self, field.name)[robot] for field in fields(self)})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

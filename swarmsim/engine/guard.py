@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -62,15 +63,18 @@ def told(problem: BaseException) -> str:
     frames = [f for f in traceback.extract_tb(problem.__traceback__) if _PACKAGE not in Path(f.filename).parents]
     own = [f for f in frames if "site-packages" not in f.filename] or frames
     lines = "".join(f"\n  {frame.filename}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in own)
-    return f"{type(problem).__name__}: {problem}{lines}"
+    whose = "".join(f", {note}" for note in getattr(problem, "__notes__", ()))
+    return f"{type(problem).__name__}: {problem}{whose}{lines}"
 
 
 class Guard:
     """Calls a part, and raises PartError for what it raises and for what it gives that breaks its contract."""
 
     def __init__(self, seam: str, part: Any) -> None:
-        kind = type(part)
-        self._part, self._name = part, f"{seam} {kind.__module__}.{kind.__qualname__}"
+        kind = registry.author_of(part)
+        file = getattr(sys.modules[kind.__module__], "__file__", None) if registry.is_own(kind) else None
+        place = f"{Path(file).name}:" if file else f"{kind.__module__}."
+        self._part, self._name = part, f"{seam} {place}{kind.__qualname__}"
         self._iteration = 0
 
     def _call(self, iteration: int, call: Callable[[], T], check: Callable[[T], str | None]) -> T:

@@ -164,6 +164,32 @@ def nearest(positions, alive, k):
 
 
 @njit(cache=True)
+def nearest_around(positions, alive, k, width, height):
+    """As `nearest`, on a page of this size (m) whose opposite edges are one: distances are the shortest around it."""
+    live = np.flatnonzero(alive)
+    each = min(k, len(live) - 1)
+    if each <= 0:
+        return np.empty((0, 2), np.int32)
+    links = np.empty((len(live) * each, 2), np.int32)
+    keys = np.empty(each)
+    who = np.empty(each, np.int32)
+    for rank in range(len(live)):
+        i = live[rank]
+        found = 0
+        for j in live:
+            if j != i:
+                dx = positions[j, 0] - positions[i, 0]
+                dy = positions[j, 1] - positions[i, 1]
+                dx -= width * np.round(dx / width)
+                dy -= height * np.round(dy / height)
+                apart = math.sqrt(dx * dx + dy * dy)
+                if found < each or apart < keys[each - 1]:  # ids rise: of two equally far away the first is kept
+                    found = _offer(keys, who, found, apart, j)
+        _write(links, rank * each, i, who)
+    return links
+
+
+@njit(cache=True)
 def _nearest_of_many(positions, live, each):
     """As `nearest`, by looking from every robot outwards along the axis along which the swarm is spread further."""
     axis, order = _along(positions, live)

@@ -27,27 +27,34 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
     """Each robot hears its k nearest others, moving with the robots: directed, or only where both chose each other.
 
     Of others equally far away the one with the lower id is nearer. Of the dead nobody takes notice: everybody hears
-    the k nearest live robots, or all of them once fewer than k others are left.
+    the k nearest live robots, or all of them once fewer than k others are left. On a `periodic` page, as particles can
+    have, distances are the shortest around it.
     """
 
     k: Degree
     mutual: bool = False
+    periodic: bool = False
 
     def build(self, setting: Setting) -> NearestNeighbourLinks | MutualNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
         check_degree(self.k, setting.robots.count)
-        nearest = NearestNeighbourLinks(self.k)
+        left, low, right, high = setting.building.page
+        nearest = NearestNeighbourLinks(self.k, (right - left, high - low) if self.periodic else None)
         return MutualNeighbourLinks(nearest) if self.mutual else nearest
 
 
 class NearestNeighbourLinks:
     """Links to the k nearest live others, ties by id; to all of them once fewer than k are left."""
 
-    def __init__(self, k: int) -> None:
-        self._k = k
+    def __init__(self, k: int, around: tuple[float, float] | None = None) -> None:
+        """`around`: the width and the height in m of a page whose opposite edges are one."""
+        self._k, self._around = k, around
 
     def links(self, state: State) -> Links:
         """The links of this moment."""
+        if self._around is not None:
+            around: Links = graph.nearest_around(state.pose, state.alive, self._k, *self._around)
+            return around
         links: Links = graph.nearest(state.pose, state.alive, self._k)
         return links
 

@@ -114,7 +114,7 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
     if len(set(numbers)) < len(numbers):
         raise InputError(f"{path}: seeds: a seed is listed twice; expected each once")
     base = path.parent / study.scenario
-    table = spelled_out(read_toml(base, "the study's scenario file"))
+    table = spelled_out(read_toml(base, "the study's scenario file"), str(base))
     changes = _changes(path, study)
     if len(changes) * len(numbers) > MOST_RUNS:
         raise InputError(f"{path}: {len(changes)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")

@@ -15,6 +15,7 @@ from swarmsim.core.parts import Setting
 from swarmsim.core.scenario import Robots
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
+from swarmsim.kernels import graph
 
 TOPOLOGIES = sorted(registry.known("topology"))
 GEOMETRIC = ["knn", "farthest-k", "radius", "line-of-sight", "delaunay", "gabriel", "relative-neighbourhood"]
@@ -74,6 +75,21 @@ def assert_sound(links, state):
 
 
 # --- every topology ------------------------------------------------------------------------------
+
+
+def test_nearest_on_a_page_without_edges_are_those_of_nine_copies_of_it() -> None:
+    rng = np.random.default_rng(3)
+    pose = np.column_stack([rng.uniform(0.0, 3.0, 70), rng.uniform(0.0, 2.0, 70), np.zeros(70)])
+    alive = rng.random(70) > 0.1
+    found = graph.nearest_around(pose, alive, 5, 3.0, 2.0)
+    assert (np.diff(found[:, 0].astype(int) * 70 + found[:, 1]) > 0).all()
+    shifts = np.array([(x, y) for x in (-3.0, 0.0, 3.0) for y in (-2.0, 0.0, 2.0)])
+    for i in np.flatnonzero(alive):
+        gaps = pose[None, :, :2] + shifts[:, None] - pose[i, :2]
+        apart = np.hypot(gaps[..., 0], gaps[..., 1]).min(axis=0)
+        apart[~alive] = np.inf
+        apart[i] = np.inf
+        assert set(found[found[:, 0] == i, 1].tolist()) == set(np.argsort(apart)[:5].tolist())
 
 
 def test_our_own_topologies_are_all_registered():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,11 @@ class Maps(Knowledge):
     def record(self) -> Record:
         """What has changed: all maps can be put together from it."""
         return Record(lists={"changes": self.changes})
+
+    def of(self, robot: int) -> SimpleNamespace:
+        """A robot's map: `observed` and `log_odds` (rows, columns), and the `news` in it."""
+        observed, log_odds = self.observed[robot], self.log_odds[robot]
+        return SimpleNamespace(observed=observed, log_odds=log_odds, news=int(self.news[robot]))
 
     @classmethod
     def auditor(cls, setting: Setting) -> MapAuditor:

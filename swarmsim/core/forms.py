@@ -1,0 +1,203 @@
+"""Parts in simpler forms than their seams ask for: plain functions of arrays, and classes of one robot's mind."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, get_type_hints
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.minds import MindComputation, MindStrategy
+from swarmsim.core.parts import Curve, Links, Setting, Summary
+from swarmsim.core.state import Estimates, Intents, Knowledge, Measured, Moment, Observations, State
+
+
+def adapted(seam: str, found: Any) -> type[msgspec.Struct] | None:
+    """The parameter struct of a part in a simpler form, or None if it has none that this seam knows.
+
+    Its keys are a function's keyword-only parameters, or those of a class's constructor.
+    """
+    if isinstance(found, type):
+        if not callable(getattr(found, "step", None)) or seam not in ("computation", "strategy"):
+            return None
+        kind = MindComputation if seam == "computation" else MindStrategy
+        parameters = [p for p in inspect.signature(found).parameters.values() if p.kind is not p.VAR_KEYWORD]
+        make = vars(found).get("__init__", found)  # where its parameters have their types
+        return _struct(found, make, parameters, lambda keys, setting: kind(found, lambda: found(**keys), setting))
+    form = FUNCTIONS.get(seam)
+    if form is None or not inspect.isfunction(found):
+        return None
+    parameters = [p for p in inspect.signature(found).parameters.values() if p.kind is p.KEYWORD_ONLY]
+    return _struct(found, found, parameters, lambda keys, setting: form(found, keys, setting))
+
+
+def _struct(
+    found: Any,
+    typed: Callable[..., Any],
+    parameters: Sequence[inspect.Parameter],
+    make: Callable[[dict[str, Any], Setting], Any],
+) -> type[msgspec.Struct]:
+    hints = get_type_hints(typed, include_extras=True)
+    fields: list[Any] = []
+    for one in parameters:
+        kind = hints.get(one.name, Any)
+        fields.append((one.name, kind) if one.default is one.empty else (one.name, kind, one.default))
+
+    def build(self: msgspec.Struct, setting: Setting) -> Any:
+        return make(msgspec.structs.asdict(self), setting)
+
+    return msgspec.defstruct(
+        found.__name__, fields, namespace={"build": build, "__doc__": found.__doc__}, module=found.__module__,
+        frozen=True, forbid_unknown_fields=True, kw_only=True,
+    )  # fmt: skip
+
+
+class FunctionForm:
+    """A function and the values of its keys."""
+
+    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], setting: Setting) -> None:
+        #: Whose contract it is to keep.
+        self.written_by = function
+        self._function, self._keys, self._setting = function, keys, setting
+
+    def _ask(self, *given: Any) -> Any:
+        return self._function(*given, **self._keys)
+
+
+class FunctionStrategy(FunctionForm):
+    """`def strategy(observations, *, key=default)`: Intents, or velocities (n, 2) in m/s ahead and rad/s."""
+
+    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+
+    def step(self, observations: Observations) -> Intents:
+        """What the function gives."""
+        found: Any = self._ask(observations)
+        return Intents.twisting(found) if isinstance(found, np.ndarray) and found.ndim == 2 else found
+
+
+class FunctionTopology(FunctionForm):
+    """`def topology(state, *, key=default)`: links (m, 2) of receiver and sender, sorted."""
+
+    def links(self, state: State) -> Links:
+        """What the function gives."""
+        found: Links = self._ask(state)
+        return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saying(Columns):
+    """What robots say whose computation is a function: their row of its value."""
+
+    value: NDArray[np.float64]  # (t, ...)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Value(Estimates):
+    """What robots know whose computation is a function."""
+
+    value: NDArray[np.float64]  # (n, ...)
+
+
+class FunctionComputation(FunctionForm):
+    """`def computation(observations, value, *, key=default)`: the new value (n, ...) of every robot.
+
+    At first `value` is None and nothing has been heard. Every robot says its row; the function finds the rows heard in
+    `observations.inbox`: `receivers`, `senders` and `content.value`, sorted by receiver.
+    """
+
+    knows: type[Knowledge] = Value
+
+    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], setting: Setting) -> None:
+        super().__init__(function, keys, setting)
+        self._value: NDArray[np.float64] | None = None
+        self._new = np.ones(setting.robots.count, np.bool_)
+        self.codec = PlainCodec(Saying(np.zeros(0)))
+
+    def say(self, observations: Observations) -> Said[Saying]:
+        """Every robot's row."""
+        if self._new.any():
+            first = np.asarray(self._ask(observations, None))
+            value = first.copy() if self._value is None else self._value
+            value[self._new] = first[self._new]
+            self._value, self._new = value, np.zeros_like(self._new)
+            self.codec = PlainCodec(Saying(value[:0]))
+        assert self._value is not None
+        return Said.each(Saying(self._value.copy()), self.codec.size)
+
+    def hear(self, observations: Observations) -> Value:
+        """What the function makes of it."""
+        assert self._value is not None
+        found = self._ask(observations, _read_only(self._value))
+        if np.shape(found) != self._value.shape:
+            raise ValueError(f"gave an array of shape {np.shape(found)} after {self._value.shape}; expected the same")
+        alive = observations.alive.reshape(-1, *[1] * (self._value.ndim - 1))
+        self._value = np.where(alive, found, self._value)
+        return Value(_read_only(self._value))
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Let robots (r,) begin again."""
+        self._new[robots] = True
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) the row of another one."""
+        if self._value is not None:
+            self._value[robots] = self._value[source]
+
+
+def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+class FunctionTask(FunctionForm):
+    """`def task(moment, *, key=default)`: a number, a number and whether the task is done, or Measured.
+
+    The measure has the function's name; an axis has it in words, and its docstring's first line tells what it is.
+    """
+
+    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+
+    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], setting: Setting) -> None:
+        super().__init__(function, keys, setting)
+        self.curve = Curve(function.__name__, function.__name__.replace("_", " "), low=None)
+
+    def measure(self, moment: Moment) -> Measured:
+        """What the function gives."""
+        found = self._ask(moment)
+        if isinstance(found, Measured):
+            return found
+        value, done = found if isinstance(found, tuple) else (found, False)
+        return Measured({self.curve.name: float(value)}, {}, float(bool(done)), bool(done))
+
+    def summaries(self) -> Sequence[Summary]:
+        """The last value."""
+        return (Last(),)
+
+
+class Last:
+    """A probe that keeps what was measured last."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, float] = {}
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        self._values = dict(moment.measured.values)
+
+    def summary(self) -> dict[str, float | int | None]:
+        """Each measure at the end, as NAME_end."""
+        return {f"{name}_end": float(value) for name, value in self._values.items()}
+
+
+FUNCTIONS: dict[str, Callable[[Callable[..., Any], dict[str, Any], Setting], Any]] = {
+    "strategy": FunctionStrategy,
+    "computation": FunctionComputation,
+    "topology": FunctionTopology,
+    "task": FunctionTask,
+}
