@@ -141,6 +141,7 @@ def table(
 def plot(
     study: StudyFile,
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the figures (PNG and SVG).")],
+    measure: Annotated[list[str] | None, typer.Option(help="Draw a measure along the axis too; repeatable.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
     allow_code: AllowCode = False,
@@ -155,7 +156,7 @@ def plot(
 
     opened = open_study(study, seeds)
     with _store(store, study) as results:
-        for path in study_figures(opened.study, gather(opened, results), out):
+        for path in study_figures(opened.study, gather(opened, results), out, measure or ()):
             print(path)
 
 

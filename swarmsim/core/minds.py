@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, make_dataclass
+from dataclasses import dataclass, fields, make_dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -257,18 +257,15 @@ class MindStrategy:
         decided = self._swarm.each(observations, lambda mind, me: _intent(mind.step(me)))
         count = len(observations.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
-        longest = max((len(way) for way in ways.values()), default=1)
-        goals, twists = np.full((count, 2), -1, np.int32), np.zeros((count, 2))
-        waypoints, counts, planned = np.zeros((count, longest, 2)), np.zeros(count, np.int32), np.zeros(count, np.bool_)
+        twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
         for robot, intent in decided.items():
-            if intent.twist is not None:
-                twists[robot] = intent.twist
+            twists[robot] = (np.nan, np.nan) if intent.twist is None else intent.twist
         for robot, way in ways.items():
-            waypoints[robot, : len(way)], counts[robot], twists[robot] = way, len(way), np.nan
             planned[robot] = self._ways.get(robot) != way.tobytes()
-            goals[robot] = self._lattice.cells(way[-1:])[0]
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
-        return Intents(goals, waypoints, counts, planned, twists)
+        here = observations.pose[:, :2]
+        from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
+        return replace(Intents.along(from_here, count, self._lattice.cells, planned), twists=twists)
 
 
 def _intent(answer: Any) -> Intent:

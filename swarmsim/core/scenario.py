@@ -234,10 +234,14 @@ def with_files(table: Table, folder: Path, place: str = "") -> Table:
 
 
 def read_rows(path: Path) -> list[list[int | float]]:
-    """The rows of a CSV file: numbers with commas between them, empty lines left out.
+    """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
+
+    Levels are 0 for black to 1 for white.
 
     Raises InputError, which names the file and the line.
     """
+    if path.suffix.lower() == ".png":
+        return _grey_levels(path)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets mark UTF-8 in the first bytes
     except OSError as problem:
@@ -255,6 +259,18 @@ def read_rows(path: Path) -> list[list[int | float]]:
                     "expected numbers with commas between them, as in 0,1"
                 ) from problem
     return rows
+
+
+def _grey_levels(path: Path) -> list[list[int | float]]:
+    from PIL import Image  # takes a while, and few scenarios need it
+
+    try:
+        with Image.open(path) as picture:
+            grey = picture.convert("L")
+            levels, width = list(grey.tobytes()), grey.width
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as problem:
+        raise InputError(f"{path}: cannot be read ({problem}); expected a PNG picture") from problem
+    return [[level / 255.0 for level in levels[at : at + width]] for at in range(0, len(levels), width)]
 
 
 def set_key(table: Table, override: str) -> None:

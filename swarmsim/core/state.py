@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 UNKNOWN = 0  #: value of a cell that nobody observed
 FREE = 1  #: value of a cell observed to be empty
 OCCUPIED = 2  #: value of a cell in which a beam ended
+STEP = 0.1  # m between waypoints of a straight way: motions look about so far ahead
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,9 +175,40 @@ class Intents:
         goals, counts = np.full((count, 2), -1, np.int32), np.zeros(count, np.int32)
         return cls(goals, np.zeros((count, 1, 2)), counts, np.zeros(count, np.bool_), twists)
 
+    @classmethod
+    def along(
+        cls,
+        ways: Mapping[int, NDArray[np.float64]],
+        robots: int,
+        cells: Callable[[Any], Any],
+        planned: NDArray[np.bool_],
+    ) -> Intents:
+        """Some of so many robots follow ways (w, 2) in m, the others stand; `cells` are those of a lattice.
+
+        Long straight pieces are given in steps, since a motion steers for the next waypoint in an arc.
+        """
+        dense = {robot: _in_steps(way) for robot, way in ways.items()}
+        longest = max((len(way) for way in dense.values()), default=1)
+        goals, counts = np.full((robots, 2), -1, np.int32), np.zeros(robots, np.int32)
+        waypoints = np.zeros((robots, longest, 2))
+        for robot, way in dense.items():
+            waypoints[robot, : len(way)], counts[robot], goals[robot] = way, len(way), cells(way[-1])
+        return cls(goals, waypoints, counts, planned)
+
     def record(self) -> Record:
         """Goals and velocities; ways are kept when they are new."""
         return Record({"goals": self.goals, **({} if self.twists is None else {"twists": self.twists})})
+
+
+def _in_steps(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A way (w, 2) with more points on it, STEP apart at most."""
+    length = np.hypot(*np.diff(way, axis=0).T)
+    counts = np.maximum(1, np.ceil(length / STEP)).astype(int)
+    pieces = [
+        start + (end - start) * (np.arange(1, count + 1)[:, None] / count)
+        for start, end, count in zip(way[:-1], way[1:], counts, strict=True)
+    ]
+    return np.concatenate([way[:1], *pieces])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -130,7 +130,7 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
         curve = build(scenario, place, worlds[file]).simulation.parts.task.curve
         if name in named:
             return Condition(name, change, scenario, curve, named[name].x, named[name].series)
-        return Condition(name, change, scenario, curve, _place(study, change))
+        return Condition(name, change, scenario, curve, *_place(study, change))
 
     conditions = tuple(condition(name, change) for name, change in changes.items())
     return Plan(path, study, conditions, numbers, worlds)
@@ -157,11 +157,17 @@ def _changes(path: Path, study: Study) -> dict[str, dict[str, Any]]:
     return changes
 
 
-def _place(study: Study, cell: dict[str, Any]) -> float | None:
-    """Where a cell of the grid stands on the axis: the value of the only key that is varied, if it is a number."""
-    values = list(cell.values())
-    plain = len(study.vary) == 1 and len(values) == 1 and isinstance(values[0], int | float)
-    return float(values[0]) if plain and not isinstance(values[0], bool) else None
+def _place(study: Study, cell: dict[str, Any]) -> tuple[float | None, str]:
+    """Where a cell of the grid stands: at its value on the first axis, if that is a number, in a line of the others."""
+    if not cell:
+        return None, ""
+    first = study.vary[0]
+    value = cell[first.key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None, ""
+    leading = {axis.together or axis.key: axis.key for axis in reversed(study.vary)}  # one key for each group
+    others = {key: cell[key] for group, key in reversed(leading.items()) if group != (first.together or first.key)}
+    return float(value), _label(others) if others else ""
 
 
 def _label(cell: dict[str, Any]) -> str:

@@ -29,8 +29,8 @@ img {{ max-width: 100% }} code {{ background: #f3f3f3; padding: 0 0.2rem }}
 """
 
 
-def study_figures(study: Study, results: dict[str, Result], folder: Path) -> list[Path]:
-    """Draw a study's distributions, curves and table into a folder; gives the files.
+def study_figures(study: Study, results: dict[str, Result], folder: Path, measures: Sequence[str] = ()) -> list[Path]:
+    """Draw a study's distributions, curves and table, and measures along its axis, into a folder; gives the files.
 
     Raises InputError if there is nothing to draw or no place for it.
     """
@@ -46,8 +46,13 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path) -> lis
         "table": plots.table(HEAD, lines(there), title),
     }
     if any(result.condition.x is not None for result in there.values()):
-        series, levels = _series(there)
-        figures["sweep"] = plots.sweep(series, levels, study.axis or study.vary[0].key, title)
+        axis = study.axis or study.vary[0].key
+        figures["sweep"] = plots.sweep(*_series(there), axis, title)
+        for name in measures:
+            words = name.replace("_", " ")
+            figures[name] = plots.sweep(*_series(there, name), axis, title, words)
+    elif measures:
+        raise InputError(f"{title}: no axis to draw {measures[0]} along; expected numbers varied, or 'x' of conditions")
     if all(result.curves for result in there.values()):
         for curve in {result.condition.curve.name: result.condition.curve for result in there.values()}.values():
             alike = {name: result.curves for name, result in there.items() if result.condition.curve.name == curve.name}
@@ -58,20 +63,23 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path) -> lis
         raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
 
 
-def _series(there: dict[str, Result]) -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
-    """The lines of a plot over the study's axis, and the conditions that have no place on it."""
+def _series(there: dict[str, Result], measure: str = "") -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
+    """The lines of a plot over the study's axis, of iterations or a measure, and the conditions with no place on it."""
     lines_: dict[str, list[tuple[float, Result]]] = {}
     for result in there.values():
         if result.condition.x is not None:
             lines_.setdefault(result.condition.series, []).append((result.condition.x, result))
-    series = {name: _steps(*zip(*sorted(placed, key=itemgetter(0)), strict=True)) for name, placed in lines_.items()}
-    levels = {name: _steps((0.0,), (result,)) for name, result in there.items() if result.condition.x is None}
+    series = {
+        name: _steps([x for x, _ in placed], [result for _, result in placed], measure)
+        for name, placed in ((name, sorted(placed, key=itemgetter(0))) for name, placed in lines_.items())
+    }
+    levels = {name: _steps((0.0,), (result,), measure) for name, result in there.items() if result.condition.x is None}
     return series, levels
 
 
-def _steps(values: Sequence[float], results: Sequence[Result]) -> plots.Steps:
-    """The means of finished runs, their intervals and the shares of unfinished runs at each value."""
-    described = [result.describe() for result in results]
+def _steps(values: Sequence[float], results: Sequence[Result], measure: str) -> plots.Steps:
+    """Means and intervals at each value: of finished runs' iterations, with the shares of the rest, or of a measure."""
+    described = [result.describe_measure(measure) if measure else result.describe() for result in results]
     nowhere = (math.nan, math.nan)
     return plots.Steps(
         values=np.array(values, np.float64),

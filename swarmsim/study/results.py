@@ -58,6 +58,14 @@ class Result:
         """The statistics of its iterations; None-valued where there is no run."""
         return describe(self.times, self.finished, float(self.condition.scenario.stop.iterations))
 
+    def describe_measure(self, name: str) -> Description:
+        """The statistics of a measure, over the runs in which it is defined. Raises InputError if it is in none."""
+        values = self.measure(name)
+        defined = values[np.isfinite(values)]
+        if len(defined) == 0:
+            raise InputError(f"{name!r} is defined in no run of {self.condition.name!r}")
+        return describe(defined)
+
 
 def gather(plan: Plan, store: Store) -> dict[str, Result]:
     """All that the store has of a study, by condition, in the plan's order."""

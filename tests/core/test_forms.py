@@ -163,7 +163,8 @@ def test_keys_of_a_class_are_those_of_its_constructor(own) -> None:
 def test_a_silent_mind_sends_headers_and_goes_its_way(own) -> None:
     run = own('mind={use="./mine.py:Silent"}', "stop.iterations=1")
     moment = moments_of(run)[0]
-    assert moment.intents.counts.tolist() == [0, 2, 0]
+    assert moment.intents.counts.tolist() == [0, 3, 0]  # from where it is
+    assert_allclose(np.diff(moment.intents.waypoints[1], axis=0), [[0.1, 0.0], [0.0, 0.1]], atol=1e-12)
     assert moment.intents.planned.tolist() == [False, True, False]
     assert moment.intents.goals[0].tolist() == [-1, -1]
     assert set(moment.delivery.heard[:, 3].tolist()) == {6}

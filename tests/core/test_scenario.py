@@ -68,7 +68,7 @@ def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
         ["robots.count=7", "network.topology.k=2", 'title="a = b"', "task.share=0.5", "sensor.tile=[5, 5]"],
     )
     assert (read.robots.count, read.title, read.task["share"]) == (7, "a = b", 0.5)
-    assert read.network.topology == {"use": "knn", "k": 2, "mutual": False}
+    assert read.network.topology == {"use": "knn", "k": 2, "mutual": False, "periodic": False}
     assert read.sensor["tile"] == [5, 5]
 
 

@@ -228,6 +228,7 @@ SCENARIOS = {
     "occupancy-grid": "room",
     "heading-consensus": "operations/turn",
     "average-consensus": "operations/average-consensus",
+    "field-estimate": "operations/field",
 }
 MINDS = [
     *(("room", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),

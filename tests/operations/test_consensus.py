@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+import networkx as nx
 import numpy as np
 import pytest
 from conftest import made, moments_of
@@ -103,6 +104,72 @@ def test_the_swarm_follows_two_informed_robots_that_turn() -> None:
     assert before.measured.values["order"] > 0.99
     assert after.measured.values["following"] > 0.9
     assert moments[151].measured.values["following"] < 0.5
+
+
+RESPONSE = "operations/response"
+
+
+def responses(
+    k: int, frequency: float, seed: int, turns: int, robots: int = 100, period: float = 0.5
+) -> tuple[float, float]:
+    """H^2 of a run, and that of the linear equation solved for the run's own network."""
+    iterations = round(turns / (frequency * period))
+    run = made(
+        f"network.topology.k={k}", f"mind.computation.frequency={frequency}", f"task.frequency={frequency}",
+        f"seed={seed}", f"robots.count={robots}", f"period={period}",
+        f"stop.iterations={iterations}", scenario=RESPONSE,
+    )  # fmt: skip
+    links = run.simulation.parts.topology.links(run.simulation.state)
+    summary = run.simulation.parts.task.summaries()[0]
+    run.simulation.run([summary])
+    hears = np.zeros((robots, robots))
+    hears[tuple(links.T)] = 1.0 / k
+    z = (np.exp(2j * np.pi * frequency * period) - 1.0) / period
+    h = np.linalg.solve((z + 1.0) * np.eye(robots - 1) - hears[1:, 1:], hears[1:, 0])
+    return summary.summary()["response"], float((np.abs(h) ** 2).sum())
+
+
+@pytest.mark.parametrize(("k", "frequency"), [(4, 0.1), (8, 0.05), (20, 0.02)])
+def test_the_response_is_that_of_the_linear_equation(k: int, frequency: float) -> None:
+    measured, expected = responses(k, frequency, 1, 20)
+    assert measured == pytest.approx(expected, rel=0.02)
+
+
+def test_the_response_to_a_slow_drive_rises_with_neighbours_and_to_a_fast_one_falls() -> None:
+    """Page's test of trends in blocks: each seed places its robots alike for every k."""
+
+    def table(frequency: float, ks: tuple[int, ...]) -> list[list[float]]:
+        return [[responses(k, frequency, seed, 5, 50, 1.0)[0] for k in ks] for seed in range(1, 5)]
+
+    assert stats.page_trend_test(table(0.002, (4, 8, 16, 32))).pvalue < 1e-3
+    assert stats.page_trend_test(table(0.1, (32, 16, 8, 4))).pvalue < 1e-3
+
+
+def test_consensus_with_ten_neighbours_takes_about_as_long_in_small_swarms_as_in_large() -> None:
+    """Of the way from hearing five to hearing all, ten go most, whatever N."""
+    for robots in (30, 100):
+        keys = (f"robots.count={robots}", "mind.computation.spread=3.14", "task.order=0.99", "stop.iterations=3000")
+        means = []
+        for k in (5, 10, robots - 1):
+            runs = [made(f"network.topology.k={k}", f"seed={seed}", *keys, scenario=FREE) for seed in range(1, 9)]
+            assert all(run.simulation.run() for run in runs)
+            means.append(np.mean([run.simulation.finished_after for run in runs]))
+        five, ten, everybody = means
+        assert (five - ten) / (five - everybody) > 0.6, (robots, means)
+
+
+def test_the_network_of_nearest_neighbours_is_a_homogeneous_clustered_small_world() -> None:
+    links = made("robots.count=200", "network.topology.k=7", scenario=FREE)
+    links = links.simulation.parts.topology.links(links.simulation.state)
+    graph = nx.Graph(links.tolist())
+    likewise = [nx.gnm_random_graph(200, graph.number_of_edges(), seed=seed) for seed in range(5)]
+    clustering = np.mean([nx.average_clustering(other) for other in likewise])
+    paths = np.mean([nx.average_shortest_path_length(other) for other in likewise])
+    assert nx.average_clustering(graph) > 5 * clustering  # clustered
+    assert nx.average_shortest_path_length(graph) < 3 * paths  # small
+    heard_by = np.bincount(links[:, 1], minlength=200)
+    assert heard_by.max() <= 3 * 7  # homogeneous: no hubs
+    assert heard_by.std() < 0.5 * 7
 
 
 def test_robots_in_walls_align_and_never_pass_them() -> None:

@@ -49,10 +49,27 @@ def swarmsim(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
 
 
+def test_a_grid_is_drawn_along_its_first_axis_with_a_line_for_each_value_of_the_others(study: Path) -> None:
+    more = """[[vary]]
+key = "robots.count"
+together = "size"
+values = [4, 5]
+[[vary]]
+key = "robots.speed"
+together = "size"
+values = [0.1, 0.2]
+[[condition]]
+"""
+    study.write_text(STUDY.replace("[[condition]]\n", more))
+    conditions = open_study(study).conditions
+    assert [(c.x, c.series) for c in conditions[:3]] == [(0.0, "count=4"), (0.0, "count=5"), (1.0, "count=4")]
+    assert [(c.x, c.series) for c in conditions[6:]] == [(None, "")]
+
+
 def test_a_plan_crosses_axes_and_adds_named_conditions(study: Path) -> None:
     plan = open_study(study)
     assert [condition.name for condition in plan.conditions] == ["k=0", "k=1", "k=2", "chain"]
-    assert plan.conditions[2].scenario.network.topology == {"use": "knn", "k": 2, "mutual": False}
+    assert plan.conditions[2].scenario.network.topology == {"use": "knn", "k": 2, "mutual": False, "periodic": False}
     assert all(condition.scenario.stop.iterations == 60 for condition in plan.conditions)
     assert len(plan.runs) == 12
     assert len({plan.identity(condition, seed) for condition, seed in plan.runs}) == 12

@@ -11,19 +11,23 @@ from numpy.typing import NDArray
 
 from swarmsim.core.parts import Curve, Setting, Summary
 from swarmsim.core.state import Knowledge, Measured, Moment
-from swarmsim.operations.consensus.heading import Headings
+from swarmsim.operations.consensus.heading import Headings, wrapped
 
 CURVE: Final = Curve("order", "order parameter", low=0.0, high=1.0, format=".3f")
 
 
 class Alignment(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Live robots head the same way: their order parameter reaches a threshold."""
+    """Live robots head the same way: their order parameter reaches a threshold.
+
+    With the `frequency` at which leaders turn to and fro, a run also tells how the others respond to that.
+    """
 
     order: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.99  # the order parameter that finishes the run
+    frequency: Annotated[float, Meta(gt=0.0)] | None = None  # Hz
 
     def build(self, setting: Setting) -> AlignmentTask:
         """The task."""
-        return AlignmentTask(self.order)
+        return AlignmentTask(self, setting.period)
 
 
 class AlignmentTask:
@@ -32,8 +36,8 @@ class AlignmentTask:
     reads: type[Knowledge] = Headings
     curve = CURVE
 
-    def __init__(self, wanted: float) -> None:
-        self._wanted = wanted
+    def __init__(self, parameters: Alignment, period: float) -> None:
+        self._wanted, self._frequency, self._period = parameters.order, parameters.frequency, period
 
     def measure(self, moment: Moment) -> Measured:
         """The order of the live, and how closely those who do not lead follow those who do."""
@@ -47,13 +51,17 @@ class AlignmentTask:
 
     def summaries(self) -> Sequence[Summary]:
         """Order over the run, and how far correlations reach at its end."""
-        return (AlignmentMeasures(),)
+        every = None if self._frequency is None else 1.0 / (self._frequency * self._period)
+        return (AlignmentMeasures(every),)
 
 
 class AlignmentMeasures:
     """A probe that sums alignment up."""
 
-    def __init__(self) -> None:
+    def __init__(self, every: float | None = None) -> None:
+        """`every`: iterations in which leaders turn to and fro once."""
+        self._every = every
+        self._headings: list[NDArray[np.float64]] = []
         self._orders: list[float] = []
         self._following: list[float] = []
         self._last: Moment | None = None
@@ -63,6 +71,8 @@ class AlignmentMeasures:
         self._orders.append(moment.measured.values["order"])
         if "following" in moment.measured.values:
             self._following.append(moment.measured.values["following"])
+        if self._every is not None:
+            self._headings.append(moment.knowledge.heading)
         self._last = moment
 
     def summary(self) -> dict[str, float | int | None]:
@@ -78,7 +88,18 @@ class AlignmentMeasures:
             "order_late": float(orders[half:].mean()) if len(orders) else None,
             "following_late": float(np.mean(self._following[len(self._following) // 2 :])) if self._following else None,
             "correlation_length": length,
+            **({"response": self._response()} if self._every is not None else {}),
         }
+
+    def _response(self) -> float | None:
+        """The response over as many whole turns as fit into the second half of the run; None if none does."""
+        assert self._every is not None
+        turns = int(len(self._headings) / 2 / self._every)
+        if turns == 0 or self._last is None:
+            return None
+        window = np.array(self._headings[-round(turns * self._every) :])
+        leads, alive = self._last.knowledge.leads, self._last.state.alive
+        return response(window[:, alive & ~leads], window[:, leads & alive], turns)
 
 
 def order(heading: NDArray[np.float64]) -> float:
@@ -98,6 +119,21 @@ def following(followers: NDArray[np.float64], leaders: NDArray[np.float64]) -> f
         return float("nan")
     course = np.angle(np.exp(1j * leaders).sum())
     return float(np.cos(followers - course).mean())
+
+
+def response(followers: NDArray[np.float64], leaders: NDArray[np.float64], turns: int) -> float | None:
+    """H^2 = sum_i |h_i|^2 over followers (Mateo et al. 2019): how much of leaders' turning to and fro arrives in all.
+
+    h_i is the Fourier component of follower i's heading (t, f) at the frequency of so many whole `turns` in these t
+    iterations, over that of the leaders' mean heading (t, l). Headings must stay within half a circle of the first
+    leader's first. None without leaders.
+    """
+    if leaders.shape[1] == 0:
+        return None
+    wave = np.exp(-2j * np.pi * turns * np.arange(len(followers)) / len(followers))
+    course = leaders[0, 0]
+    driven, drive = (wave @ wrapped(heading - course) for heading in (followers, leaders))
+    return float((np.abs(driven) ** 2).sum() / np.abs(drive.mean()) ** 2)
 
 
 def correlation_length(place: NDArray[np.float64], heading: NDArray[np.float64], bins: int = 20) -> float | None:

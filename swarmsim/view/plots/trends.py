@@ -61,8 +61,10 @@ class Steps:
 
 
 @styled
-def sweep(series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str, title: str) -> Figure:
-    """Iterations against what is varied, a line for each series, and below them the share of unfinished runs, if any.
+def sweep(
+    series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str, title: str, ylabel: str = TIME
+) -> Figure:
+    """Iterations, or a measure, against what is varied, a line for each series; below, unfinished runs if any.
 
     `levels` have one value each, which is not on the axis: they are lines across. The label names the unit.
     """
@@ -89,7 +91,7 @@ def sweep(series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str,
     span_axis(
         upper, np.concatenate([np.ravel(part) for steps in everything for part in (steps.means, steps.intervals)])
     )
-    upper.set(ylabel=TIME)
+    upper.set(ylabel=ylabel)
     for panel in lower:
         panel.set(ylabel="unfinished\nruns, %", ylim=(-5.0, 105.0), yticks=(0, 50, 100))
     (lower or [upper])[-1].set_xlabel(xlabel)

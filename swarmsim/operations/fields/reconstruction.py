@@ -1,0 +1,93 @@
+"""The task of reconstructing a field: how far every robot's estimate is from the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Curve, Field, Setting, Summary
+from swarmsim.core.state import Knowledge, Measured, Moment
+from swarmsim.operations.fields.estimate import Reconstruction
+
+CURVE: Final = Curve(
+    "error", "error, % of the field's deviation", scale=100.0, low=0.0, robots="errors", format=".1f", rises=False
+)
+POINTS: Final = 2000  # where truth and estimates are compared, at most
+
+
+class FieldError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The mean error of live robots' estimates falls to a share of the field's own deviation.
+
+    A robot's error is the root-mean-square difference of its estimate and the truth over the floor, as a share of the
+    truth's standard deviation over the floor at that moment: 1 is as good as knowing the mean alone.
+    """
+
+    error: Annotated[float, Meta(gt=0.0)] = 0.1  # that finishes the run
+
+    def build(self, setting: Setting) -> FieldTask:
+        """The task. Raises InputError without a field."""
+        if setting.scalar_field is None:
+            raise InputError("use: 'field-error' measures estimates of a field; expected a table [field]")
+        return FieldTask(self.error, setting.scalar_field, setting)
+
+
+class FieldTask:
+    """Compares estimates with the truth at the cells of the floor that can be explored at the start."""
+
+    reads: type[Knowledge] = Reconstruction
+    curve = CURVE
+
+    def __init__(self, wanted: float, field: Field, setting: Setting) -> None:
+        cells = np.argwhere(setting.building.domain & ~setting.building.occupied)
+        self._points = setting.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
+        self._wanted, self._field, self._period = wanted, field, setting.period
+
+    def measure(self, moment: Moment) -> Measured:
+        """The mean and the largest error of the live, and the error of each."""
+        truth = self._field.value(moment.state.iteration * self._period, self._points)
+        errors = errors_of(moment.knowledge, self._points, truth)
+        live = errors[moment.state.alive]
+        error = float(live.mean()) if len(live) else float("nan")
+        values = {"error": error, "worst": float(live.max(initial=0.0))}
+        return Measured(values, {"errors": errors}, float(np.clip(self._wanted / error, 0.0, 1.0)) if error else 1.0,
+                        error <= self._wanted)  # fmt: skip
+
+    def summaries(self) -> Sequence[Summary]:
+        """The last errors."""
+        return (ErrorMeasures(),)
+
+
+def errors_of(
+    knowledge: Reconstruction, points: NDArray[np.float64], truth: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Every robot's root-mean-square error (n,) at points (k, 2), as a share of the deviation of the truth (k,)."""
+    apart = knowledge.at(points) - truth
+    return np.asarray(np.sqrt((apart**2).mean(axis=1)) / (float(truth.std()) or 1.0))
+
+
+class ErrorMeasures:
+    """A probe that keeps the errors."""
+
+    def __init__(self) -> None:
+        self._errors: list[float] = []
+        self._worst = float("nan")
+
+    def sample(self, moment: Moment) -> None:
+        """Take note of one iteration."""
+        self._errors.append(moment.measured.values["error"])
+        self._worst = moment.measured.values["worst"]
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The mean and the largest error at the end, and the mean error over the second half of the run."""
+        errors = np.array(self._errors)
+        there = len(errors) > 0
+        return {
+            "error_end": float(errors[-1]) if there else None,
+            "worst_end": self._worst if there else None,
+            "error_late": float(errors[len(errors) // 2 :].mean()) if there else None,
+        }

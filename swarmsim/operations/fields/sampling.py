@@ -1,0 +1,127 @@
+"""Where robots go to sample: to random places, or where they know least."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import chance
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import Intents, Knowledge, Observations
+from swarmsim.operations.fields.estimate import Basis, Reconstruction
+
+ARRIVED = 0.15  # m: nearer than this to its place, a robot takes the next
+PATIENCE = 3.0  # a way takes a robot so many times as long as its length, at most
+
+Margin = Annotated[float, Meta(ge=0.0)]
+
+
+class RandomWaypoint(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot drives straight to one random place of the page after the other (Johnson and Maltz 1996).
+
+    It knows of no wall: for open floors. A place that it has not reached in three times the time it should take is
+    given up.
+    """
+
+    margin: Margin = 0.4  # m, from the edges of the page
+
+    def build(self, setting: Setting) -> Waypoints:
+        """The strategy."""
+        return Waypoints(setting, self.margin)
+
+
+class Waypoints:
+    """A place for each robot, drawn by its number and how many it has had."""
+
+    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+
+    def __init__(self, setting: Setting, margin: float) -> None:
+        count, page = setting.robots.count, setting.building.page
+        self._low = np.array(page[:2]) + margin
+        self._size = np.maximum(np.array(page[2:]) - margin - self._low, 0.0)
+        self._salt = int(setting.streams.open("waypoints").integers(0, 2**64, dtype=np.uint64))
+        self._legs = Legs(count, setting)
+
+    def step(self, observations: Observations) -> Intents:
+        """On to the place, or to a new one."""
+        robots = self._legs.arrived(observations)
+        legs = self._legs.counts[robots]
+        part = np.stack([chance.uniform(self._salt, robots, legs, axis) for axis in (0, 1)], axis=1)
+        return self._legs.intents(observations, robots, self._low + part * self._size)
+
+
+class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot drives straight to the place where its estimate is least certain, nearer ones first.
+
+    It goes where s - `nearness` d is greatest over the centres of the bells at least `margin` from the edges of the
+    page: s is the standard deviation as a share of that before any sample, d the distance as a share of the page's
+    diagonal. It knows of no wall: for open floors.
+    """
+
+    margin: Margin = 0.4  # m, from the edges of the page
+    nearness: Annotated[float, Meta(ge=0.0)] = 0.5
+
+    def build(self, setting: Setting) -> Uncertainty:
+        """The strategy."""
+        return Uncertainty(self, setting)
+
+
+class Uncertainty:
+    """A place for each robot, chosen by what it knows."""
+
+    reads: type[Knowledge] = Reconstruction
+
+    def __init__(self, parameters: MostUncertain, setting: Setting) -> None:
+        self._parameters, self._page = parameters, setting.building.page
+        self._legs = Legs(setting.robots.count, setting)
+        self._diagonal = float(np.hypot(self._page[2] - self._page[0], self._page[3] - self._page[1]))
+
+    def step(self, observations: Observations) -> Intents:
+        """On to the place, or to a new one."""
+        robots, knowledge = self._legs.arrived(observations), observations.knowledge
+        places = self._places(knowledge.basis)
+        if len(robots) == 0:
+            return self._legs.intents(observations, robots, np.empty((0, 2)))
+        deviation = np.sqrt(knowledge.variance(places)[robots])
+        first = np.sqrt((knowledge.basis.at(places) ** 2).sum(axis=1))
+        away = np.hypot(*(places[:, None] - observations.pose[robots, :2]).transpose(2, 1, 0)) / self._diagonal
+        worth = deviation / np.maximum(first, 1e-12) - self._parameters.nearness * away
+        return self._legs.intents(observations, robots, places[worth.argmax(axis=1)])
+
+    def _places(self, basis: Basis) -> NDArray[np.float64]:
+        low, high = np.array(self._page[:2]), np.array(self._page[2:])
+        margin = self._parameters.margin
+        inside = ((basis.centres >= low + margin) & (basis.centres <= high - margin)).all(axis=1)
+        return basis.centres[inside] if inside.any() else basis.centres
+
+
+class Legs:
+    """Straight ways of robots, one after the other."""
+
+    def __init__(self, count: int, setting: Setting) -> None:
+        self._place = np.full((count, 2), np.nan)
+        self._until = np.zeros(count, np.int64)  # the iteration in which a place is given up
+        self._pace, self._lattice = setting.robots.speed * setting.period, setting.lattice
+        #: How many places each robot (n,) has had.
+        self.counts = np.zeros(count, np.int64)
+
+    def arrived(self, observations: Observations) -> NDArray[np.int64]:
+        """The live robots (r,) that need a new place."""
+        away = np.hypot(*(self._place - observations.pose[:, :2]).T)
+        late = observations.iteration >= self._until
+        return np.flatnonzero(observations.alive & (~(away > ARRIVED) | late))
+
+    def intents(self, observations: Observations, robots: NDArray[np.int64], places: NDArray[np.float64]) -> Intents:
+        """Everybody's way, with new places (r, 2) for robots (r,)."""
+        way = np.hypot(*(places - observations.pose[robots, :2]).T)
+        self._place[robots] = places
+        self._until[robots] = observations.iteration + 2 + (PATIENCE * way / self._pace).astype(np.int64)
+        self.counts[robots] += 1
+        planned = np.zeros(len(self._place), np.bool_)
+        planned[robots] = True
+        there = np.flatnonzero(observations.alive & ~np.isnan(self._place[:, 0]))
+        ways = {int(robot): np.stack([observations.pose[robot, :2], self._place[robot]]) for robot in there}
+        return Intents.along(ways, len(self._place), self._lattice.cells, planned)
