@@ -36,6 +36,7 @@ class Run:
     arena: Arena
     domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 % at the start
     simulation: Simulation
+    setting: Setting  # what its parts were built for
 
     def recorder(self, path: Path) -> Recorder:
         """A probe that records the run in a new file."""
@@ -43,21 +44,22 @@ class Run:
         return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
 
 
-def build(scenario: Scenario, name: str, world: str | None = None) -> Run:
+def build(scenario: Scenario, name: str, world: str | None = None, strict: bool = False) -> Run:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
-    The floor plan is read from the file that the scenario names unless its text is given as `world`.
+    The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
+    holds our own parts to their contracts too.
     Raises InputError for whatever cannot work.
     """
     if world is None:
         world = read_world(scenario, name)
     try:
-        return _built(scenario, world)
+        return _built(scenario, world, strict)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, world: str) -> Run:
+def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     sensor = msgspec.json.encode(scenario.sensor)
     alone = msgspec.structs.replace(robots, count=1)  # how many there are changes nothing of what they can reach
@@ -93,7 +95,7 @@ def _built(scenario: Scenario, world: str) -> Run:
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
         _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
-    parts = guarded(parts, setting)
+    parts = guarded(parts, setting, strict)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
@@ -101,7 +103,7 @@ def _built(scenario: Scenario, world: str) -> Run:
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     simulation = Simulation(parts, scenario.period, stop.iterations, stop.when_done)
-    return Run(scenario, world, arena, plain.domain, simulation)
+    return Run(scenario, world, arena, plain.domain, simulation, setting)
 
 
 def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:

@@ -2,26 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.messages import Codec, Columns, Delivery, Said
-from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Measured, Observations, Readings, State
+from swarmsim.core.state import Intents, Knowledge, Measured, Observations, Readings, State
+from swarmsim.kernels import checks
 
 
 def array(name: str, found: Any, dtype: Any, *shape: int | None, finite: bool = True) -> str | None:
     """What is wrong with an array that should have this type and shape (None: any length), or None."""
+    if isinstance(found, np.ndarray):
+        kind = found.dtype
+        whole = kind.type is dtype and kind.isnative and (found.shape == shape or _fits(found.shape, shape))
+        if whole and (not finite or kind.kind != "f" or math.isfinite(np.vdot(found, found))):
+            return None
     wanted = f"{np.dtype(dtype)} of shape ({', '.join('any' if side is None else str(side) for side in shape)})"
     if not isinstance(found, np.ndarray):
         return f"{name}: {type(found).__name__}; expected an array, {wanted}"
-    fits = found.ndim == len(shape) and all(side in (None, n) for side, n in zip(shape, found.shape, strict=False))
-    if found.dtype != np.dtype(dtype) or not fits:
+    if found.dtype != np.dtype(dtype) or not _fits(found.shape, shape):
         return f"{name}: {found.dtype} of shape {found.shape}; expected {wanted}"
     if finite and found.dtype.kind == "f" and not np.isfinite(found).all():
         return f"{name}: {_first(~np.isfinite(found))} is not finite; expected numbers to compute with"
     return None
+
+
+def _fits(found: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(found) == len(wanted) and all(side is None or side == n for side, n in zip(wanted, found, strict=True))
 
 
 def _first(wrong: NDArray[np.bool_]) -> str:
@@ -36,7 +46,7 @@ def first_of(*problems: str | None) -> str | None:
 def links(found: Any, state: State) -> str | None:
     """Links (m, 2) among live robots, sorted by receiver, then sender; no self link, each pair at most once."""
     wrong = array("links", found, np.int32, None, 2)
-    if wrong is not None or len(found) == 0:
+    if wrong is not None or checks.links_hold(found, state.alive):
         return wrong
     receivers, senders = found.T
     if found.min() < 0 or found.max() >= state.robots:
@@ -44,13 +54,13 @@ def links(found: Any, state: State) -> str | None:
         return f"links[{at}]: {found[at].tolist()}; expected ids from 0 to {state.robots - 1}"
     keys = receivers.astype(np.int64) * state.robots + senders
     step = np.diff(keys)
-    checks = (
+    rules = (
         (receivers == senders, "a robot hears itself"),
         (~state.alive[receivers] | ~state.alive[senders], "one of the two is dead"),
         (np.append(False, step == 0), "it repeats the link before"),
         (np.append(False, step < 0), "links have to be sorted by receiver, then sender"),
     )
-    for bad, why in checks:
+    for bad, why in rules:
         if bad.any():
             at = int(np.flatnonzero(bad)[0])
             return f"links[{at}]: {found[at].tolist()}: {why}"
@@ -62,16 +72,14 @@ def delivery(found: Any, state: State, sent: int) -> str | None:
     if not isinstance(found, Delivery):
         return f"deliver: {type(found).__name__}; expected a Delivery"
     wrong = array("heard", found.heard, np.int32, None, 4)
-    if wrong is not None or len(found.heard) == 0:
+    if wrong is not None or checks.letters_hold(found.heard, state.robots, state.iteration):
         return wrong
-    ids, order = found.heard[:, :2], np.lexsort(found.heard[:, 2::-1].T)
+    ids = found.heard[:, :2]
     if ids.min() < 0 or ids.max() >= state.robots:
         return f"heard: a robot that there is not; expected ids from 0 to {state.robots - 1}"
     if (found.heard[:, 2] > state.iteration).any():
         return "heard: a message that has not been sent yet"
-    if (order != np.arange(len(order))).any():
-        return "heard: letters have to be sorted by receiver, sender and iteration sent"
-    return None
+    return "heard: letters have to be sorted by receiver, sender and iteration sent"
 
 
 def readings(found: Any, state: State) -> str | None:
@@ -84,7 +92,7 @@ def readings(found: Any, state: State) -> str | None:
             array("tiles.values", tiles.values, np.uint8, n, None, None),
             array("tiles.origins", tiles.origins, np.int32, n, 2),
         )
-        if wrong is None and (tiles.values > OCCUPIED).any():
+        if wrong is None and not checks.cells_hold(tiles.values):
             wrong = f"tiles.values: {tiles.values.max()}; expected UNKNOWN, FREE or OCCUPIED"
     if wrong is None and found.beams is not None:
         wrong = array("beams.ranges", found.beams.ranges, np.float64, n, None, finite=False)
@@ -109,11 +117,11 @@ def said(found: Any, observations: Observations) -> str | None:
     lengths = {len(column) for column in found.content.arrays()}
     if len(lengths) > 1:
         return f"content: columns of {' and '.join(map(str, sorted(lengths)))} items; expected one length"
-    if (np.diff(found.ends, prepend=0) < 0).any() or found.ends[-1] != items:
-        return f"ends: {found.ends.tolist()[:8]} for {items} items; expected them to rise to that number"
+    if checks.messages_hold(found.ends, found.sizes, items):
+        return None
     if (found.sizes < 0).any():
         return "sizes: below 0 bytes"
-    return None
+    return f"ends: {found.ends.tolist()[:8]} for {items} items; expected them to rise to that number"
 
 
 def knowledge(found: Any, kind: type[Knowledge]) -> str | None:
@@ -136,7 +144,7 @@ def intents(found: Any, observations: Observations) -> str | None:
         wrong = array("twists", found.twists, np.float64, n, 2, finite=False)
         if wrong is None and np.isinf(found.twists).any():
             wrong = "twists: infinite; expected m/s and rad/s, or NaN where a robot follows its waypoints"
-    if wrong is None and n and not 0 <= found.counts.min() <= found.counts.max() <= found.waypoints.shape[1]:
+    if wrong is None and not checks.counts_hold(found.counts, found.waypoints.shape[1]):
         wrong = f"counts: {found.counts.max()} of {found.waypoints.shape[1]} waypoints"
     return wrong
 

@@ -111,7 +111,10 @@ class GuardedLocalisation(Guard):
         return self._call(
             state.iteration,
             lambda: self._part.locate(state, readings),
-            lambda given: contracts.first_of(contracts.pose(given[0], state), contracts.readings(given[1], state)),
+            lambda given: contracts.first_of(
+                contracts.pose(given[0], state),
+                None if given[1] is readings else contracts.readings(given[1], state),
+            ),
         )
 
 
@@ -238,8 +241,8 @@ class GuardedTask(Guard):
         return self._part.summaries()
 
 
-def guarded(parts: Parts, setting: Setting) -> Parts:
-    """The same parts, those that are not ours held to their contracts."""
+def guarded(parts: Parts, setting: Setting, ours: bool = False) -> Parts:
+    """The same parts, those that are not ours held to their contracts, or with `ours` all of them."""
     wrap: dict[str, Callable[[Any], Any]] = {
         "sensor": lambda part: GuardedSensor("sensor", part),
         "localisation": lambda part: GuardedLocalisation("localisation", part),
@@ -249,5 +252,7 @@ def guarded(parts: Parts, setting: Setting) -> Parts:
         "strategy": lambda part: GuardedStrategy("strategy", part),
         "task": lambda part: GuardedTask("task", part),
     }
-    foreign = {s: make(part) for s, make in wrap.items() if not registry.is_ours(part := getattr(parts, s))}
-    return replace(parts, **foreign)
+    held = {
+        seam: make(part) for seam, make in wrap.items() if not registry.is_ours(part := getattr(parts, seam)) or ours
+    }
+    return replace(parts, **held)

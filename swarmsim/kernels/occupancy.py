@@ -205,34 +205,3 @@ def changes_anywhere(log_odds, observed, held, found):
         for cell in range(observed.shape[1]):
             count += _note(log_odds, observed, held, robot, cell, found[min(count, len(found) - 1)])
     return count
-
-
-@njit(cache=True)
-def count_observed(observed, domain, union):
-    """How many cells of the domain each robot has observed, and how many any has.
-
-    `observed` (n, words) and `domain` (words,) are boolean grids read as 64-bit words, eight cells each.
-    Overwrites `union` (words,). Gives the counts (n,) and the count of the union.
-    """
-    each = np.empty(len(observed), np.int64)
-    union[:] = 0
-    for i in range(len(observed)):
-        each[i] = _count_both(observed[i], domain)
-        mine = observed[i]
-        for w in range(len(union)):
-            union[w] |= mine[w]
-    return each, _count_both(union, domain)
-
-
-@njit(cache=True)
-def _count_both(a, b):
-    """How many bytes are 1 in both of two rows of words that hold bytes 0 and 1."""
-    total = np.uint64(0)
-    for first in range(0, len(a), 255):  # a byte of `lanes` counts to 255
-        lanes = np.uint64(0)
-        left, right = a[first : first + 255], b[first : first + 255]  # slices, or the loop is not vectorised
-        for w in range(len(left)):
-            lanes += left[w] & right[w]
-        pairs = (lanes & np.uint64(0x00FF00FF00FF00FF)) + ((lanes >> np.uint64(8)) & np.uint64(0x00FF00FF00FF00FF))
-        total += (pairs * np.uint64(0x0001000100010001)) >> np.uint64(48)
-    return np.int64(total)

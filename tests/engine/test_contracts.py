@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from conftest import ROOT, made
 from typer.testing import CliRunner
 
+from swarmsim import testing
 from swarmsim.cli import app
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load
-from swarmsim.engine import contracts
+from swarmsim.core.scenario import load, tables
 from swarmsim.engine.build import build
 
 PARTS = '''
@@ -71,9 +70,27 @@ class Liar:
 
 class Honest(Struct, frozen=True):
     def build(self, setting):
-        liar = Liar(OccupancyGrid().build(setting), False)
-        liar.hear = liar.inner.hear
-        return liar
+        return Brief(OccupancyGrid().build(setting), 0)
+
+
+class Short(Struct, frozen=True):
+    """Says that its messages are shorter than they are."""
+
+    def build(self, setting):
+        return Brief(OccupancyGrid().build(setting), 1)
+
+
+class Brief:
+    knows = Maps
+    codec = property(lambda self: self.inner.codec)
+
+    def __init__(self, inner, less):
+        self.inner, self.less = inner, less
+        self.hear, self.forget, self.adopt = inner.hear, inner.forget, inner.adopt
+
+    def say(self, observations):
+        said = self.inner.say(observations)
+        return replace(said, sizes=said.sizes - np.int32(self.less))
 
 
 class Strategy(Struct, frozen=True):
@@ -234,50 +251,75 @@ MINDS = [
     *(("room", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),
+    ("operations/moving-field", "robots.count=7"),
 ]
+FAULTS = 'faults=[{use="crash", at=8, lasts=6, count=1}]'
 
 
-def test_every_computation_is_tried() -> None:
-    assert SCENARIOS.keys() == registry.known("computation").keys()
+def path_of(scenario: str) -> Path:
+    return ROOT / "scenarios" / f"{scenario}.toml"
+
+
+def test_every_computation_strategy_and_task_is_tried() -> None:
+    tried = [tables(load(path_of(scenario), [key])) for scenario, key in MINDS]
+    for seam in ("computation", "strategy", "task"):
+        assert {parts[seam]["use"] for parts in tried} == registry.known(seam).keys()
 
 
 @pytest.mark.parametrize(("scenario", "key"), MINDS)
-def test_our_parts_keep_every_contract_and_messages_are_as_long_as_they_say(scenario: str, key: str) -> None:
-    run = made(key, "stop.iterations=25", 'faults=[{use="crash", at=8, lasts=6, count=1}]', scenario=scenario)
-    parts, problems = run.simulation.parts, []
-    auditor = parts.computation.knows.auditor(
-        type("Place", (), {"robots": run.scenario.robots, "lattice": run.arena.lattice})
-    )
-    say, hear, step = parts.computation.say, parts.computation.hear, parts.strategy.step
+@pytest.mark.parametrize(
+    "check",
+    [
+        testing.check_strictly,
+        testing.check_determinism,
+        testing.check_alone,
+        testing.check_silence,
+        testing.check_locality,
+        testing.check_permutation,
+    ],
+)
+def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check) -> None:
+    keys = [key] if check is testing.check_alone else [key, FAULTS]
+    if check is testing.check_alone and "leaders" in path_of(scenario).read_text():
+        keys.append("mind.computation.leaders=[0]")
+    if check is testing.check_permutation:
+        keys += UNNAMED.get(scenario, [])
+    check(path_of(scenario), keys)
 
-    def checked_say(observations):
-        said = say(observations)
-        problems.append(contracts.said(said, observations))
-        problems.append(contracts.message_sizes(said, parts.computation.codec, observations.iteration))
-        return said
 
-    def checked_hear(observations):
-        found = hear(observations)
-        problems.append(contracts.knowledge(found, parts.computation.knows))
-        if observations.readings.tiles is not None and key != 'mind.computation.share={use="map"}':
-            problems.append(auditor.audit(found, observations))
-        return found
+#: What names robots, or draws by their number.
+UNNAMED = {
+    "operations/turn": ["mind.computation.leaders=[]"],
+    "operations/heading-consensus": ["mind.computation.noise=0.0"],
+    "operations/moving-field": ['mind.strategy={use="most-uncertain"}'],
+}
 
-    def checked_step(observations):
-        found = step(observations)
-        problems.append(contracts.intents(found, observations))
-        return found
+NOSY = """
+import numpy as np
 
-    parts.computation.say, parts.computation.hear, parts.strategy.step = checked_say, checked_hear, checked_step
 
-    class Check:
-        def sample(self, moment) -> None:
-            problems.append(contracts.links(moment.links, moment.state))
-            problems.append(contracts.delivery(moment.delivery, moment.state, len(moment.links)))
-            problems.append(contracts.readings(moment.readings, moment.state))
-            problems.append(contracts.measured(moment.measured, moment.state.robots))
+def herd(observations):
+    \"\"\"Everybody drives as fast as robots are far apart, which nobody has told them.\"\"\"
+    return np.tile([0.01 * np.ptp(observations.pose[:, 0]), 0.0], (len(observations.alive), 1))
 
-    run.simulation.run([Check()])
-    assert len(problems) > 100
-    assert [problem for problem in problems if problem] == []
-    assert np.isfinite(run.simulation.state.pose).all()
+
+class Restless:
+    calls = 0
+
+    def step(self, me):
+        Restless.calls += 1
+        return me.drive(0.001 * Restless.calls)
+"""
+
+
+def test_the_checks_find_who_breaks_contracts(own, tmp_path: Path) -> None:
+    (tmp_path / "nosy.py").write_text(NOSY)
+    with pytest.raises(AssertionError, match="robot 0: does something else when others sense"):
+        testing.check_locality(own.path, ['mind.strategy={use="./nosy.py:herd"}'], allow_code=True)
+    with pytest.raises(AssertionError, match="two runs with the same seed differ in iteration 0"):
+        testing.check_determinism(own.path, ['mind.strategy={use="./nosy.py:Restless"}'], allow_code=True)
+    with pytest.raises(AssertionError, match=r"topology mine\.py:Links, iteration 0: links\[0\]: \[1, 1\]: a robot"):
+        testing.check_strictly(own.path, ['network.topology={use="./mine.py:Links", rows=[[1, 1]]}'], allow_code=True)
+    with pytest.raises(AssertionError, match="robot 0: 20 bytes announced, 21 packed"):
+        testing.check_strictly(own.path, ['mind.computation={use="./mine.py:Short"}'], allow_code=True)
+    testing.check_contracts(own.path, ['mind.computation={use="./mine.py:Honest"}'], allow_code=True)

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
@@ -397,29 +395,3 @@ def test_the_own_tile_comes_first_then_those_heard_in_order():
 def test_unknown_cells_of_a_tile_teach_nothing():
     assert fuse_one_cell(0) == (0.0, [0])
     assert fuse_one_cell(0, 0, 1) == (-0.5, [0, 0, 1])
-
-
-def as_words(cells):
-    return np.ascontiguousarray(cells).reshape(*cells.shape[:-1], -1).view(np.uint64)
-
-
-@settings(derandomize=True, deadline=None, max_examples=100)
-@given(st.integers(1, 6), st.integers(1, 900), st.floats(0.0, 1.0), st.integers(0, 2**32 - 1))
-def test_counts_of_observed_cells_equal_numpy(robots, words, density, seed):
-    rng = np.random.default_rng(seed)
-    observed = rng.random((robots, 8 * words)) < density
-    domain = rng.random(8 * words) < rng.choice([0.7, 1.0])
-    union = rng.random(8 * words) < 0.5
-    each, total = occupancy.count_observed(as_words(observed), as_words(domain), as_words(union))
-    assert_array_equal(each, (observed & domain).sum(axis=1))
-    assert_array_equal(union, observed.any(axis=0))
-    assert total == (observed.any(axis=0) & domain).sum()
-
-
-def test_a_large_map_known_whole_is_counted_whole():
-    """100 000 words of eight cells are more than any partial sum of bytes can hold."""
-    observed = np.ones((1, 800_000), bool)
-    union = np.zeros(800_000, bool)
-    each, total = occupancy.count_observed(as_words(observed), as_words(observed[0]), as_words(union))
-    assert each.tolist() == [800_000]
-    assert total == 800_000

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Auditor, Knowledge, Observations, Record
-from swarmsim.kernels import occupancy
+from swarmsim.core.state import Auditor, Knowledge, Observations, Record
+from swarmsim.kernels import checks, occupancy
 from swarmsim.operations.mapping.message import TileItems
 
 
@@ -53,40 +53,30 @@ class MapAuditor(Auditor):
         self._columns = setting.lattice.columns
         self._shown: NDArray[np.bool_] = np.zeros(shape, np.bool_)  # by any tile so far
         self._known: NDArray[np.bool_] = np.zeros(shape, np.bool_)  # as the changes say
-        self._counts = np.zeros(shape[0], np.int64)
-        self._union = np.zeros(shape[1] // 8, np.uint64)
-        self._everywhere = np.full(shape[1] // 8, 0x0101010101010101, np.uint64)
+        self._words = self._known.view(np.uint64)
 
     def audit(self, knowledge: Any, observations: Observations) -> str | None:
-        """The first cell that a robot cannot know, or a map that differs from its changes."""
-        robots, cells = self._known.shape
-        changes = knowledge.changes
+        """The first cell that a robot cannot know, or a map that differs from its changes.
+
+        Every change is checked when it is made, since measures and recordings are made of changes; whole maps, which
+        strategies look at, in turns.
+        """
+        changes, observed = knowledge.changes, knowledge.observed
         if changes.dtype != np.int32 or changes.ndim != 2 or changes.shape[1] != 3:
             return f"changes: {changes.dtype} of shape {changes.shape}; expected int32 of (c, 3)"
-        robot, cell, state = changes.T
-        if len(changes) and not (
-            0 <= robot.min() <= robot.max() < robots and 0 <= cell.min() <= cell.max() < cells
-            and UNKNOWN <= state.min() <= state.max() <= OCCUPIED
-        ):  # fmt: skip
-            return "changes: a robot, cell or state that there is not"
+        if observed.dtype != np.bool_ or observed.shape[0] != len(self._known) or observed.size != self._known.size:
+            return f"observed: {observed.dtype} of shape {observed.shape}; expected one grid of bool for each robot"
         self._learn(observations)
-        claimed = state >= FREE
-        idle = claimed & ~self._shown[robot, cell]
-        if idle.any():
-            at = int(np.flatnonzero(idle)[0])
-            row, column = divmod(int(cell[at]), self._columns)
-            return f"robot {robot[at]} claims to know cell ({row}, {column}), which no tile has shown it"
-        before = self._known[robot, cell]
-        self._known[robot, cell] = claimed
-        np.add.at(self._counts, robot, claimed.astype(np.int64) - before)
-        if knowledge.observed.shape[0] != robots or knowledge.observed.size != robots * cells:
-            return f"observed: shape {knowledge.observed.shape}; expected one grid for each robot"
-        words = knowledge.observed.reshape(robots, -1).view(np.uint64)
-        held, _ = occupancy.count_observed(words, self._everywhere, self._union)
-        wrong = np.flatnonzero(held != self._counts)
-        if len(wrong):
-            i = int(wrong[0])
-            return f"robot {i}'s map holds {held[i]} cells, but its changes say {self._counts[i]}"
+        words = observed.reshape(len(observed), -1).view(np.uint64)
+        wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, observations.iteration)
+        if wrong == 1:
+            return f"changes[{at}]: {changes[at].tolist()}: a robot, cell or state that there is not"
+        if wrong == 2:
+            row, column = divmod(int(changes[at, 1]), self._columns)
+            return f"robot {changes[at, 0]} claims to know cell ({row}, {column}), which no tile has shown it"
+        if wrong == 3:
+            held, told = (int(np.count_nonzero(cells[at])) for cells in (observed, self._known))
+            return f"robot {at}'s map holds {held} cells, but its changes say {told}"
         return None
 
     def _learn(self, observations: Observations) -> None:
