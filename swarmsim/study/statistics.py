@@ -101,7 +101,7 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -
     sample, _ = sample_of(values)
     if len(sample) < 2:
         return None
-    if np.ptp(sample) == 0.0:
+    if np.ptp(sample) <= 1e-12 * abs(sample[0]):
         return float(sample[0]), float(sample[0])
     settings = {"n_resamples": RESAMPLES, "confidence_level": confidence, "method": "BCa", "batch": 1000}
     found = stats.bootstrap((sample,), np.mean, rng=np.random.default_rng(seed), **settings).confidence_interval

@@ -246,12 +246,14 @@ SCENARIOS = {
     "heading-consensus": "operations/turn",
     "average-consensus": "operations/average-consensus",
     "field-estimate": "operations/field",
+    "positions": "operations/rendezvous",
 }
 MINDS = [
     *(("room", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),
     ("operations/moving-field", "robots.count=7"),
+    *((f"operations/{name}", "seed=2") for name in ("dispersion", "area-coverage", "perimeter", "formation")),
 ]
 FAULTS = 'faults=[{use="crash", at=8, lasts=6, count=1}]'
 
@@ -280,15 +282,18 @@ def test_every_computation_strategy_and_task_is_tried() -> None:
 )
 def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check) -> None:
     keys = [key] if check is testing.check_alone else [key, FAULTS]
-    if check is testing.check_alone and "leaders" in path_of(scenario).read_text():
-        keys.append("mind.computation.leaders=[0]")
-    if check is testing.check_permutation:
-        keys += UNNAMED.get(scenario, [])
+    keys += {testing.check_alone: ALONE, testing.check_permutation: UNNAMED}.get(check, {}).get(scenario, [])
     check(path_of(scenario), keys)
 
 
+#: What names more than one robot.
+ALONE = {
+    "operations/turn": ["mind.computation.leaders=[0]"],
+    "operations/formation": ["mind.strategy.places=[[1.0, 0.0]]", "task.places=[[1.0, 0.0]]"],
+}
 #: What names robots, or draws by their number.
 UNNAMED = {
+    "operations/formation": [f"mind.strategy.places={[[0.0, 0.0]] * 9}"],
     "operations/turn": ["mind.computation.leaders=[]"],
     "operations/heading-consensus": ["mind.computation.noise=0.0"],
     "operations/moving-field": ['mind.strategy={use="most-uncertain"}'],

@@ -13,7 +13,7 @@ from scipy import stats
 
 from swarmsim.core.errors import InputError
 from swarmsim.operations.consensus.alignment import correlation_length, following, order
-from swarmsim.operations.consensus.heading import wrapped
+from swarmsim.operations.steering import wrapped
 
 FREE, AVERAGE = "operations/heading-consensus-free", "operations/average-consensus"
 SIDE = 8.0  # m, of the periodic page

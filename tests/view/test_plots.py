@@ -137,12 +137,12 @@ def ticks_in_view(axis: Axis) -> list[Text]:
     ("draw", "said"),
     [
         (coverage, ["iteration", "coverage, %", "chain (n = 6)", "2NN (n = 6)", "95 % of the runs"]),
-        (distributions, ["iterations to 100 %", "0NN\nn = 30", "unfinished, at its limit", "published"]),
-        (comparison, ["iterations to 100 %", "0NN\nn = 30", "our mean, 95 % interval, n = 30", "published"]),
-        (scaling, ["robots", "iterations to 100 %", "T = 300 + 4000 / N", "mean, 95 % interval, n = 30"]),
+        (distributions, ["iterations until done", "0NN\nn = 30", "unfinished, at its limit", "published"]),
+        (comparison, ["iterations until done", "0NN\nn = 30", "our mean, 95 % interval, n = 30", "published"]),
+        (scaling, ["robots", "iterations until done", "T = 300 + 4000 / N", "mean, 95 % interval, n = 30"]),
         (
             degradation,
-            ["robots lost, %", "iterations to 100 %", "unfinished\nruns, %", "mean, 95 % interval, n = 28 to 30"],
+            ["robots lost, %", "iterations until done", "unfinished\nruns, %", "mean, 95 % interval, n = 28 to 30"],
         ),
         (sweep, ["k", "knn: mean, 95 % interval, n = 28 to 30", "chain, n = 30"]),
         (network_course, ["neighbour turnover", "clustering", "iteration", "heard: running mean of 2 iterations"]),

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.parts import Curve, Setting, Summary
 from swarmsim.core.state import Knowledge, Measured, Moment
-from swarmsim.operations.consensus.heading import Headings, wrapped
+from swarmsim.operations.consensus.heading import Headings
+from swarmsim.operations.steering import wrapped
 
 CURVE: Final = Curve("order", "order parameter", low=0.0, high=1.0, format=".3f")
 

@@ -14,6 +14,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Columns, PlainCodec, Said
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import Estimates, Knowledge, Observations
+from swarmsim.operations.steering import wrapped
 
 TURN: Final = 2.0 * np.pi  # rad
 
@@ -118,8 +119,3 @@ class HeadingComputation:
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) the heading of another one."""
         self._heading[robots], self._known[robots] = self._heading[source], True
-
-
-def wrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles in rad, brought to [-pi, pi)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -6,11 +6,11 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
 from swarmsim.core.parts import Setting
-from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Observations
-from swarmsim.operations.consensus.heading import Headings, wrapped
+from swarmsim.core.state import Intents, Knowledge, Observations
+from swarmsim.operations.consensus.heading import Headings
+from swarmsim.operations.steering import away_from_walls, wrapped
 
 
 class SelfPropelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -40,22 +40,12 @@ class Propulsion:
     def step(self, observations: Observations) -> Intents:
         """On, towards the heading or away from walls."""
         heading = observations.knowledge.heading
-        way = np.stack([np.cos(heading), np.sin(heading)], axis=1) + self._away(observations)
+        tiles, place = observations.readings.tiles, observations.pose[:, :2]
+        push = away_from_walls(place, tiles, self._lattice, self._clearance)
+        way = np.stack([np.cos(heading), np.sin(heading)], axis=1) + push
         turn = wrapped(np.arctan2(way[:, 1], way[:, 0]) - observations.pose[:, 2]) / self._period
         ahead = np.where(observations.alive, self._speed, 0.0)
         return Intents.twisting(np.stack([ahead, np.where(observations.alive, turn, 0.0)], axis=1))
-
-    def _away(self, observations: Observations) -> NDArray[np.float64]:
-        """The push (n, 2) away from occupied cells, 1 at half the clearance from one cell."""
-        tiles, count = observations.readings.tiles, len(observations.alive)
-        if tiles is None or self._clearance == 0.0:
-            return np.zeros((count, 2))
-        robot, row, column = np.nonzero(tiles.values == OCCUPIED)
-        cells = tiles.origins[robot] + np.stack([row, column], axis=1)
-        gap = observations.pose[robot, :2] - self._lattice.centres(cells)
-        distance = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-3)
-        push = np.maximum(self._clearance / distance - 1.0, 0.0) / distance
-        return np.stack([np.bincount(robot, push * gap[:, axis], minlength=count) for axis in (0, 1)], axis=1)
 
 
 class Stand(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

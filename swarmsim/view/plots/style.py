@@ -14,7 +14,7 @@ Line = Literal["", "-", "--", ":"]
 
 DPI: Final = 150  # of a saved PNG
 FINEST: Final = 900  # points along a curve: more than a picture has pixels only make its file larger
-TIME: Final = "iterations to 100 %"
+TIME: Final = "iterations until done"
 #: Okabe and Ito's colours, as on the map, without yellow, which is lost on white paper.
 COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 BLUE, VERMILLION, GREEN, PURPLE, _, _, BLACK = COLOURS

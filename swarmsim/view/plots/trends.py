@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -49,6 +49,9 @@ def scaling(
     return settled(figure, [*handles, line_key("in proportion to N", GREY, "", ":")])
 
 
+WIDE: Final = 30.0  # numbers that differ more than so many times stand on a logarithmic scale
+
+
 @dataclass(frozen=True, slots=True)
 class Steps:
     """A measure at m values of what is varied."""
@@ -88,9 +91,9 @@ def sweep(
         dash: Line = "--" if row % 2 else ":"
         upper.axhline(level.means[0], color=colour, lw=1.8, ls=dash)
         handles.append(line_key(f"{name}{counted(level.runs)}", colour, "", dash))
-    span_axis(
-        upper, np.concatenate([np.ravel(part) for steps in everything for part in (steps.means, steps.intervals)])
-    )
+    numbers = np.concatenate([np.ravel(part) for steps in everything for part in (steps.means, steps.intervals)])
+    low, high = np.nanmin(numbers, initial=np.inf), np.nanmax(numbers, initial=0.0)
+    span_axis(upper, numbers, "log" if high > WIDE * low > 0.0 else "linear")
     upper.set(ylabel=ylabel)
     for panel in lower:
         panel.set(ylabel="unfinished\nruns, %", ylim=(-5.0, 105.0), yticks=(0, 50, 100))

@@ -1,0 +1,92 @@
+"""Robots that tell where they are, and know where those are that they hear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import Knowledge, Observations, Record
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Position(Columns):
+    """What robots say: where they believe themselves to be."""
+
+    x: NDArray[np.float64]  # (t,): m
+    y: NDArray[np.float64]  # (t,): m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Positions(Knowledge):
+    """Where each robot knows others to be: the newest that it has heard of each in this iteration."""
+
+    receivers: NDArray[np.int32]  # (t,): who knows it, ascending
+    senders: NDArray[np.int32]  # (t,): of whom
+    place: NDArray[np.float64]  # (t, 2): m
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """All of it."""
+        return self.receivers, self.senders, self.place
+
+    def record(self) -> Record:
+        """Nothing: it follows from what became of messages, and from where robots were."""
+        return Record()
+
+    def of(self, robot: int) -> SimpleNamespace:
+        """What one robot knows: `senders` (k,) and their `place` (k, 2)."""
+        mine = self.receivers == robot
+        return SimpleNamespace(senders=self.senders[mine], place=self.place[mine])
+
+    def total(self, values: NDArray[np.float64], robots: int) -> NDArray[np.float64]:
+        """The sums (robots, d) of values (t, d) over what each robot knows."""
+        sums = [np.bincount(self.receivers, column, minlength=robots) for column in values.T]
+        return np.stack(sums, axis=1)
+
+    def counts(self, robots: int) -> NDArray[np.int64]:
+        """Of how many others each robot (robots,) knows."""
+        return np.bincount(self.receivers, minlength=robots)
+
+
+class TellPositions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot tells where it believes itself to be, and knows what it hears in this iteration alone."""
+
+    def build(self, setting: Setting) -> PositionComputation:
+        """The computation."""
+        return PositionComputation()
+
+
+class PositionComputation:
+    """Nothing is remembered: what is not heard again is not known any more."""
+
+    knows: type[Knowledge] = Positions
+
+    def __init__(self) -> None:
+        self.codec = PlainCodec(Position(np.zeros(0), np.zeros(0)))
+
+    def say(self, observations: Observations) -> Said[Position]:
+        """Every robot's place."""
+        pose = observations.pose
+        return Said.each(Position(pose[:, 0].copy(), pose[:, 1].copy()), self.codec.size)
+
+    def hear(self, observations: Observations) -> Positions:
+        """The newest of each sender."""
+        inbox = observations.inbox
+        assert inbox is not None
+        receivers, senders = inbox.receivers, inbox.senders
+        newest = np.ones(len(receivers), np.bool_)
+        newest[:-1] = (receivers[:-1] != receivers[1:]) | (senders[:-1] != senders[1:])  # sorted by iteration sent
+        place = np.stack([inbox.content.x, inbox.content.y], axis=1)
+        return Positions(receivers[newest], senders[newest], place[newest])
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Nothing to forget."""
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Nothing to adopt."""
