@@ -214,9 +214,10 @@ class GuardedStrategy(Guard):
 
 
 class GuardedTask(Guard):
-    """Measures that are numbers."""
+    """Measures that are numbers, of the same names in every iteration."""
 
     _part: Task
+    _names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
 
     @property
     def reads(self) -> type[Knowledge]:
@@ -230,11 +231,16 @@ class GuardedTask(Guard):
 
     def measure(self, moment: Moment) -> Measured:
         """The measures, checked."""
-        return self._call(
-            moment.state.iteration,
-            lambda: self._part.measure(moment),
-            lambda found: contracts.measured(found, moment.state.robots),
-        )
+
+        def check(found: Measured) -> str | None:
+            wrong = contracts.measured(found, moment.state.robots)
+            names = None if wrong else (tuple(found.values), tuple(found.robots))
+            self._names = self._names or names
+            if names != self._names and wrong is None:
+                return f"measure: {names} after {self._names}; expected the same names in every iteration"
+            return wrong
+
+        return self._call(moment.state.iteration, lambda: self._part.measure(moment), check)
 
     def summaries(self) -> Sequence[Summary]:
         """Its own."""

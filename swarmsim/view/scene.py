@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ Points = NDArray[np.float64]  # (p, 2): x, y in m
 MARGIN = 2  # cells of surroundings shown around the walls
 HELD = 60.0  # s of simulated time that a caption stays: three seconds of a film at its usual speed
 CAPTIONS = 3  # at a time, at most
+
+
+QUARTERED: Final = (1.0, 1.2, 1.6, 2.0, 2.4, 3.2, 4.0, 6.0, 8.0, 10.0)  # a quarter of each is round
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,8 +214,16 @@ def _limits(curves: Curves, recording: Recording) -> tuple[float, float]:
     drawn = [values for values in (curves.union, curves.least, curves.most) if values is not None]
     values = curve.scale * np.concatenate([values[np.isfinite(values)] for values in drawn])
     low = curve.low if curve.low is not None else float(values.min(initial=0.0))
-    high = curve.high if curve.high is not None else float(values.max(initial=low))
+    high = curve.high if curve.high is not None else _round_above(float(values.max(initial=low)), low)
     return low, high if high > low else low + 1.0
+
+
+def _round_above(value: float, low: float) -> float:
+    """A number not below `value`, of whose distance from `low` a quarter is a round number."""
+    if value <= low:
+        return low
+    ten = 10.0 ** np.floor(np.log10(value - low))
+    return float(low + ten * next(step for step in QUARTERED if value - low <= step * ten * (1.0 + 1e-9)))
 
 
 def _corners(path: Points) -> Points:

@@ -301,11 +301,16 @@ UNNAMED = {
 
 NOSY = """
 import numpy as np
+from swarmsim.core.state import Measured
 
 
 def herd(observations):
     \"\"\"Everybody drives as fast as robots are far apart, which nobody has told them.\"\"\"
     return np.tile([0.01 * np.ptp(observations.pose[:, 0]), 0.0], (len(observations.alive), 1))
+
+
+def whim(moment):
+    return Measured({f"whim_{moment.state.iteration}": 1.0})
 
 
 class Restless:
@@ -327,4 +332,6 @@ def test_the_checks_find_who_breaks_contracts(own, tmp_path: Path) -> None:
         testing.check_strictly(own.path, ['network.topology={use="./mine.py:Links", rows=[[1, 1]]}'], allow_code=True)
     with pytest.raises(AssertionError, match="robot 0: 20 bytes announced, 21 packed"):
         testing.check_strictly(own.path, ['mind.computation={use="./mine.py:Short"}'], allow_code=True)
+    with pytest.raises(AssertionError, match=r"task nosy\.py:whim, iteration 1: measure: .*expected the same names"):
+        testing.check_strictly(own.path, ['task={use="./nosy.py:whim"}'], allow_code=True)
     testing.check_contracts(own.path, ['mind.computation={use="./mine.py:Honest"}'], allow_code=True)

@@ -41,13 +41,11 @@ class AlignmentTask:
         self._wanted, self._frequency, self._period = parameters.order, parameters.frequency, period
 
     def measure(self, moment: Moment) -> Measured:
-        """The order of the live, and how closely those who do not lead follow those who do."""
+        """The order of the live, and how closely those who do not lead follow those who do; NaN while nobody leads."""
         heading, alive = moment.knowledge.heading, moment.state.alive
         leads = moment.knowledge.leads & alive
         reached = order(heading[alive])
-        values = {"order": reached}
-        if leads.any():
-            values["following"] = following(heading[alive & ~leads], heading[leads])
+        values = {"order": reached, "following": following(heading[alive & ~leads], heading[leads])}
         return Measured(values, {}, min(1.0, reached / self._wanted), reached >= self._wanted)
 
     def summaries(self) -> Sequence[Summary]:
@@ -70,7 +68,7 @@ class AlignmentMeasures:
     def sample(self, moment: Moment) -> None:
         """Take note of one iteration."""
         self._orders.append(moment.measured.values["order"])
-        if "following" in moment.measured.values:
+        if np.isfinite(moment.measured.values["following"]):
             self._following.append(moment.measured.values["following"])
         if self._every is not None:
             self._headings.append(moment.knowledge.heading)
@@ -114,9 +112,9 @@ def order(heading: NDArray[np.float64]) -> float:
 def following(followers: NDArray[np.float64], leaders: NDArray[np.float64]) -> float:
     """The mean cosine of the angle between followers' headings (f,) and the leaders' mean direction (l,): 1 is exactly.
 
-    NaN without followers.
+    NaN without followers or leaders.
     """
-    if len(followers) == 0:
+    if len(followers) == 0 or len(leaders) == 0:
         return float("nan")
     course = np.angle(np.exp(1j * leaders).sum())
     return float(np.cos(followers - course).mean())

@@ -38,9 +38,10 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """Own heading plus the mean of the wrapped differences to those heard, plus noise.
 
     theta_i(t + dt) = theta_i(t) + dt / k sum_j wrap(theta_j(t) - theta_i(t)) + noise xi_i(t), where robot i hears k
-    robots and xi is uniform in [-pi, pi] (Kit, Mateo and Bouffanais 2018, Eq. 1). It starts with the heading of its
-    body or, with a `spread` below a full circle, with that heading times spread / 2 pi: from within half a circle
-    headings never wrap, and the equation is the linear consensus that theorems are about.
+    robots and xi is uniform in [-pi, pi] (Kit, Mateo and Bouffanais 2018, Eq. 1). With `body`, theta_i(t) is where its
+    body heads, so that whoever turns away from a wall turns others too; else it is what it decided last. It starts with
+    the heading of its body or, with a `spread` below a full circle, with that heading times spread / 2 pi: from within
+    half a circle headings never wrap, and the equation is the linear consensus that theorems are about.
 
     `leaders` are informed robots, as the two birds of the paper's Fig. 2 that see an obstacle: from iteration `at` on
     they head by `turn` away from where they headed then or, with a `frequency`, to and fro by `turn` at each side.
@@ -48,6 +49,7 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     noise: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # eta
     dt: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None  # s; default: the period, at most 1
+    body: bool = False
     spread: Annotated[float, Meta(gt=0.0, le=TURN)] = TURN  # rad, of the headings at the start
     leaders: list[Annotated[int, Meta(ge=0)]] = []
     turn: float = 0.0  # rad
@@ -82,8 +84,10 @@ class HeadingComputation:
 
     def say(self, observations: Observations) -> Said[Heading]:
         """Every robot's heading; whoever has none yet has that of its body."""
-        new = ~self._known
-        self._heading[new] = observations.pose[new, 2] * (self._parameters.spread / TURN)
+        new = observations.alive | ~self._known if self._parameters.body else ~self._known
+        first = ~self._known
+        self._heading[new] = observations.pose[new, 2]
+        self._heading[first] *= self._parameters.spread / TURN
         self._known[:] = True
         return Said.each(Heading(self._heading.copy()), self.codec.size)
 

@@ -15,7 +15,7 @@ from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.operations.fields.estimate import Reconstruction
 
 CURVE: Final = Curve(
-    "error", "error, % of the field's deviation", scale=100.0, low=0.0, robots="errors", format=".1f", rises=False
+    "error", "error over the field's deviation, %", scale=100.0, low=0.0, robots="errors", format=".1f", rises=False
 )
 POINTS: Final = 2000  # where truth and estimates are compared, at most
 

@@ -86,7 +86,7 @@ class PerimeterTask:
     """Measures gaps."""
 
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
-    curve: Final = Curve("gap", "largest gap, times the even share", low=0.0, format=".2f", rises=False)
+    curve: Final = Curve("gap", "largest gap over even gap", low=0.0, format=".2f", rises=False)
 
     def __init__(self, parameters: Guarded) -> None:
         self._parameters, self._curve = parameters, ring(parameters.corners)
