@@ -13,7 +13,9 @@ from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.study.plan import open_study
 
-SCENARIOS = sorted(ROOT.glob("scenarios/*.toml")) + sorted(ROOT.glob("scenarios/faults/*.toml"))
+SCENARIOS = sorted(
+    [*ROOT.glob("scenarios/*.toml"), *ROOT.glob("scenarios/faults/*"), *ROOT.glob("scenarios/operations/*")]
+)
 
 
 def blocks(document: str, language: str) -> list[str]:
@@ -39,7 +41,7 @@ def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
     make, *use = blocks("README.md", "sh")
     assert [line.split()[:2] for line in make.splitlines()] == [["make", "demo"], ["make", "test"]]
     commands = [line for block in use for line in block.splitlines() if line.startswith("swarmsim")]
-    assert len(commands) == 13
+    assert len(commands) == 15
     for command in commands:
         done = subprocess.run(
             f"{sys.executable} -m {command}", shell=True, cwd=copy, capture_output=True, text=True, check=False
@@ -98,8 +100,8 @@ def test_the_python_of_the_pages_runs(room: Path, page: str) -> None:
     assert done.stdout.count("\n") >= 2
 
 
-def test_the_tables_of_the_readme_and_of_faults_list_every_scenario() -> None:
-    pages = (ROOT / "README.md").read_text() + (ROOT / "docs" / "faults.md").read_text()
+def test_the_tables_of_the_pages_list_every_scenario() -> None:
+    pages = "".join((ROOT / page).read_text() for page in ("README.md", "docs/faults.md", "docs/operations.md"))
     listed = set(re.findall(r"`(scenarios/[\w/-]+\.toml)`", pages))
     assert {str(path.relative_to(ROOT)) for path in SCENARIOS} <= listed
 

@@ -251,3 +251,23 @@ def test_values_and_gains_that_cannot_be_are_refused() -> None:
     ):
         with pytest.raises(InputError, match=words):
             made(key, scenario=AVERAGE)
+
+
+def test_a_turn_is_told_by_how_far_how_fast_and_how_faithfully_it_travels() -> None:
+    run = made("mind.computation.spread=3.14", "stop.iterations=500", scenario="operations/turn")
+    (summary,) = run.simulation.parts.task.summaries()
+    moments = []
+
+    class Keep:
+        def sample(self, moment) -> None:
+            moments.append(moment)
+
+    run.simulation.run([summary, Keep()])
+    found = summary.summary()
+    follows = np.array([moment.measured.values["following"] for moment in moments])
+    assert np.isnan(follows[:150]).all()
+    assert found["following_late"] == pytest.approx(follows[150 + 175 :].mean())
+    assert found["followed_after"] == np.flatnonzero(follows >= np.cos(np.pi / 8))[0] - 149
+    last = moments[-1].knowledge
+    close = np.abs(wrapped(last.heading[2:] - last.heading[0])) < np.pi / 8
+    assert found["reach"] == pytest.approx(close.mean())

@@ -14,6 +14,7 @@ from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import wrapped
 
+CLOSE: Final = np.pi / 8.0  # rad: whoever heads so near to its leaders' course follows them
 CURVE: Final = Curve("order", "order parameter", low=0.0, high=1.0, format=".3f")
 
 
@@ -75,7 +76,12 @@ class AlignmentMeasures:
         self._last = moment
 
     def summary(self) -> dict[str, float | int | None]:
-        """The order at the end and its mean over the second half, how leaders were followed, and correlation length."""
+        """Order, how far, how fast and how faithfully leaders were followed, and correlation length.
+
+        `_late` is the mean over the second half of the run, or of the time in which there were leaders. `reach` is the
+        share of followers within CLOSE of their leaders' course at the end, `followed_after` the iterations until
+        followers were that close in the mean.
+        """
         orders, last = np.array(self._orders), self._last
         half = len(orders) // 2
         length = None
@@ -85,10 +91,21 @@ class AlignmentMeasures:
         return {
             "order_end": float(orders[-1]) if len(orders) else None,
             "order_late": float(orders[half:].mean()) if len(orders) else None,
+            "reach": self._reach(),
+            "followed_after": next((at for at, f in enumerate(self._following, 1) if f >= np.cos(CLOSE)), None),
             "following_late": float(np.mean(self._following[len(self._following) // 2 :])) if self._following else None,
             "correlation_length": length,
             **({"response": self._response()} if self._every is not None else {}),
         }
+
+    def _reach(self) -> float | None:
+        if self._last is None or not self._following:
+            return None
+        heading, alive = self._last.knowledge.heading, self._last.state.alive
+        leads = self._last.knowledge.leads & alive
+        course = np.angle(np.exp(1j * heading[leads]).sum())
+        close = np.abs(wrapped(heading[alive & ~leads] - course)) <= CLOSE
+        return float(close.mean()) if len(close) else None
 
     def _response(self) -> float | None:
         """The response over as many whole turns as fit into the second half of the run; None if none does."""
