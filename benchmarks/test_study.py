@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from swarmsim.study import results
-from swarmsim.study.engine import execute
-from swarmsim.study.plan import open_study
-from swarmsim.study.store import Store
+from swarmsim.studies import results
+from swarmsim.studies.engine import execute
+from swarmsim.studies.plan import open_study
+from swarmsim.studies.store import Store
 
 STUDY = Path(__file__).parent.parent / "scenarios" / "studies" / "kit2018" / "network.toml"
 

@@ -11,7 +11,7 @@ from conftest import ROOT
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
-from swarmsim.study.plan import open_study
+from swarmsim.studies.plan import open_study
 
 SCENARIOS = sorted(
     [*ROOT.glob("scenarios/*.toml"), *ROOT.glob("scenarios/faults/*"), *ROOT.glob("scenarios/operations/*")]

@@ -20,7 +20,7 @@ def compare(
     """
     from swarmsim.core.errors import InputError
     from swarmsim.recording.reader import Recording
-    from swarmsim.study import comparison
+    from swarmsim.studies import comparison
 
     if len(runs) < 2:
         raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")

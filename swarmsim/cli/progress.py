@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from swarmsim.core.state import Moment
     from swarmsim.engine.build import Run
-    from swarmsim.study.engine import Task
-    from swarmsim.study.store import Store
+    from swarmsim.studies.engine import Task
+    from swarmsim.studies.store import Store
 
 
 def progress_bar(quiet: bool) -> Progress:
@@ -60,7 +60,7 @@ def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, schedu
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    from swarmsim.study.engine import execute
+    from swarmsim.studies.engine import execute
 
     if not tasks:
         return

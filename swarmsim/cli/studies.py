@@ -14,9 +14,9 @@ from swarmsim.cli.progress import perform_all
 from swarmsim.cli.tables import print_table
 
 if TYPE_CHECKING:
-    from swarmsim.study.engine import Task
-    from swarmsim.study.plan import Plan
-    from swarmsim.study.store import Store
+    from swarmsim.studies.engine import Task
+    from swarmsim.studies.plan import Plan
+    from swarmsim.studies.store import Store
 
 app = typer.Typer(
     help="Run a scenario many times, varied, and tell what the runs say.\n\n"
@@ -41,8 +41,8 @@ def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_c
 
     Example: swarmsim study plan scenarios/studies/kit2018/network.toml
     """
-    from swarmsim.study.plan import open_study
-    from swarmsim.study.results import gather
+    from swarmsim.studies.plan import open_study
+    from swarmsim.studies.results import gather
 
     opened = open_study(study, seeds)
     with _store(store, study) as results:
@@ -75,8 +75,8 @@ def run(
 
     Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
     """
-    from swarmsim.study.plan import open_study
-    from swarmsim.study.results import gather, missing
+    from swarmsim.studies.plan import open_study
+    from swarmsim.studies.results import gather, missing
 
     opened = open_study(study, seeds)
     with _store(store, study) as results:
@@ -93,8 +93,8 @@ def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow
 
     Example: swarmsim study status scenarios/studies/kit2018/network.toml
     """
-    from swarmsim.study.plan import open_study
-    from swarmsim.study.results import gather
+    from swarmsim.studies.plan import open_study
+    from swarmsim.studies.results import gather
 
     opened = open_study(study, seeds)
     with _store(store, study) as results:
@@ -120,8 +120,8 @@ def table(
     Example: swarmsim study table scenarios/studies/kit2018/network.toml --compare k=1
     """
     from swarmsim.core.errors import InputError
-    from swarmsim.study import results as res
-    from swarmsim.study.plan import open_study
+    from swarmsim.studies import results as res
+    from swarmsim.studies.plan import open_study
 
     opened = open_study(study, seeds)
     with _store(store, study) as kept:
@@ -150,9 +150,9 @@ def plot(
 
     Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
     """
-    from swarmsim.study.plan import open_study
-    from swarmsim.study.report import study_figures
-    from swarmsim.study.results import gather
+    from swarmsim.studies.plan import open_study
+    from swarmsim.studies.report import study_figures
+    from swarmsim.studies.results import gather
 
     opened = open_study(study, seeds)
     with _store(store, study) as results:
@@ -174,8 +174,8 @@ def export(
     Example: swarmsim study export scenarios/studies/kit2018/network.toml --csv runs/network.csv
     """
     from swarmsim.core.errors import InputError
-    from swarmsim.study.plan import open_study
-    from swarmsim.study.results import gather, records, write_csv, write_parquet
+    from swarmsim.studies.plan import open_study
+    from swarmsim.studies.results import gather, records, write_csv, write_parquet
 
     if csv is None and parquet is None:
         raise InputError("study export: nothing to write; name a file with --csv or --parquet")
@@ -207,8 +207,8 @@ def best(
 
     Example: swarmsim study best scenarios/studies/best-k/15.toml --budget 1000
     """
-    from swarmsim.study import selection
-    from swarmsim.study.plan import open_study
+    from swarmsim.studies import selection
+    from swarmsim.studies.plan import open_study
 
     opened = open_study(study, 1)
     with _store(store, study) as results:
@@ -239,8 +239,8 @@ def reproduce(
     Example: swarmsim reproduce kit2018 --seeds 30
     """
     from swarmsim.core.errors import InputError
-    from swarmsim.study import report, reproduction
-    from swarmsim.study.results import missing
+    from swarmsim.studies import report, reproduction
+    from swarmsim.studies.results import missing
 
     if paper != "kit2018":
         raise InputError(f"reproduce {paper}: no such paper; known: kit2018")
@@ -267,8 +267,8 @@ def reproduce(
 
 
 def _calibrate(out: Path, workers: int | None, scheduler: str | None, quiet: bool) -> None:
-    from swarmsim.study import calibration, reproduction
-    from swarmsim.study.results import missing
+    from swarmsim.studies import calibration, reproduction
+    from swarmsim.studies.results import missing
 
     opened = reproduction.calibration_plan()
     with _store(out / "calibration.sqlite", out) as results:
@@ -294,6 +294,6 @@ def _trial(opened: Plan) -> float:
 
 
 def _store(asked: Path | None, study: Path) -> Store:
-    from swarmsim.study.store import Store
+    from swarmsim.studies.store import Store
 
     return Store(asked or Path("runs") / "studies" / f"{study.stem}.sqlite")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import os
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -126,14 +127,19 @@ def tables(scenario: Scenario) -> dict[str, Table]:
     return found
 
 
-def load(path: Path, overrides: Iterable[str] = ()) -> Scenario:
-    """Read a scenario file, with `key.path=value` overrides whose values are TOML.
+def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] | None = None) -> Scenario:
+    """Read a scenario file, with `key.path=value` overrides whose values are TOML, then `changes` by dotted key.
 
     Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
     """
     table = spelled_out(read_toml(path, "a scenario file"), str(path))
     for override in overrides:
         set_key(table, override)
+    for key, value in (changes or {}).items():
+        try:
+            assign(table, key, copy.deepcopy(value))
+        except InputError as problem:
+            raise InputError(f"{path}: {problem}") from problem
     return decode({"title": path.stem, **table}, str(path), path.parent)
 
 

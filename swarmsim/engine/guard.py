@@ -13,7 +13,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-import swarmsim
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.messages import Codec, Delivery, Said
@@ -35,7 +34,7 @@ from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observatio
 from swarmsim.engine import contracts
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-_PACKAGE: Final = Path(swarmsim.__file__).parent
+_PACKAGE: Final = Path(__file__).parents[1]
 T = TypeVar("T")
 
 

@@ -46,7 +46,8 @@ class Recording:
                 table = tomllib.loads(file.attrs["scenario"])
                 x0, y0, cell, rows, columns = file.attrs["lattice"]
                 self.digested: list[str] = file.attrs["digested"].split()
-                self._measures: list[str] = json.loads(file.attrs["measures"])  # of the swarm, by name
+                #: The names of what the task measured of the swarm.
+                self.measures: list[str] = json.loads(file.attrs["measures"])
                 #: What the task is about, and how it is drawn.
                 self.curve: Curve = msgspec.json.decode(file.attrs["curve"], type=Curve)
                 self._rows: set[str] = set(json.loads(file.attrs["rows"]))  # tables with one row for each iteration
@@ -145,7 +146,7 @@ class Recording:
             "title": self.scenario.title,
             "status": ends[-1] if ends else "interrupted",
             "iterations": self.iterations,
-            "measures": {name: float(self[name][-1]) for name in self._measures} if ran else {},
+            "measures": {name: float(self[name][-1]) for name in self.measures} if ran else {},
             "progress": float(self.progress[-1]) if ran else 0.0,
             "reached": {f"{100 * share:g} %": self.reached(share) for share in SHARES} if ran else {},
             "robots": self.scenario.robots.count,

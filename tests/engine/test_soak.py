@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from conftest import ROOT, made
 
-from swarmsim.study import results as res
-from swarmsim.study.plan import open_study
-from swarmsim.study.statistics import bootstrap_mean, prediction_interval
-from swarmsim.study.store import Store
+from swarmsim.studies import results as res
+from swarmsim.studies.plan import open_study
+from swarmsim.studies.statistics import bootstrap_mean, prediction_interval
+from swarmsim.studies.store import Store
 
 
 def iterations(seed: int) -> int | None:

@@ -17,12 +17,12 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import UNKNOWN
 from swarmsim.recording.reader import Recording
-from swarmsim.study import results as res
-from swarmsim.study.comparison import costs, head, lines
-from swarmsim.study.engine import perform
-from swarmsim.study.plan import open_study
-from swarmsim.study.report import study_figures
-from swarmsim.study.store import Store
+from swarmsim.studies import results as res
+from swarmsim.studies.comparison import costs, head, lines
+from swarmsim.studies.engine import perform
+from swarmsim.studies.plan import open_study
+from swarmsim.studies.report import study_figures
+from swarmsim.studies.store import Store
 from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.panel import _legend

@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
-from swarmsim.study.plan import Plan
-from swarmsim.study.results import gather
-from swarmsim.study.store import Store
+from swarmsim.studies.plan import Plan
+from swarmsim.studies.results import gather
+from swarmsim.studies.store import Store
 
 TARGETS: Final = {1: 583.0, 5: 303.0}  # published iterations of 1NN and 5NN (Table II), by number of neighbours
 DEGREE: Final = "network.topology.k"

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from swarmsim.study.statistics import (
+from swarmsim.studies.statistics import (
     a12,
     bootstrap_mean,
     compare,
@@ -21,7 +21,7 @@ from swarmsim.study.statistics import (
     speed_up,
     trend,
 )
-from swarmsim.study.survival import kaplan_meier, log_rank, restricted_mean
+from swarmsim.studies.survival import kaplan_meier, log_rank, restricted_mean
 
 # Weeks of remission of 42 children (Freireich et al. 1963), the textbooks' example of censored times.
 DRUG = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]

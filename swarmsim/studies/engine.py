@@ -20,7 +20,7 @@ from swarmsim.core.state import Moment
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.measures import RunMeasures
-from swarmsim.study.store import Row
+from swarmsim.studies.store import Row
 
 ANSWER = 20.0  # s, in which a scheduler of the user's own has to answer
 AHEAD = 4  # runs handed out for each core: enough to keep all busy, few enough to lose little

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.study.engine import Task
-from swarmsim.study.plan import Condition, Plan
-from swarmsim.study.statistics import Description, compare, describe, ranked, runs_needed
-from swarmsim.study.store import Row, Store
+from swarmsim.studies.engine import Task
+from swarmsim.studies.plan import Condition, Plan
+from swarmsim.studies.statistics import Description, compare, describe, ranked, runs_needed
+from swarmsim.studies.store import Row, Store
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-import swarmsim
 from swarmsim.core.errors import InputError
-from swarmsim.study.plan import Plan, open_study
-from swarmsim.study.results import Result, digest, gather
-from swarmsim.study.statistics import Description, compare, fit_scaling, ranked, speed_up, trend
-from swarmsim.study.store import Store
+from swarmsim.studies.plan import Plan, open_study
+from swarmsim.studies.results import Result, digest, gather
+from swarmsim.studies.statistics import Description, compare, fit_scaling, ranked, speed_up, trend
+from swarmsim.studies.store import Store
 
 STUDIES = ("scalability", "network", "robustness")
 CALIBRATED = ("1NN", "5NN")  # and N=15, which is 1NN again; all else is predicted
@@ -97,7 +96,7 @@ def calibration_plan() -> Plan:
 
 
 def _folder() -> Path:
-    package = Path(swarmsim.__file__).parent
+    package = Path(__file__).parents[1]
     for root in (package.parent, package):  # a checkout, or an installed package
         if (root / "scenarios" / "studies" / "kit2018").is_dir():
             return root / "scenarios" / "studies" / "kit2018"

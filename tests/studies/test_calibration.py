@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from swarmsim.study.calibration import candidates, head, lines
-from swarmsim.study.plan import open_study
-from swarmsim.study.reproduction import calibration_plan
-from swarmsim.study.store import Row, Store
+from swarmsim.studies.calibration import candidates, head, lines
+from swarmsim.studies.plan import open_study
+from swarmsim.studies.reproduction import calibration_plan
+from swarmsim.studies.store import Row, Store
 
 STUDY = """
 title = "Two candidates"

@@ -16,11 +16,11 @@ import pytest
 from conftest import ROOT
 
 from swarmsim.core.errors import InputError
-from swarmsim.study import results as res
-from swarmsim.study.engine import execute, perform
-from swarmsim.study.plan import open_study
-from swarmsim.study.selection import best
-from swarmsim.study.store import Row, Store
+from swarmsim.studies import results as res
+from swarmsim.studies.engine import execute, perform
+from swarmsim.studies.plan import open_study
+from swarmsim.studies.selection import best
+from swarmsim.studies.store import Row, Store
 
 STUDY = f"""
 title = "Small"
@@ -142,7 +142,7 @@ def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(done, t
 
 
 def test_an_unanswered_scheduler_is_refused(done, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("swarmsim.study.engine.ANSWER", 1.0)
+    monkeypatch.setattr("swarmsim.studies.engine.ANSWER", 1.0)
     study, _, _ = done
     plan = open_study(study)
     with Store(Path(":memory:")) as empty, pytest.raises(InputError, match="does not answer"):

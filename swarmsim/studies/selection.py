@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from swarmsim.study.engine import Task
-from swarmsim.study.plan import Plan, with_seeds
-from swarmsim.study.results import gather, missing
-from swarmsim.study.statistics import bootstrap_mean
-from swarmsim.study.store import Store
+from swarmsim.studies.engine import Task
+from swarmsim.studies.plan import Plan, with_seeds
+from swarmsim.studies.results import gather, missing
+from swarmsim.studies.statistics import bootstrap_mean
+from swarmsim.studies.store import Store
 
 FIRST = 10  # seeds of every condition in the first round
 MORE = 10  # seeds of every condition still in the race in each later one

@@ -9,7 +9,7 @@ import pytest
 from conftest import made
 
 from swarmsim.recording.reader import Recording
-from swarmsim.study.comparison import _lag, _recovery, costs, head, lines
+from swarmsim.studies.comparison import _lag, _recovery, costs, head, lines
 
 
 def test_lag_is_how_much_later_half_of_the_rest_was_mapped() -> None:

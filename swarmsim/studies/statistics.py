@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from swarmsim.study.survival import Interval, Outcome, RestrictedMean, kaplan_meier, restricted_mean, sample_of
+from swarmsim.studies.survival import Interval, Outcome, RestrictedMean, kaplan_meier, restricted_mean, sample_of
 
 RESAMPLES: Final = 9999  # of the bootstrap
 EFFICIENCY: Final = 3.0 / math.pi  # of Mann-Whitney's test relative to Student's, for normal data

@@ -12,10 +12,10 @@ from markdown_it import MarkdownIt
 
 from swarmsim.core.errors import InputError
 from swarmsim.recording.digests import versions
-from swarmsim.study import reproduction as rep
-from swarmsim.study.plan import Study
-from swarmsim.study.reproduction import Reproduction
-from swarmsim.study.results import HEAD, Result, lines
+from swarmsim.studies import reproduction as rep
+from swarmsim.studies.plan import Study
+from swarmsim.studies.reproduction import Reproduction
+from swarmsim.studies.results import HEAD, Result, lines
 from swarmsim.view import plots
 
 PAGE = """<!doctype html>

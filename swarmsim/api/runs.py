@@ -1,0 +1,197 @@
+"""Runs from Python: simulate, record, look at."""
+
+from __future__ import annotations
+
+import html
+import io
+import shutil
+import tempfile
+import weakref
+from base64 import b64encode
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Curve
+from swarmsim.core.scenario import load
+from swarmsim.core.state import Moment
+from swarmsim.engine import build as engine
+from swarmsim.recording.reader import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Overrides = Mapping[str, Any]  # dotted key: value, as in {"robots.count": 20}
+
+
+def run(
+    scenario: str | Path,
+    *,
+    seed: int | None = None,
+    overrides: Overrides | None = None,
+    out: str | Path | None = None,
+    allow_code: bool = False,
+) -> Run:
+    """Simulate a scenario to its end, and record it.
+
+    `overrides` are values at dotted keys; a table replaces the whole table. The recording goes into the new folder
+    `out` or, without one, into a temporary one that lives as long as the run that is given. `allow_code` lets the
+    scenario run code of its own. Raises InputError for what cannot work, PartError for parts of others that fail.
+    """
+    with registry.own_code(allow_code):
+        made = _made(scenario, seed, overrides)
+        if out is None:
+            folder = Path(tempfile.mkdtemp(prefix="swarmsim-"))
+        else:
+            folder = Path(out)
+            try:
+                folder.mkdir(parents=True)
+            except FileExistsError as problem:
+                raise InputError(f"{folder}: exists already; expected a new folder, no run is overwritten") from problem
+        with made.recorder(folder / "recording.h5") as recorder:
+            made.simulation.run([recorder])
+    done = Run(Recording(folder))
+    if out is None:
+        weakref.finalize(done, shutil.rmtree, folder, ignore_errors=True)
+    return done
+
+
+def simulate(
+    scenario: str | Path,
+    *,
+    seed: int | None = None,
+    overrides: Overrides | None = None,
+    allow_code: bool = False,
+) -> Iterator[Moment]:
+    """Step a scenario to its end: everything that happened in each iteration, and nothing is recorded.
+
+    Parameters and errors are those of `run`. The swarm is made before the first step is asked for.
+    """
+    with registry.own_code(allow_code):
+        simulation = _made(scenario, seed, overrides).simulation
+
+    def steps() -> Iterator[Moment]:
+        while not simulation.over:
+            yield simulation.tick()
+
+    return steps()
+
+
+def open(path: str | Path) -> Run:  # noqa: A001
+    """Read back a recording, or the folder of a run that holds one. Raises InputError."""
+    return Run(Recording(Path(path)))
+
+
+def _made(scenario: str | Path, seed: int | None, overrides: Overrides | None) -> engine.Run:
+    changes = {**(overrides or {}), **({} if seed is None else {"seed": seed})}
+    return engine.build(load(Path(scenario), changes=changes), str(scenario))
+
+
+class Run:
+    """A recorded run."""
+
+    def __init__(self, recording: Recording) -> None:
+        #: All that was recorded.
+        self.recording = recording
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """The run in a few numbers, as in its `summary.json`."""
+        return self.recording.summary()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the task was done."""
+        return bool(self.summary["status"] == "finished")
+
+    @property
+    def iterations(self) -> int:
+        """How many iterations were recorded."""
+        return self.recording.iterations
+
+    @property
+    def measures(self) -> dict[str, NDArray[np.float64]]:
+        """What the task measured of the swarm after each iteration (t,), by name."""
+        return {name: self.recording[name] for name in self.recording.measures}
+
+    def curve(self) -> NDArray[np.float64]:
+        """The measure that the task is about, after each iteration (t,), in the unit of its label."""
+        curve = self.recording.curve
+        return np.asarray(curve.scale * self.recording[curve.name], np.float64)
+
+    def frame(self) -> pd.DataFrame:
+        """One row for each iteration; columns are named with their units. Needs pandas."""
+        try:
+            import pandas as pd
+        except ImportError as problem:
+            raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
+        recording, curve = self.recording, self.recording.curve
+        iteration = np.arange(1, self.iterations + 1)
+        columns: dict[str, Any] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
+        for name, values in self.measures.items():
+            columns |= {named(curve): self.curve()} if name == curve.name else {name: values}
+        columns |= {
+            "progress (%)": 100.0 * recording.progress,
+            "robots alive": recording["alive"].sum(axis=1),
+            "messages": recording["messages"],
+        }
+        return pd.DataFrame(columns)
+
+    def plot(self) -> Figure:
+        """What the task is about, over the iterations."""
+        from swarmsim.view import plots
+
+        recording = self.recording
+        title = recording.scenario.title
+        return plots.curves({f"seed {recording.scenario.seed}": [recording[recording.curve.name]]}, title,
+                            curve=recording.curve)  # fmt: skip
+
+    def film(
+        self, path: str | Path, *, fps: int = 30, speed: float = 20.0, size: tuple[int, int] = (1280, 720)
+    ) -> Path:
+        """Write a film, .mp4 or .gif, and give its path; `speed` in simulated seconds per second. Raises InputError."""
+        from swarmsim.view.video import write_film
+
+        write_film(self.recording, Path(path), fps, speed, size)
+        return Path(path)
+
+    def picture(self, iteration: float | None = None, size: tuple[int, int] = (1280, 720)) -> NDArray[np.uint8]:
+        """The picture (height, width, 3) after so many iterations, by default at the end. Raises InputError."""
+        from swarmsim.view.video import frame
+
+        return frame(self.recording, self.iterations if iteration is None else iteration, size)
+
+    def __repr__(self) -> str:
+        curve, status = self.recording.curve, self.summary["status"]
+        last = f", {named(curve)} {self.curve()[-1]:{curve.format}}" if self.iterations else ""
+        return f"<Run {self.recording.scenario.title!r}: {status} after {self.iterations} iterations{last}>"
+
+    def _repr_html_(self) -> str:
+        rows = {name: self.summary[name] for name in ("status", "iterations", "robots", "alive", "messages", "seed")}
+        rows |= {name: f"{value:.4g}" for name, value in self.summary["measures"].items()}
+        table = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(str(v))}</td></tr>" for k, v in rows.items())
+        title = html.escape(self.recording.scenario.title)
+        picture = f'<img alt="{title}, at the end" width="720" src="{png(self.picture())}">' if self.iterations else ""
+        return f"<div><b>{title}</b><br>{picture}<table>{table}</table></div>"
+
+
+def named(curve: Curve) -> str:
+    """What a curve shows, with its unit: `coverage (%)`."""
+    name, _, unit = curve.label.partition(", ")
+    return f"{name} ({unit})" if unit else name
+
+
+def png(picture: NDArray[np.uint8]) -> str:
+    """A picture (height, width, 3) as the address of an image in a page."""
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "PNG", optimize=True)
+    return f"data:image/png;base64,{b64encode(file.getvalue()).decode()}"
