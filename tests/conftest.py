@@ -20,6 +20,7 @@ from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
 ROOT = Path(__file__).parent.parent
+collect_ignore = ["plugin"]  # a distribution of its own, installed and run by a test
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli import comparisons, figures, network, runs, studies
+from swarmsim.cli import comparisons, figures, network, parts, runs, studies
 
 BAD_INPUT, PART_FAILED = 2, 3  # exit codes
 
@@ -26,6 +26,8 @@ for verb in (
     comparisons.compare,
     studies.reproduce,
     network.network,
+    parts.parts,
+    parts.new,
     runs.schema,
 ):
     app.command()(verb)

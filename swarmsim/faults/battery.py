@@ -28,9 +28,7 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     capacity: Annotated[float, Meta(gt=0.0, le=1e12)]  # J, at the start
-    spread: Annotated[float, Meta(ge=0.0, le=10.0)] = (
-        0.0  # of capacities between robots: sd by mean, of a lognormal law
-    )
+    spread: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0  # of capacities: sd over mean, of a lognormal law
     per_metre: Cost  # J/m of the straight line from where each iteration begins to where it ends
     per_byte: Cost  # J/byte sent
     idle: Cost  # W, as long as the robot is alive

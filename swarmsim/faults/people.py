@@ -22,7 +22,7 @@ class People(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     them for occupied where they were; the truth is the building without them.
     """
 
-    count: Annotated[int, Meta(ge=1, le=1000)] = 1
+    count: Annotated[int, Meta(ge=1, le=1000)] = 1  # how many people walk about
     radius: Annotated[float, Meta(gt=0.0)] = 0.2  # m
     speed: Annotated[float, Meta(gt=0.0)] = 0.3  # m/s
     patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step until somebody thinks of another place

@@ -73,7 +73,7 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     What cannot be sent waits. A robot saves up no time in which it had nothing to send.
     """
 
-    bytes_per_second: Annotated[float, Meta(gt=0.0)]
+    bytes_per_second: Annotated[float, Meta(gt=0.0)]  # bytes that a sender can send in a second
     queue: Annotated[int, Meta(ge=0)] | None = None  # messages that can wait from one iteration to the next
     expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations since it was said after which none is sent
 
@@ -93,7 +93,7 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     with the same slot are taken to be out of each other's way.
     """
 
-    slots: Annotated[int, Meta(ge=1)] = 10
+    slots: Annotated[int, Meta(ge=1)] = 10  # in a frame
     slot: Annotated[float, Meta(gt=0.0)] = 0.1  # s, from one slot to the next
     expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s since it was said after which none is sent
     bytes: Annotated[float, Meta(gt=0.0)] | None = None  # that fit into a slot; default: any number

@@ -25,7 +25,7 @@ class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     The dead neither hear nor speak; nothing else changes with them.
     """
 
-    radius: Range
+    radius: Range  # m
 
     def build(self, setting: Setting) -> RadiusLinks:
         """The disc graph."""
@@ -51,7 +51,7 @@ class LineOfSight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     nothing else changes with them.
     """
 
-    radius: Range | None = None
+    radius: Range | None = None  # m
 
     def build(self, setting: Setting) -> SightLinks:
         """The visibility graph."""
@@ -94,7 +94,7 @@ class FarthestRobots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     or all of them once fewer than k others are left.
     """
 
-    k: Degree
+    k: Degree  # others heard
 
     def build(self, setting: Setting) -> FarthestLinks:
         """The topology; raises InputError unless k is less than the number of robots."""

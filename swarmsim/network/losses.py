@@ -36,7 +36,7 @@ class LossyChannel:
 class Bernoulli(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each message is lost with the same probability, independently of all others."""
 
-    loss: Annotated[float, Meta(ge=0.0, le=1.0)]
+    loss: Annotated[float, Meta(ge=0.0, le=1.0)]  # probability that a message is lost
 
     def build(self, setting: Setting) -> LossyChannel:
         """The channel, which loses messages for the reason "loss"."""
@@ -99,7 +99,7 @@ class PairStates:
 class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Messages arrive up to a distance between the two robots, and never beyond."""
 
-    metres: Annotated[float, Meta(gt=0.0)]
+    metres: Annotated[float, Meta(gt=0.0)]  # m, as far as messages go
 
     def build(self, setting: Setting) -> LossyChannel:
         """The channel, which loses messages for the reason "range"."""

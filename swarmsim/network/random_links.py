@@ -21,7 +21,7 @@ class RandomLinks(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     The dead neither hear nor speak; no other link changes with them. A directed G(n, p) (Gilbert 1959).
     """
 
-    p: Probability
+    p: Probability  # probability of a link
 
     def build(self, setting: Setting) -> PairLottery:
         """The topology, with a salt from the stream `topology`."""
@@ -48,7 +48,7 @@ class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     nobody else's links change.
     """
 
-    k: Degree
+    k: Degree  # others heard
 
     def build(self, setting: Setting) -> SenderLottery:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
@@ -78,8 +78,8 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     a gap, nobody takes its place.
     """
 
-    k: Degree
-    p: Probability
+    k: Degree  # others heard
+    p: Probability  # probability that a link is rewired
 
     def build(self, setting: Setting) -> FixedLinks:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""

@@ -31,7 +31,7 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
     have, distances are the shortest around it.
     """
 
-    k: Degree
+    k: Degree  # others heard
     mutual: bool = False
     periodic: bool = False
 
@@ -102,7 +102,7 @@ class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the hub hears everybody, and everybody hears the hub. Once the hub is dead nobody hears anybody."""
 
-    hub: Id = 0
+    hub: Id = 0  # id of the robot in the middle
 
     def build(self, setting: Setting) -> FixedLinks:
         """The star; raises InputError if no robot has the hub's id."""
@@ -118,7 +118,7 @@ class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     A dead robot's links are gone, and nobody takes its place.
     """
 
-    links: tuple[tuple[Id, Id], ...]
+    links: tuple[tuple[Id, Id], ...]  # pairs of ids: receiver, sender
 
     def build(self, setting: Setting) -> FixedLinks:
         """The listed links; raises InputError for a robot that there is not, a robot that hears itself, or a repeat."""

@@ -22,7 +22,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Evenly spaced beams around the robot, the first straight ahead, cast against the exact walls."""
 
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
-    beams: Annotated[int, Meta(ge=1, le=10_000)] = 72
+    beams: Annotated[int, Meta(ge=1, le=10_000)] = 72  # evenly round the robot
     reach: Annotated[float, Meta(gt=0.0)] = 1.0  # m
     robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
 

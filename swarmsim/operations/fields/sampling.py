@@ -62,7 +62,7 @@ class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """
 
     margin: Margin = 0.4  # m, from the edges of the page
-    nearness: Annotated[float, Meta(ge=0.0)] = 0.5
+    nearness: Annotated[float, Meta(ge=0.0)] = 0.5  # how much the way counts against uncertainty
 
     def build(self, setting: Setting) -> Uncertainty:
         """The strategy."""

@@ -149,7 +149,7 @@ class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     They may stand in a file: `values = {file = "field.csv"}` or, as grey levels from 0 (black) to 1, in a PNG.
     """
 
-    values: Annotated[list[list[float]], Meta(min_length=2)]
+    values: Annotated[list[list[float]], Meta(min_length=2)]  # rows from the top
     low: float = 0.0  # what 0 stands for, in the field's unit
     high: float = 1.0  # what 1 stands for
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit

@@ -49,10 +49,10 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     same.
     """
 
-    hit: Probability = 0.9
-    miss: Probability = 0.4
-    lowest: Probability = 0.12
-    highest: Probability = 0.97
+    hit: Probability = 0.9  # probability of a wall where a beam ended
+    miss: Probability = 0.4  # the same where a beam passed
+    lowest: Probability = 0.12  # probability below which no cell falls
+    highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
     share: dict[str, Any] = field(default_factory=dict)  # what is told
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself

@@ -23,7 +23,7 @@ class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     A reading travels over at most `hops` links, one an iteration; with 1 nothing is relayed.
     """
 
-    hops: Annotated[int, Meta(ge=1, le=255)] = 2
+    hops: Annotated[int, Meta(ge=1, le=255)] = 2  # links that a tile travels at most
 
     def build(self, setting: Setting) -> RelaySharing:
         """The policy."""

@@ -1,0 +1,88 @@
+"""The verbs of parts: what there is, and a start for one's own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from swarmsim.core.describe import Description
+
+
+def parts(
+    which: Annotated[str | None, typer.Argument(metavar="[SEAM[.NAME]]", help="A seam, or one part of it.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """List the parts that scenarios can name, ours and those of other distributions, with their keys.
+
+    Example: swarmsim parts topology.knn
+    """
+    from swarmsim.core import describe, registry
+
+    seam, _, name = (which or "").partition(".")
+    found = [describe.part(seam, name)] if name else list(describe.parts(seam or None))
+    if as_json:
+        print(json.dumps([describe.plain(one) for one in found], indent=2))
+    elif name:
+        _one(found[0])
+    else:
+        for each in registry.SEAMS:
+            _all(each, [one for one in found if one.seam == each])
+
+
+def _all(seam: str, found: list[Description]) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    if not found:
+        return
+    table = Table(title=f"{seam} (* is the default)", title_justify="left", expand=True)
+    table.add_column("part", no_wrap=True)
+    table.add_column("what it is", ratio=1, overflow="fold")
+    table.add_column("from", no_wrap=True)
+    for one in found:
+        table.add_row(f"{one.name}{' *' if one.default else ''}", escape(one.first), escape(one.origin))
+    Console().print(table)
+
+
+def _one(one: Description) -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    console = Console()
+    console.print(f"[bold]{one.seam}.{one.name}[/bold], from {escape(one.origin)}{', the default' * one.default}\n")
+    for paragraph in one.text.split("\n\n"):
+        console.print(escape(" ".join(paragraph.split())) + "\n")
+    if not one.parameters:
+        console.print("It has no keys.")
+        return
+    table = Table(expand=True)
+    table.add_column("key", no_wrap=True)
+    for head, share in (("value", 5), ("default", 3), ("meaning", 6)):
+        table.add_column(head, ratio=share, overflow="fold")
+    for each in one.parameters:
+        default = "required" if each.default is None else each.default
+        table.add_row(*(escape(cell) for cell in (each.key, each.kind, default, each.meaning)))
+    console.print(table)
+
+
+def new(
+    kind: Annotated[str, typer.Argument(help="mind, strategy, computation, task, topology, channel, sensor or fault.")],
+    name: Annotated[str, typer.Argument(help="A word such as my_rule; the part is called MyRule.")],
+    to: Annotated[Path, typer.Option(help="Folder, such as that of your scenario.")] = Path(),
+) -> None:
+    """Write a part of your own to start from, and its test, which passes.
+
+    Example: swarmsim new mind explorer --to .
+    """
+    from swarmsim.cli import skeletons
+
+    files = skeletons.written(kind, name, to)
+    for path in files:
+        print(path)
+    print(skeletons.advice(kind, name))

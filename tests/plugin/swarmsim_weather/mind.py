@@ -1,0 +1,168 @@
+"""Robots that look for the warmest place that any of them has felt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.forms import Last
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.parts import Curve, Setting
+from swarmsim.core.state import Estimates, Intents, Measured, Moment, Observations
+from swarmsim.operations.mapping.sharing import CurrentTile
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Felt(Columns):
+    """A temperature, and where it was."""
+
+    warmth: NDArray[np.float64]  # (t,)
+    x: NDArray[np.float64]  # (t,): m
+    y: NDArray[np.float64]  # (t,): m
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Warmest(Estimates):
+    """The warmest that each robot knows of."""
+
+    warmth: NDArray[np.float64]  # (n,)
+    place: NDArray[np.float64]  # (n, 2): m
+
+
+class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot keeps, and tells, the warmest place that it has felt or heard of: the consensus of the maximum."""
+
+    def build(self, setting: Setting) -> HottestComputation:
+        """The computation."""
+        return HottestComputation(setting.robots.count)
+
+
+class HottestComputation:
+    """One temperature and one place a robot."""
+
+    knows = Warmest
+
+    def __init__(self, count: int) -> None:
+        self.codec = PlainCodec(Felt(np.zeros(0), np.zeros(0), np.zeros(0)))
+        self._warmth, self._place = np.full(count, -np.inf), np.zeros((count, 2))
+
+    def say(self, observations: Observations) -> Said[Felt]:
+        """The warmest so far, which may be here and now."""
+        felt = observations.readings.field
+        better = observations.alive & (felt > self._warmth)
+        self._warmth[better], self._place[better] = felt[better], observations.pose[better, :2]
+        return Said.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
+
+    def hear(self, observations: Observations) -> Warmest:
+        """The warmest of all that is heard."""
+        inbox = observations.inbox
+        order = np.lexsort((inbox.senders, inbox.content.warmth))
+        for row in order:  # rising, so that the warmest stays
+            robot = inbox.receivers[row]
+            if inbox.content.warmth[row] > self._warmth[robot]:
+                self._warmth[robot] = inbox.content.warmth[row]
+                self._place[robot] = inbox.content.x[row], inbox.content.y[row]
+        return Warmest(self._warmth.copy(), self._place.copy())
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Know of no place."""
+        self._warmth[robots] = -np.inf
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Know what another does."""
+        self._warmth[robots], self._place[robots] = self._warmth[source], self._place[source]
+
+
+class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Mapping robots tell their current tile in one iteration of `every`, and an unknown one in all others."""
+
+    every: int = 2  # iterations
+
+    def build(self, setting: Setting) -> Sometimes:
+        """The policy."""
+        return Sometimes(CurrentTile().build(setting), self.every)
+
+
+class Sometimes:
+    """The current tile, sometimes."""
+
+    def __init__(self, inner, every: int) -> None:
+        self._inner, self._every = inner, every
+
+    @property
+    def codec(self):
+        """That of the current tile."""
+        return self._inner.codec
+
+    def say(self, observations: Observations, maps) -> Said:
+        """Tiles, or nothing worth knowing."""
+        if observations.iteration % self._every:
+            tiles = observations.readings.tiles
+            blank = replace(tiles, values=np.zeros_like(tiles.values))
+            observations = replace(observations, readings=replace(observations.readings, tiles=blank))
+        return self._inner.say(observations, maps)
+
+    def taken(self, observations: Observations):
+        """All that is heard."""
+        return self._inner.taken(observations)
+
+
+class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot drives straight to the warmest place that it knows of."""
+
+    speed: float = 0.08  # m/s
+
+    def build(self, setting: Setting) -> Seeker:
+        """The strategy."""
+        return Seeker(self.speed)
+
+
+class Seeker:
+    """Straight on."""
+
+    reads = Warmest
+
+    def __init__(self, speed: float) -> None:
+        self._speed = speed
+
+    def step(self, observations: Observations) -> Intents:
+        """Turn to the place, and go."""
+        way = observations.knowledge.place - observations.pose[:, :2]
+        turn = np.arctan2(way[:, 1], way[:, 0]) - observations.pose[:, 2]
+        turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+        goes = observations.alive & (np.hypot(*way.T) > 0.05) & np.isfinite(observations.knowledge.warmth)
+        ahead = self._speed * np.maximum(np.cos(turn), 0.0)
+        return Intents.twisting(np.where(goes[:, None], np.stack([ahead, turn], axis=1), 0.0))
+
+
+class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """All live robots know of the same warmest place, to within a tolerance."""
+
+    within: float = 0.01  # degrees
+
+    def build(self, setting: Setting) -> WarmthTask:
+        """The task."""
+        return WarmthTask(self.within)
+
+
+class WarmthTask:
+    """How far robots disagree."""
+
+    reads = Warmest
+    curve = Curve("spread", "disagreement, degrees", low=0.0, format=".2f", rises=False)
+
+    def __init__(self, within: float) -> None:
+        self._within = within
+
+    def measure(self, moment: Moment) -> Measured:
+        """The largest difference of what live robots know."""
+        warmth = moment.knowledge.warmth[moment.state.alive]
+        spread = float(np.ptp(warmth)) if len(warmth) else 0.0
+        return Measured({"spread": spread}, {}, float(spread <= self._within), spread <= self._within)
+
+    def summaries(self):
+        """The last value."""
+        return (Last(),)

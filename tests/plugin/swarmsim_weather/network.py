@@ -1,0 +1,109 @@
+"""Who hears whom, what showers swallow, wheels on ice, and lightning."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import chance
+from swarmsim.core.events import Begins, Event
+from swarmsim.core.messages import Delivery
+from swarmsim.core.parts import Links, Now, Parts, Setting
+from swarmsim.core.state import State
+from swarmsim.robots.motion import PurePursuit, WaypointFollower
+
+
+class NextAlive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A ring that closes over the dead: each live robot hears the next live one."""
+
+    def build(self, setting: Setting) -> NextAlive:
+        """The topology is what describes it."""
+        return self
+
+    def links(self, state: State) -> Links:
+        """One link for each live robot, if there are two."""
+        live = np.flatnonzero(state.alive)
+        links = np.stack([live, np.roll(live, -1)], axis=1)
+        return links[links[:, 0] != links[:, 1]].astype(np.int32)
+
+
+class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """In some iterations it rains, and no message gets through."""
+
+    chance: float = 0.3  # probability of rain in an iteration
+
+    def build(self, setting: Setting) -> RainyChannel:
+        """The channel."""
+        salt = int(setting.streams.open("showers").integers(0, 2**63))
+        return RainyChannel(self.chance, salt)
+
+
+class RainyChannel:
+    """All or nothing."""
+
+    def __init__(self, probability: float, salt: int) -> None:
+        self._probability, self._salt = probability, salt
+
+    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
+        """Everything is heard, or lost to the rain."""
+        sent = np.full(len(links), state.iteration)
+        letters = np.column_stack([links, sent, sizes[links[:, 1]]]).astype(np.int32)
+        rains = chance.uniform(self._salt, state.iteration)[0] < self._probability
+        heard, lost = (letters[:0], letters) if rains else (letters, letters[:0])
+        return Delivery(heard, (("rain", lost),), state.iteration)
+
+
+class AgainstIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Pure pursuit at a part of the speed, since ice is slippery."""
+
+    share: float = 0.5  # of the speed
+
+    def build(self, setting: Setting) -> Careful:
+        """The motion."""
+        return Careful(PurePursuit().build(setting), self.share)
+
+
+class Careful:
+    """Slower wheels."""
+
+    def __init__(self, inner: WaypointFollower, share: float) -> None:
+        self._inner, self._share, self.follow = inner, share, inner.follow
+
+    def command(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A share of the wheel speeds that would be wanted."""
+        return self._share * self._inner.command(pose)
+
+
+class Lightning(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """At an iteration lightning strikes the robot farthest to the left, which stands where it was from then on."""
+
+    at: int = 10  # iteration
+
+    def build(self, setting: Setting) -> Storm:
+        """The fault."""
+        return Storm(self.at, setting.number)
+
+
+class Storm:
+    """Strikes once."""
+
+    def __init__(self, at: int, number: int) -> None:
+        self._at, self._number = at, number
+
+    def install(self, parts: Parts) -> Parts:
+        """Enter the calendar."""
+        self._bodies = parts.bodies
+        parts.calendar.enter(self)
+        return parts
+
+    def advance(self, now: Now) -> Sequence[Event]:
+        """Strike, if it is time."""
+        live = np.flatnonzero(now.after.alive)
+        if now.iteration != self._at or len(live) == 0:
+            return ()
+        struck = live[now.after.pose[live, 0].argmin()]
+        self._bodies.crash(np.array([struck]))
+        return (Begins(now.iteration, self._number, (int(struck),)),)

@@ -1,0 +1,97 @@
+"""What the world does to robots: wind moves them, fog hides walls, the day warms the floor, maps are coarse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import UNKNOWN, Readings, State
+from swarmsim.robots.particles import Particles, PointBodies
+from swarmsim.robots.sensors import IrRing
+
+
+class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots without bodies that a wind carries along."""
+
+    speed: float = 0.02  # m/s
+    direction: float = 0.0  # rad, counter-clockwise from the x axis
+
+    def build(self, setting: Setting) -> Blown:
+        """The bodies."""
+        return Blown(self, setting)
+
+
+class Blown(PointBodies):
+    """Particles, moved a little further in every iteration."""
+
+    def __init__(self, wind: Wind, setting: Setting) -> None:
+        super().__init__(Particles(substeps=4), setting)
+        self._carried = setting.period * wind.speed * np.array([np.cos(wind.direction), np.sin(wind.direction)])
+
+    def drive(self, motion, period: float) -> State:
+        """As particles do, and then downwind."""
+        super().drive(motion, period)
+        self._pose[self._alive, :2] += self._carried
+        self._stay_on_page()
+        return self.state()
+
+
+class Fog(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The ring of infra-red beams, of which fog leaves those robots nothing that stand left of a line."""
+
+    x: float = 0.0  # m, of the line
+    reach: float = 1.0  # m, of the beams
+
+    def build(self, setting: Setting) -> Foggy:
+        """The sensor."""
+        return Foggy(IrRing(reach=self.reach).build(setting), self.x)
+
+
+class Foggy:
+    """A sensor that is blind in places."""
+
+    def __init__(self, inner, x: float) -> None:
+        self._inner, self._x = inner, x
+
+    def sense(self, state: State) -> Readings:
+        """The readings of those outside the fog."""
+        readings = self._inner.sense(state)
+        values = np.where((state.pose[:, 0] < self._x)[:, None, None], UNKNOWN, readings.tiles.values)
+        return replace(readings, tiles=replace(readings.tiles, values=values.astype(np.uint8)))
+
+
+class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A temperature that falls from the left to the right, and goes up and down with the hours."""
+
+    warmest: float = 25.0  # degrees Celsius, at noon at the left edge
+    gradient: float = 0.5  # degrees per m
+    length: float = 86_400.0  # s, of a day
+    noise: float = 0.0  # degrees, standard deviation of a sample
+
+    def build(self, setting: Setting) -> Day:
+        """The field is what describes it."""
+        return self
+
+    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The temperatures (k,) at a time (s) and points (k, 2)."""
+        return self.warmest - self.gradient * points[:, 0] - 5.0 * (1.0 - np.cos(2.0 * np.pi * time / self.length))
+
+
+class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots know their place to so many metres only."""
+
+    to: float = 0.01  # m
+
+    def build(self, setting: Setting) -> Rounded:
+        """The localisation is what describes it."""
+        return self
+
+    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
+        """The poses, rounded; readings stay where they are."""
+        pose = state.pose.copy()
+        pose[:, :2] = np.round(pose[:, :2] / self.to) * self.to
+        return pose, readings
