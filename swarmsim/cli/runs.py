@@ -165,7 +165,7 @@ def _made(path: Path, overrides: list[str], faults: list[str]) -> Run:
     from swarmsim.core.errors import InputError
     from swarmsim.core.scenario import load
     from swarmsim.engine.build import build
-    from swarmsim.faults.spelling import fault_in_words
+    from swarmsim.faults.in_words import fault_in_words
 
     scenario = load(path, overrides)
     given = len(scenario.faults)

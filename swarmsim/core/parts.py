@@ -52,7 +52,7 @@ class Building:
     entrance: NDArray[np.float64]  # (c, 2): x, y in m of the cells of the spawn area in which a robot can stand
     survey: Callable[[tuple[Box, ...]], Survey]
     version: int = 0
-    page: Box = ANYWHERE  # what boxes have to lie in
+    bounds: Box = ANYWHERE  # of the floor plan's page: left, lower, right, upper in m
     boxes: tuple[Box, ...] = ()  # what stands in it besides its plan
     crowds: list[Crowd] = field(default_factory=list)
 
@@ -79,7 +79,7 @@ class Building:
         left, low, right, high = box
         if not (left < right and low < high):
             raise InputError(f"{key}: {_edges(box)} has no size; expected [left, lower, right, upper] in m")
-        page = self.page
+        page = self.bounds
         if left < page[0] or low < page[1] or right > page[2] or high > page[3]:
             raise InputError(f"{key}: {_edges(box)} reaches out of the page; expected it within {_edges(page)}")
 

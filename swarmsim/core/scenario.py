@@ -74,7 +74,7 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One run. The tables of parts (`sensor`, `network.topology`, ...) are complete once read."""
 
-    title: str = ""  # default: the name of the file
+    title: str = ""  # default: the name of the file; {robots.count} in it is their number
     world: World
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
     period: Positive = 1.0  # s, one iteration
@@ -192,6 +192,7 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     whole = {seam: complete(seam, ".".join(PLACES[seam]), table) for seam, table in tables(scenario).items()}
     return msgspec.structs.replace(
         scenario,
+        title=scenario.title.replace("{robots.count}", str(scenario.robots.count)),
         network=Network(topology=whole.pop("topology"), channel=whole.pop("channel")),
         mind=Mind(computation=whole.pop("computation"), strategy=whole.pop("strategy")),
         faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),

@@ -70,7 +70,7 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     arena = _open(world, scenario.world, scenario.grid.cell, alone, sensor).arena
     plain = survey(())
     page = (0.0, 0.0, arena.plan.width, arena.plan.height)
-    building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, page=page)
+    building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=page)
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
     setting = replace(setting, start=_start(setting, arena.name))
     if "field" in tables:
@@ -117,14 +117,14 @@ def _check_knowledge(place: str, part: Strategy | Task, computation: Computation
 
 
 @dataclass(frozen=True, slots=True)
-class _Ground:
+class _Explorable:
     arena: Arena
     reachable: NDArray[np.bool_]  # (rows, columns)
     domain: NDArray[np.bool_]  # (rows, columns)
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -> _Ground:
+def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -> _Explorable:
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
     table: Table = msgspec.json.decode(sensor)
     plan = read_floor_plan(text, world.file, world.scale)
@@ -134,7 +134,7 @@ def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     for shared in (reachable, domain):
         shared.flags.writeable = False
-    return _Ground(arena, reachable, domain)
+    return _Explorable(arena, reachable, domain)
 
 
 @lru_cache(maxsize=16)

@@ -18,7 +18,7 @@ from swarmsim.faults.body import check_maps
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
-from swarmsim.kernels import grid
+from swarmsim.kernels import search
 from swarmsim.operations.mapping.maps import Maps
 
 REACH = 1.5  # m, of a random walk unless the scenario says otherwise
@@ -213,7 +213,7 @@ class RandomWalk:
         self._lattice, self._window = lattice, _window(setting)
         self._reach = max(1, int(min(reach / lattice.cell, lattice.rows * lattice.columns)))  # steps
         self._pace = lattice.cell / (robots.speed * setting.period)  # iterations a step
-        self._under = grid.footprint(robots.radius / lattice.cell)
+        self._under = search.footprint(robots.radius / lattice.cell)
         self._streams = [setting.streams.open(purpose, robot) for robot in range(robots.count)]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 

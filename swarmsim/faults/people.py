@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts, Setting
-from swarmsim.kernels import grid, walk
+from swarmsim.kernels import search, walk
 
 _TRIES = 8  # destinations that somebody thinks of before resting
 
@@ -52,7 +52,7 @@ class Walkers:
         self._radius, self._speed = setting.robots.radius, setting.robots.speed
         count, cells = people.count, setting.lattice.rows * setting.lattice.columns
         self._streams = [setting.streams.open(f"fault {setting.number} people", person) for person in range(count)]
-        self._scratch = grid.scratch(cells)
+        self._scratch = search.scratch(cells)
         self._path = np.zeros(cells, np.int32)
         self._cells = [np.zeros(0, np.int64)] * count  # of everybody's way, row-major ...
         self._ways = np.zeros((count, 1, 2))  # ... and their centres, in m
@@ -60,9 +60,9 @@ class Walkers:
         self._waited = np.zeros(count)  # s
         self._rests = np.zeros(count, np.bool_)
         self._velocity = np.zeros((count, 2))
-        under = grid.footprint(people.radius / setting.lattice.cell)
+        under = search.footprint(people.radius / setting.lattice.cell)
         x0, y0, cell = setting.lattice.x0, setting.lattice.y0, setting.lattice.cell
-        self._rules = grid.Rules(x0, y0, cell, under, 0, 8, True, 1, 1)
+        self._rules = search.Rules(x0, y0, cell, under, 0, 8, True, 1, 1)
         self._look_around()
         floor = parts.building.domain & ~parts.building.occupied
         self._places = np.flatnonzero(floor & self._standable(under))
@@ -77,7 +77,7 @@ class Walkers:
         occupied = self._building.occupied[None]
         never = np.zeros(occupied.shape, np.int32)
         log_odds = np.where(occupied, np.float32(1.0), np.float32(-1.0))
-        self._maps = grid.Maps(log_odds, np.ones_like(occupied), never, never)
+        self._maps = search.Maps(log_odds, np.ones_like(occupied), never, never)
         self._version = self._building.version
 
     def _standable(self, under: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -145,7 +145,7 @@ class Walkers:
             self._leg[person] = self._leg[person, ::-1]
         here, steps = int(self._leg[person, 0]), 0
         for goal in self._streams[person].choice(self._places, _TRIES):
-            steps = grid.a_star(self._maps, 0, 1, self._rules, here, int(goal), self._scratch, self._path)
+            steps = search.a_star(self._maps, 0, 1, self._rules, here, int(goal), self._scratch, self._path)
             if steps > 1:
                 break
         self._rests[person] = steps <= 1

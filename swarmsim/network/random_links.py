@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 
 from swarmsim.core.parts import Links, Setting
 from swarmsim.core.state import State
-from swarmsim.kernels import lottery
+from swarmsim.kernels import draws
 from swarmsim.network.topology import Degree, FixedLinks, check_degree
 
 Probability = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -37,7 +37,7 @@ class PairLottery:
 
     def links(self, state: State) -> Links:
         """The links of this moment; the same whenever asked."""
-        links: Links = lottery.random_links(self._salt, state.iteration, state.alive, self._p)
+        links: Links = draws.random_links(self._salt, state.iteration, state.alive, self._p)
         return links
 
 
@@ -65,7 +65,7 @@ class SenderLottery:
 
     def links(self, state: State) -> Links:
         """The links of this moment; the same whenever asked."""
-        links: Links = lottery.random_senders(self._salt, state.iteration, state.alive, self._k)
+        links: Links = draws.random_senders(self._salt, state.iteration, state.alive, self._k)
         return links
 
 
@@ -85,7 +85,7 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
         count = setting.robots.count
         check_degree(self.k, count)
-        links = lottery.small_world(_salt(setting), count, self.k, self.p)
+        links = draws.small_world(_salt(setting), count, self.k, self.p)
         return FixedLinks([(int(receiver), int(sender)) for receiver, sender in links])
 
 

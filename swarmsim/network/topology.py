@@ -38,7 +38,7 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
     def build(self, setting: Setting) -> NearestNeighbourLinks | MutualNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
         check_degree(self.k, setting.robots.count)
-        left, low, right, high = setting.building.page
+        left, low, right, high = setting.building.bounds
         nearest = NearestNeighbourLinks(self.k, (right - left, high - low) if self.periodic else None)
         return MutualNeighbourLinks(nearest) if self.mutual else nearest
 

@@ -31,7 +31,7 @@ class PointBodies:
     """Unicycles, integrated exactly."""
 
     def __init__(self, parameters: Particles, setting: Setting) -> None:
-        self._parameters, self._base, self._page = parameters, setting.robots.wheel_base, setting.building.page
+        self._parameters, self._base, self._page = parameters, setting.robots.wheel_base, setting.building.bounds
         count = len(setting.start)
         self._pose, self._velocity = setting.start.copy(), np.zeros((count, 3))
         self._wheels = np.zeros((count, 2))

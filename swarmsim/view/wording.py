@@ -6,7 +6,7 @@ from typing import Final
 
 from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event
 from swarmsim.core.scenario import Scenario, Table
-from swarmsim.faults.spelling import described
+from swarmsim.faults.in_words import described
 
 #: What begins and ends with a fault that is not called as its scenario's table.
 WORDS: Final = {

@@ -11,7 +11,7 @@ import svgelements
 from numpy.typing import NDArray
 
 from swarmsim.world.elements import NUMBER, Element, ElementError, numbers, quoted
-from swarmsim.world.page import Page
+from swarmsim.world.viewport import Page
 
 FLATNESS = 1e-3  #: m, the largest distance between a curve and the chords that replace it
 SHAPES = frozenset({"path", "rect", "circle", "ellipse", "polygon", "polyline", "line"})  #: tags that have outlines

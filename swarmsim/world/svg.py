@@ -10,11 +10,11 @@ from shapely import MultiPolygon
 from svgelements import Matrix
 
 from swarmsim.core.errors import InputError
+from swarmsim.world.areas import covered, united
 from swarmsim.world.elements import Element, ElementError, parse, quoted
 from swarmsim.world.outlines import SHAPES
-from swarmsim.world.page import Page, transformed
-from swarmsim.world.paint import covered, united
 from swarmsim.world.styles import INITIAL, Style, StyleSheet
+from swarmsim.world.viewport import Page, transformed
 
 SOLID_LAYERS = ("walls", "pillars", "furniture")  #: layers that stop robots and beams
 SPAWN_LAYER = "spawn"  #: the layer whose elements are the areas in which robots may start

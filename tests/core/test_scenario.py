@@ -188,3 +188,10 @@ def test_a_file_without_a_title_is_called_as_the_file(tmp_path: Path) -> None:
     path = scenario(tmp_path)
     path.write_text("\n".join(line for line in path.read_text().splitlines() if not line.startswith("title")))
     assert load(path).title == path.stem
+
+
+def test_a_title_tells_how_many_robots_there_are_in_the_end() -> None:
+    path = ROOT / "scenarios" / "room.toml"
+    assert load(path).title == "Quick trial: 3 robots in a small room"
+    assert load(path, ["robots.count=5"]).title == "Quick trial: 5 robots in a small room"
+    assert load(path, ['title="{robots.count} {other}"']).title == "3 {other}"

@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from swarmsim.cli import app
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.faults.spelling import described, fault_in_words
+from swarmsim.faults.in_words import described, fault_in_words
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ REFUSED = [
     ("at=3", "'at=3' is not a kind of fault; expected a kind"),
     (".x:y at=3", "is not a kind of fault"),
     ("no.such.module:Thing", "cannot be imported"),
-    ("os.path:join at=1", "is not a part"),
+    ("os.path:join at=1", "is not a fault: expected a msgspec.Struct"),
     ("remove off at=3", "'off': 'remove' fails in one way only; expected key=value"),
     ("motor of at=3", "failure: .*'of'; expected 'off' or 'slow' or 'stuck'"),
     ("motor at=3", "failure: required key is missing; expected 'off' or 'slow' or 'stuck'"),

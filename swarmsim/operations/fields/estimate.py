@@ -93,7 +93,7 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """The computation. Raises InputError without a field, and for more bells than can be computed with."""
         if setting.scalar_field is None:
             raise InputError("use: 'field-estimate' estimates a field; expected a table [field]")
-        basis = Basis(setting.building.page, self.spacing)
+        basis = Basis(setting.building.bounds, self.spacing)
         if len(basis.centres) > MOST:
             raise InputError(f"spacing: {len(basis.centres)} bells at {self.spacing:g} m; expected {MOST} at most")
         return FieldComputation(self, setting.robots.count, basis)

@@ -39,7 +39,7 @@ class Waypoints:
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def __init__(self, setting: Setting, margin: float) -> None:
-        count, page = setting.robots.count, setting.building.page
+        count, page = setting.robots.count, setting.building.bounds
         self._low = np.array(page[:2]) + margin
         self._size = np.maximum(np.array(page[2:]) - margin - self._low, 0.0)
         self._salt = int(setting.streams.open("waypoints").integers(0, 2**64, dtype=np.uint64))
@@ -75,7 +75,7 @@ class Uncertainty:
     reads: type[Knowledge] = Reconstruction
 
     def __init__(self, parameters: MostUncertain, setting: Setting) -> None:
-        self._parameters, self._page = parameters, setting.building.page
+        self._parameters, self._page = parameters, setting.building.bounds
         self._legs = Legs(setting.robots.count, setting)
         self._diagonal = float(np.hypot(self._page[2] - self._page[0], self._page[3] - self._page[1]))
 

@@ -36,7 +36,7 @@ class Sources(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> SourceField:
         """The field."""
-        return SourceField(self, setting.building.page)
+        return SourceField(self, setting.building.bounds)
 
 
 class SourceField:
@@ -160,7 +160,7 @@ class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if len(lengths) > 1 or min(lengths) < 2:
             raise InputError(f"values: rows of {' and '.join(map(str, sorted(lengths)))} values; expected a rectangle")
         scaled = self.low + (self.high - self.low) * np.array(self.values, np.float64)
-        return PictureField(scaled, setting.building.page)
+        return PictureField(scaled, setting.building.bounds)
 
 
 class PictureField:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import Intents, Knowledge, Observations
-from swarmsim.kernels import grid, occupancy
+from swarmsim.kernels import decide, occupancy, search
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing import tiles_of
 
@@ -35,7 +35,7 @@ class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class FrontierStrategy:
-    """One goal and path per robot; the rules stand at `kernels.grid.decide`."""
+    """One goal and path per robot; the rules stand at `kernels.decide.decide`."""
 
     reads: type[Knowledge] = Maps
 
@@ -43,7 +43,7 @@ class FrontierStrategy:
         robots, lattice = setting.robots, setting.lattice
         count, cells = robots.count, lattice.rows * lattice.columns
         self._barred, self._shunned = (np.zeros((count, *lattice.shape), np.int32) for _ in range(2))
-        self._plans = grid.Plans(
+        self._plans = decide.Plans(
             goal=np.full(count, -1, np.int32),
             path=np.zeros((count, cells), np.int32),
             steps=np.zeros(count, np.int32),
@@ -54,10 +54,10 @@ class FrontierStrategy:
             planned=np.zeros(count, np.bool_),
         )
         patrolled = lattice.shape if parameters.idle == "patrol" else (0, 0)
-        self._patrol = grid.Patrol(np.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
+        self._patrol = search.Patrol(np.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
         per_iteration = robots.speed * setting.period / lattice.cell  # cells
-        footprint = grid.footprint(robots.radius / lattice.cell)
-        self._rules = grid.Rules(
+        footprint = search.footprint(robots.radius / lattice.cell)
+        self._rules = search.Rules(
             lattice.x0,
             lattice.y0,
             lattice.cell,
@@ -68,7 +68,7 @@ class FrontierStrategy:
             parameters.patience or max(4, math.ceil(4.0 / per_iteration)),
             math.ceil(per_iteration) + 3,
         )
-        self._scratch = grid.scratch(cells)
+        self._scratch = search.scratch(cells)
         self._salts = _salts(setting, "unstick", count)
         self._tie_salts = _salts(setting, "ties", count)
         if parameters.ties == "row-order":
@@ -82,12 +82,12 @@ class FrontierStrategy:
         if self._patrol.seen.size:
             self._see(observations, maps)
         # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
-        grid.decide(
+        decide.decide(
             observations.iteration + 1,
             observations.pose,
             observations.alive,
             maps.news,
-            grid.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
+            search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
             plans,
             self._patrol,
             self._rules,
@@ -97,7 +97,7 @@ class FrontierStrategy:
         )
         longest = int((plans.steps - plans.cursor).max(initial=0)) + 1
         waypoints = np.zeros((len(plans.steps), longest, 2))
-        counts = grid.way_ahead(plans, self._rules, self._columns, waypoints)
+        counts = decide.way_ahead(plans, self._rules, self._columns, waypoints)
         goals = np.empty((len(plans.goal), 2), np.int32)
         np.divmod(plans.goal, self._columns, out=(goals[:, 0], goals[:, 1]))
         goals[plans.goal < 0] = -1

@@ -42,7 +42,7 @@ class LloydLaw:
     reads: type[Knowledge] = Positions
 
     def __init__(self, parameters: Lloyd, setting: Setting) -> None:
-        left, low, right, high = setting.building.page
+        left, low, right, high = setting.building.bounds
         margin = parameters.margin
         side = float(np.sqrt((right - left - 2 * margin) * (high - low - 2 * margin) / POINTS))
         x = np.arange(left + margin + side / 2, right - margin, side)

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
-from swarmsim.kernels import grid, occupancy
+from swarmsim.kernels import occupancy, search
 from swarmsim.recording.digests import Digests
 
 CELL = 0.15
@@ -156,10 +156,10 @@ def test_a_patrol_goes_to_the_nearest_cell_at_least_half_as_old_as_the_oldest_in
     observed = rng.random((9, 9)) < 0.9
     log_odds = np.where(wall, 1.0, -1.0).astype(np.float32)
     never = np.zeros((1, 9, 9), np.int32)
-    maps = grid.Maps(log_odds[None], observed[None], never, never)
-    patrol = grid.Patrol(rng.integers(0, 5, (1, 9, 9)).astype(np.int32), np.zeros(1, np.int32))
-    rules = grid.Rules(0.0, 0.0, CELL, np.zeros((1, 2), np.int32), 0, 4, True, 8, 4)
-    found = grid.nearest_stale(maps, patrol, 0, 4, rules, 4 * 9 + 4, np.uint64(0), grid.scratch(81))
+    maps = search.Maps(log_odds[None], observed[None], never, never)
+    patrol = search.Patrol(rng.integers(0, 5, (1, 9, 9)).astype(np.int32), np.zeros(1, np.int32))
+    rules = search.Rules(0.0, 0.0, CELL, np.zeros((1, 2), np.int32), 0, 4, True, 8, 4)
+    found = search.nearest_stale(maps, patrol, 0, 4, rules, 4 * 9 + 4, np.uint64(0), search.scratch(81))
     steps = walking(observed & ~wall, (4, 4))
     cells = [
         (4 - int(patrol.seen[0, r, c]), steps[r, c], 9 * r + c)

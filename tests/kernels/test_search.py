@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from swarmsim.kernels import grid, occupancy
+from swarmsim.kernels import occupancy, search
 
 ONE_CELL = np.zeros((1, 2), np.int32)
 PLUS = np.array([[0, 0], [-1, 0], [0, -1], [0, 1], [1, 0]], np.int32)
@@ -19,14 +19,14 @@ NOW = 10
 
 def rules(neighbours=8, footprint=ONE_CELL):
     span = int(np.abs(footprint).max())
-    return grid.Rules(0.0, 0.0, 0.15, footprint, span, neighbours, True, 8, 4)
+    return search.Rules(0.0, 0.0, 0.15, footprint, span, neighbours, True, 8, 4)
 
 
 def maps(wall, observed=None, barred=None, shunned=None):
     observed = np.ones_like(wall) if observed is None else observed
     log_odds = np.where(observed, np.where(wall, 1.0, -1.0), 0.0).astype(np.float32)
     none = np.zeros(wall.shape, np.int32)
-    return grid.Maps(
+    return search.Maps(
         log_odds[None],
         observed[None].copy(),
         (none if barred is None else barred)[None].copy(),
@@ -84,7 +84,7 @@ def random_map(rng, known=1.0):
 def shortest(wall, start, goal, neighbours=8, footprint=ONE_CELL, observed=None, barred=None):
     path = np.full(wall.size, -7, np.int32)
     known = maps(wall, observed, barred)
-    count = grid.a_star(known, 0, NOW, rules(neighbours, footprint), start, goal, grid.scratch(wall.size), path)
+    count = search.a_star(known, 0, NOW, rules(neighbours, footprint), start, goal, search.scratch(wall.size), path)
     return path[:count]
 
 
@@ -136,12 +136,12 @@ def test_a_star_is_as_short_as_dijkstra_on_200_random_grids(neighbours, footprin
 
 def test_a_star_gives_the_same_way_whatever_was_searched_before():
     rng = np.random.default_rng(14)
-    used = grid.scratch(28 * 28)
+    used = search.scratch(28 * 28)
     for _ in range(60):
         wall, _ = random_map(rng)
         start, goal = rng.integers(0, wall.size, 2)
         path = np.zeros(wall.size, np.int32)
-        count = grid.a_star(maps(wall), 0, NOW, rules(), start, goal, used, path)
+        count = search.a_star(maps(wall), 0, NOW, rules(), start, goal, used, path)
         assert_array_equal(path[:count], shortest(wall, start, goal))
 
 
@@ -201,7 +201,7 @@ def test_a_frontier_is_free_and_known_with_an_unknown_cell_across_an_edge():
         known = maps(wall, observed)
         expected = frontiers(wall, observed)
         for r, c in np.ndindex(wall.shape):
-            assert grid.is_frontier(known, 0, r, c) == expected[r, c]
+            assert search.is_frontier(known, 0, r, c) == expected[r, c]
         both |= set(expected.flat)
     assert both == {True, False}
 
@@ -210,15 +210,15 @@ def test_a_cell_as_likely_free_as_occupied_is_no_frontier_and_not_entered():
     observed = np.array([[True, True, False]])
     log_odds = np.array([[-1.0, 0.0, 0.0]], np.float32)
     none = np.zeros((1, 1, 3), np.int32)
-    known = grid.Maps(log_odds[None], observed[None], none, none)
-    assert not grid.is_frontier(known, 0, 0, 1)
-    assert not grid.fits(known, 0, NOW, rules(), 0, 1)
+    known = search.Maps(log_odds[None], observed[None], none, none)
+    assert not search.is_frontier(known, 0, 0, 1)
+    assert not search.fits(known, 0, NOW, rules(), 0, 1)
 
 
 def nearest(wall, observed, start, salt=ROW_ORDER, neighbours=8, footprint=ONE_CELL, shunned=None):
-    work = grid.scratch(wall.size)
+    work = search.scratch(wall.size)
     known = maps(wall, observed, shunned=shunned)
-    return grid.nearest_frontier(known, 0, NOW, rules(neighbours, footprint), start, np.uint64(salt), work)
+    return search.nearest_frontier(known, 0, NOW, rules(neighbours, footprint), start, np.uint64(salt), work)
 
 
 def splitmix64(value):

@@ -13,8 +13,8 @@ from svgelements import Matrix
 
 from swarmsim.world.elements import Element, ElementError, quoted
 from swarmsim.world.outlines import FLATNESS, Outlines, Points, chord_angle, outlines
-from swarmsim.world.page import LARGEST, Page
 from swarmsim.world.styles import Style
+from swarmsim.world.viewport import LARGEST, Page
 
 _GRID = 1e-9  # m, coordinates are rounded to it, which welds walls that abut
 _BOUNDLESS = 1e12  # user units, beyond which geometry fails before the scale applies

@@ -1,0 +1,243 @@
+"""What exploring robots do next, for the whole swarm: keep a way, choose a goal, give way, walk off."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from swarmsim.kernels import search
+from swarmsim.kernels.search import (
+    DCOLUMNS,
+    DROWS,
+    a_star,
+    fits,
+    is_frontier,
+    nearest_frontier,
+    nearest_stale,
+    scramble,
+)  # fmt: skip
+
+
+class Plans(NamedTuple):
+    """What the robots are about to do; row i is robot i. Cells are row-major indices, -1 for none."""
+
+    goal: NDArray[np.int32]  # (n,): the frontier cell to explore
+    path: NDArray[np.int32]  # (n, cells): the way there, first cell first
+    steps: NDArray[np.int32]  # (n,): cells of the path, 0 for none
+    cursor: NDArray[np.int32]  # (n,): the step of the path that the robot has reached
+    anchor: NDArray[np.float64]  # (n, 2): where it last made progress, x and y in m
+    waited: NDArray[np.int32]  # (n,): iterations since then
+    idle: NDArray[np.int32]  # (n,): until when a robot that found nothing to do waits for news
+    planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
+
+
+@njit(cache=True)
+def _give_way(maps, i, now, rules, start, draw, path):
+    """A random walk of at most 8 cells over free neighbours, never straight back; gives its cells."""
+    columns = maps.observed.shape[2]
+    path[0] = start
+    count = 1
+    for _ in range(1 + int(draw % np.uint64(8))):
+        draw = scramble(draw)
+        for turn in range(4):
+            d = (int(draw % np.uint64(4)) + turn) % 4
+            r = path[count - 1] // columns + DROWS[d]
+            c = path[count - 1] % columns + DCOLUMNS[d]
+            there = r * columns + c
+            if fits(maps, i, now, rules, r, c) and not (count > 1 and there == path[count - 2]):
+                path[count] = there
+                count += 1
+                break
+    return count if count > 1 else 0
+
+
+@njit(cache=True)
+def _is_open(maps, i, now, rules, path, first, last):
+    """Whether robot i still fits into every cell of path[first:last]."""
+    columns = maps.observed.shape[2]
+    for step in range(first, last):
+        if not fits(maps, i, now, rules, path[step] // columns, path[step] % columns):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _advance(plans, i, rules, u, v, columns):
+    """Move the cursor to the step of the path, from the present one on, whose centre is nearest to (u, v)."""
+    best = math.inf
+    first = plans.cursor[i]
+    for step in range(first, min(plans.steps[i], first + rules.window)):
+        du = plans.path[i, step] % columns + 0.5 - u
+        dv = plans.path[i, step] // columns + 0.5 - v
+        if du * du + dv * dv < best:
+            best = du * du + dv * dv
+            plans.cursor[i] = step
+
+
+@njit(cache=True)
+def _is_stuck(plans, i, rules, x, y):
+    """Whether robot i, having a path, has not moved by half a cell for `patience` iterations."""
+    moved = math.hypot(x - plans.anchor[i, 0], y - plans.anchor[i, 1])
+    if plans.steps[i] == 0 or moved >= 0.5 * rules.cell:
+        plans.anchor[i, 0] = x
+        plans.anchor[i, 1] = y
+        plans.waited[i] = 0
+        return False
+    plans.waited[i] += 1
+    if plans.waited[i] < rules.patience:
+        return False
+    plans.waited[i] = 0
+    return True
+
+
+@njit(cache=True)
+def _drop(plans, i):
+    plans.goal[i] = -1
+    plans.steps[i] = 0
+    plans.cursor[i] = 0
+
+
+@njit(cache=True)
+def _is_done(maps, patrol, i, columns, goal):
+    """Whether nothing is left to do at robot i's goal: on patrol it has been seen since, else it is no frontier."""
+    if patrol.since[i] > 0:
+        return patrol.seen[i, goal // columns, goal % columns] > patrol.since[i]
+    return not is_frontier(maps, i, goal // columns, goal % columns)
+
+
+@njit(cache=True)
+def _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules):
+    """Drop robot i's plan if its goal is done, if it has arrived, or if it is stuck (rules 1 to 3 of `decide`)."""
+    columns = maps.observed.shape[2]
+    goal = plans.goal[i]
+    if goal >= 0 and _is_done(maps, patrol, i, columns, goal):
+        _drop(plans, i)
+    elif arrived:
+        if goal >= 0 and patrol.since[i] == 0:
+            maps.shunned[i, goal // columns, goal % columns] = now + 10 * rules.patience
+        _drop(plans, i)
+    elif stuck:
+        ahead = plans.path[i, min(plans.cursor[i] + 1, plans.steps[i] - 1)]
+        pause = rules.patience + int(draw % np.uint64(3 * rules.patience))
+        maps.barred[i, ahead // columns, ahead % columns] = now + pause
+        _drop(plans, i)
+    if patrol.since[i] > 0 and plans.goal[i] < 0:
+        patrol.since[i] = 0
+        plans.idle[i] = now  # so that it looks for the next at once
+
+
+@njit(cache=True)
+def _explore(now, i, here, maps, plans, patrol, rules, salt, work):
+    """Give robot i a plan for the nearest frontier; gives whether there is one."""
+    goal, stand = nearest_frontier(maps, i, now, rules, here, salt, work)
+    if stand < 0:
+        return False
+    _drop(plans, i)
+    patrol.since[i] = 0
+    plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+    plans.goal[i] = goal
+    return True
+
+
+@njit(cache=True)
+def _revisit(now, i, here, maps, plans, patrol, rules, salt, work):
+    """Give robot i a plan for a stale cell, if robots patrol; gives whether there is one."""
+    goal = nearest_stale(maps, patrol, i, now, rules, here, salt, work) if patrol.seen.shape[1] > 0 else -1
+    if goal < 0:
+        return False
+    plans.steps[i] = a_star(maps, i, now, rules, here, goal, work, plans.path[i])
+    plans.goal[i] = goal
+    patrol.since[i] = now
+    return True
+
+
+@njit(cache=True)
+def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts, work):
+    """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
+
+    `pose` (n, 3) in m and rad; `news` (n,) counts the cells new on each robot's map; `salts` and `tie_salts`
+    (n,) are random numbers of the robots' own. The rules:
+
+    1. A goal is kept while it is a frontier and can be reached (`rules.keep`); when the path to it is no
+       longer open, another one is planned.
+    2. A frontier that still is one when its robot has arrived yields nothing: it is shunned for a while.
+    3. A robot without progress for `rules.patience` iterations is stuck: it bars the next cell of its path
+       to itself for a random while and chooses again.
+    4. If that leaves it nothing to choose, it gives way by a short random walk.
+    5. A robot that finds no frontier stands, and looks again when its map grows or its patience ends.
+    6. If robots patrol, it goes instead to the nearest cell at least half as old as the one seen longest ago, until
+       that has been seen by anybody it hears; on the way it looks for frontiers as in 5, and a frontier comes first.
+    """
+    columns = maps.observed.shape[2]
+    for i in range(len(alive)):
+        plans.planned[i] = False
+        if not alive[i]:
+            _drop(plans, i)
+            patrol.since[i] = 0
+            continue
+        u = (pose[i, 0] - rules.x0) / rules.cell
+        v = (pose[i, 1] - rules.y0) / rules.cell
+        here = int(math.floor(v)) * columns + int(math.floor(u))
+        _advance(plans, i, rules, u, v, columns)
+        stuck = _is_stuck(plans, i, rules, pose[i, 0], pose[i, 1])
+        draw = scramble(salts[i] + np.uint64(now))
+        arrived = plans.steps[i] > 0 and here == plans.path[i, plans.steps[i] - 1]
+        _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules)
+
+        goal = plans.goal[i]
+        count = plans.steps[i]
+        due = news[i] > 0 or now >= plans.idle[i]
+        patrols = patrol.since[i] > 0
+        if patrols and due:
+            if _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+                plans.planned[i] = True
+                continue
+            plans.idle[i] = now + rules.patience
+        is_open = count > 0 and _is_open(maps, i, now, rules, plans.path[i], plans.cursor[i] + 1, count)
+        if is_open and (goal < 0 or rules.keep or patrols):
+            continue
+        stand = plans.path[i, count - 1] if goal >= 0 and (rules.keep or patrols) else -1
+        _drop(plans, i)
+        if stand >= 0:
+            plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+            plans.goal[i] = goal if plans.steps[i] > 0 else -1
+        if plans.steps[i] == 0:
+            patrol.since[i] = 0
+            if (due or patrols) and not _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+                if _revisit(now, i, here, maps, plans, patrol, rules, tie_salts[i], work) or not stuck:
+                    plans.idle[i] = now + rules.patience
+                else:
+                    plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
+        plans.planned[i] = plans.steps[i] > 0
+
+
+@njit(cache=True)
+def way_ahead(plans, rules, columns, waypoints):
+    """Write the centres (x, y in m) of the cells still ahead of each robot into `waypoints` (n, longest, 2).
+
+    The step that the robot has reached is left out unless it is the last. Gives the counts (n,).
+    """
+    counts = np.zeros(len(plans.steps), np.int32)
+    for i in range(len(counts)):
+        first = min(plans.cursor[i] + 1, plans.steps[i] - 1)
+        for step in range(max(first, 0), plans.steps[i]):
+            waypoints[i, counts[i], 0] = rules.x0 + (plans.path[i, step] % columns + 0.5) * rules.cell
+            waypoints[i, counts[i], 1] = rules.y0 + (plans.path[i, step] // columns + 0.5) * rules.cell
+            counts[i] += 1
+    return counts
+
+
+def _forget_what_is_stale() -> None:
+    """Drop what numba has kept of this file if `search` is newer, whose edits its cache does not notice."""
+    edited = Path(search.__file__).stat().st_mtime
+    for index in Path(decide.stats.cache_path).glob(f"{Path(__file__).stem}.*.nbi"):
+        if index.stat().st_mtime < edited:
+            index.unlink(missing_ok=True)
+
+
+_forget_what_is_stale()
