@@ -80,3 +80,15 @@ class RunMeasures:
             "delivered_share": share_of(self._messages, self._links),
             "lost": self._lost,
         }
+
+
+def mean_value(curve: NDArray[np.float64], horizon: int | None = None) -> float | None:
+    """The area under a curve (t,), divided by its length: the mean of its values.
+
+    With a `horizon` (iterations) it is the mean up to there, and a curve that is shorter keeps its last value; only so
+    can runs of different lengths be compared. None for no iterations.
+    """
+    length = len(curve) if horizon is None else horizon
+    if length < 1 or len(curve) == 0:
+        return None
+    return float((curve[:length].sum() + curve[-1] * max(0, length - len(curve))) / length)

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Ended
 from swarmsim.core.parts import Curve
-from swarmsim.core.state import OCCUPIED, UNKNOWN
-from swarmsim.operations.mapping.measures import Quality, mean_coverage, quality
-from swarmsim.operations.mapping.replay import MapReplay
-from swarmsim.recording.measures import reached
+from swarmsim.operations.mapping.comparing import course, quality_of
+from swarmsim.operations.mapping.measures import Quality
+from swarmsim.recording.measures import mean_value, reached
 from swarmsim.recording.reader import Recording
 from swarmsim.view import plots
 
@@ -56,41 +55,26 @@ def costs(named: Mapping[str, Recording]) -> list[Cost]:
 
 
 def _cost(name: str, run: Recording, reference: Recording, horizon: int) -> Cost:
-    values, course, other = run[run.curve.name], _course(run), _course(reference)
+    values, mine, other = run[run.curve.name], course(run), course(reference)
     events = [event for event in run.events() if not isinstance(event, Ended)]
     faults = tuple(sorted({event.iteration for event in events}))
     summary = run.summary()
     both = summary["status"] == reference.summary()["status"] == "finished"
-    mean, base = mean_coverage(values, horizon), mean_coverage(reference[run.curve.name], horizon)
+    mean, base = mean_value(values, horizon), mean_value(reference[run.curve.name], horizon)
     return Cost(
         name=name,
         values=values,
         finished=summary["status"] == "finished",
         faults=faults,
-        slowdown=len(course) / len(other) if both else None,
+        slowdown=len(mine) / len(other) if both else None,
         mean=mean,
         ratio=mean / base if mean is not None and base else None,
-        lag=_lag(course, other, faults),
-        recovery=_recovery(course, faults),
-        quality=_quality(run),
+        lag=_lag(mine, other, faults),
+        recovery=_recovery(mine, faults),
+        quality=quality_of(run),
         messages=summary["messages"],
         lost=sum(summary["lost"].values()),
     )
-
-
-def _course(run: Recording) -> NDArray[np.float64]:
-    """How much of the task was done after each iteration (t,), 0 to 1; of mapping all that there is counts."""
-    return run["coverage"] if "changes" in run and run.curve.name == "coverage" else run.progress
-
-
-def _quality(run: Recording) -> Quality:
-    """How the collective map compares with the truth; nothing is defined where nobody maps."""
-    if "changes" not in run:
-        return Quality(None, None, None, None, 0)
-    maps = MapReplay(run)
-    maps.advance(run.iterations - 1)
-    union, domain = maps.collective(), run["domain"]
-    return quality(union == OCCUPIED, run["truth"], domain & (union != UNKNOWN))
 
 
 def _lag(mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequence[int]) -> int | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.state import UNKNOWN, Moment
-from swarmsim.recording.measures import jain, share_of
+from swarmsim.recording.measures import jain, mean_value, share_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,18 +21,6 @@ class Quality:
     f1: float | None  # 2 TP / (2 TP + FP + FN)
     iou: float | None  # TP / (TP + FP + FN)
     false_occupied: int  # FP, cells
-
-
-def mean_coverage(curve: NDArray[np.float64], horizon: int | None = None) -> float | None:
-    """The area under a coverage curve (t,), divided by its length: the mean of C(t), 0 to 1.
-
-    With a `horizon` (iterations) it is the mean up to there, and a map that is older than its run keeps its
-    last value; only so can runs of different lengths be compared. None for no iterations.
-    """
-    length = len(curve) if horizon is None else horizon
-    if length < 1 or len(curve) == 0:
-        return None
-    return float((curve[:length].sum() + curve[-1] * max(0, length - len(curve))) / length)
 
 
 def discovery_time(curve: NDArray[np.float64]) -> float | None:
@@ -179,7 +167,7 @@ class MapMeasures:
         union = np.array(self._union)
         times: dict[str, float | int | None] = {
             "coverage": float(union[-1]) if len(union) else 0.0,
-            "mean_coverage": mean_coverage(union),
+            "mean_coverage": mean_value(union),
             "discovery_time": discovery_time(union),
         }
         return {**times, **self._maps(), **self._work()}

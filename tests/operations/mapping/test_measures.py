@@ -24,7 +24,6 @@ from swarmsim.operations.mapping.measures import (
     disagreement,
     discovery_time,
     entropy,
-    mean_coverage,
     overlap,
     probability,
     quality,
@@ -33,7 +32,7 @@ from swarmsim.operations.mapping.measures import (
 )
 from swarmsim.operations.mapping.message import current_tile_bytes
 from swarmsim.operations.mapping.replay import MapReplay
-from swarmsim.recording.measures import RunMeasures, jain, reached
+from swarmsim.recording.measures import RunMeasures, jain, mean_value, reached
 from swarmsim.recording.reader import Recording
 
 LOG4 = math.log(4.0)  # the log-odds of p = 0.8
@@ -177,10 +176,10 @@ def test_times_to_a_share():
 
 
 def test_mean_coverage_holds_the_last_value_up_to_a_horizon():
-    assert mean_coverage(CURVE) == 2.25 / 4
-    assert mean_coverage(CURVE, 2) == 0.75 / 2
-    assert mean_coverage(CURVE, 10) == 8.25 / 10
-    assert mean_coverage(CURVE[:0]) is None
+    assert mean_value(CURVE) == 2.25 / 4
+    assert mean_value(CURVE, 2) == 0.75 / 2
+    assert mean_value(CURVE, 10) == 8.25 / 10
+    assert mean_value(CURVE[:0]) is None
 
 
 def test_discovery_time_is_the_mean_over_cells():
