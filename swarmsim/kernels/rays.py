@@ -197,7 +197,22 @@ def _behind(walls, s, px, py):
 
 @njit(cache=True, error_model="numpy")
 def sense(
-    pose, alive, ring, reach, walls, start, members, movers, coarse, lattice, radius, occlude, obstacle, tiles, origins
+    pose,
+    alive,
+    ring,
+    reach,
+    walls,
+    start,
+    members,
+    movers,
+    coarse,
+    lattice,
+    radius,
+    occlude,
+    obstacle,
+    tiles,
+    origins,
+    ranges,
 ):
     """Fill every robot's tile from its ring of beams.
 
@@ -205,7 +220,8 @@ def sense(
     in m, `walls` (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is
     `coarse` = (x0, y0, side, rows, columns); `movers` (p, 3), discs as x, y, radius, are obstacles as walls are;
     `lattice` = (x0, y0, cell). Robots, discs of `radius`, stop beams if `occlude`, and count as occupied cells if
-    `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2).
+    `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2), and into `ranges` (n, b), unless it has no rows,
+    how far beams go that something stops.
 
     A cell is free when some beam crosses at least a fifth of a cell of it (or starts there) on its way,
     and occupied, which outweighs free, when some beam ends in it.
@@ -250,6 +266,10 @@ def sense(
             cosines[b] = cos * ring[b, 0] - sin * ring[b, 1]
             sines[b] = sin * ring[b, 0] + cos * ring[b, 1]
         _cast(x, y, cosines, sines, reach, walls, near[:facing], discs[:others], distance, hit)
+        if len(ranges) > 0:
+            for b in range(beams):
+                if hit[b] >= 0:
+                    ranges[i, b] = distance[b]
         for b in range(beams):
             _mark(tiles[i], origins[i, 0], origins[i, 1], u, v, cosines[b], sines[b], distance[b] / cell, hit[b] >= 0)
         for b in range(beams):

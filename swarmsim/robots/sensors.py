@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Field, Sensor, Setting
-from swarmsim.core.state import Readings, State, Tiles
+from swarmsim.core.state import Beams, Readings, State, Tiles
 from swarmsim.kernels import rays
 
 
@@ -25,6 +25,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     beams: Annotated[int, Meta(ge=1, le=10_000)] = 72  # evenly round the robot
     reach: Annotated[float, Meta(gt=0.0)] = 1.0  # m
     robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
+    ranges: bool = False  # whether minds are given how far each beam goes besides the tile
 
     @property
     def margin(self) -> int:
@@ -51,7 +52,8 @@ class IrRingSensor:
     def __init__(self, parameters: IrRing, setting: Setting) -> None:
         lattice = setting.lattice
         corner = lattice.cell * math.hypot((parameters.tile[0] + 1) / 2, (parameters.tile[1] + 1) / 2)
-        self._reach = min(parameters.reach, corner)  # what lies beyond the tile is not looked for
+        # What lies beyond the tile is looked for only if ranges are asked for.
+        self._reach = parameters.reach if parameters.ranges else min(parameters.reach, corner)
         side = max(0.5 * self._reach, lattice.cell)
         rows = math.ceil(lattice.rows * lattice.cell / side)
         columns = math.ceil(lattice.columns * lattice.cell / side)
@@ -61,6 +63,7 @@ class IrRingSensor:
         angles = np.arange(parameters.beams) * (2.0 * np.pi / parameters.beams)
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._working = np.arange(parameters.beams)
+        self._bearings = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
         self._radius = setting.robots.radius
         self._parameters = parameters
@@ -88,6 +91,7 @@ class IrRingSensor:
             self._prepare()
         values = np.empty((state.robots, *parameters.tile), np.uint8)
         origins = np.empty((state.robots, 2), np.int32)
+        ranges = np.full((state.robots if parameters.ranges else 0, len(self._ring)), np.inf)
         rays.sense(
             state.pose,
             state.alive,
@@ -103,8 +107,10 @@ class IrRingSensor:
             parameters.robots == "occupied",
             values,
             origins,
+            ranges,
         )
-        return Readings(Tiles(values, origins))
+        beams = Beams(self._bearings[self._working], ranges) if parameters.ranges else None
+        return Readings(Tiles(values, origins), beams)
 
 
 class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -124,8 +124,18 @@ class Canvas:
             x, y = self._columns[c], self._rows[r + 1]
             self._plain.fill(colours[cells[r, c]], (x, y, self._columns[c + 1] - x, self._rows[r] - y))
         self._ground.blit(self._plain, (0, 0))
+        if self._scene.has_field:
+            self._field(row)
         self._ground.blit(self._edges, (0, 0))
         self._cells, self._row = cells, row
+
+    def _field(self, row: int) -> None:
+        """Colour the floor by what robots make of the field."""
+        shares = self._scene.estimate(row)
+        colours = symbols.heat(np.nan_to_num(shares))
+        for r, c in np.argwhere(np.isfinite(shares)).tolist():
+            x, y = self._columns[c], self._rows[r + 1]
+            self._ground.fill(colours[r, c].tolist(), (x, y, self._columns[c + 1] - x, self._rows[r] - y))
 
     def _changes(self, shot: Shot) -> None:
         """Draw the boxes that stand in the building besides its plan."""

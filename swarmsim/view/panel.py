@@ -182,6 +182,7 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
         ("dead", "dead robot"),
         ("removed", "where a robot was removed"),
         ("box", "box that was not there, or is moved"),
+        ("field", "the field, as robots estimate it"),
         ("free", "free, in the map of any robot"),
         ("seen", "occupied, in the map of any robot"),
         ("unexplored", "floor in no map yet"),
@@ -193,6 +194,7 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
     ]
     rare = {kind: kind in scene.signs for kind in ("fault", "dead", "removed", "box")}
     rare |= {"mark": bool(scene.marks), "tile": rows > 0, "aim": scene.walks, "heading": scene.has_headings}
+    rare["field"] = scene.has_field
     rare |= dict.fromkeys(("free", "seen", "unexplored"), scene.has_maps)
     return [(kind, text) for kind, text in signs if rare.get(kind, True)]
 
@@ -233,6 +235,10 @@ def _sign(surface: pygame.Surface, kind: str, at: tuple[int, int], unit: float) 
         case "curves":
             surface.fill(symbols.BAND, box(-9, 0, 18, 6))
             surface.fill(symbols.CURVE, box(-9, -4, 18, 2))
+        case "field":
+            for step in range(7):
+                shade = symbols.heat(np.array(step / 6.0)).tolist()
+                surface.fill(shade, box(-10 + 20 * step / 7, -5, 20 / 7 + 1, 10))
         case "mark":
             surface.fill(symbols.MARK, box(-1, -7, 2, 14))
         case _:

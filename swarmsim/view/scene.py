@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.state import UNKNOWN
+from swarmsim.operations.fields.replay import FieldReplay, holds_estimates
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.view.occurrences import Mark, Note, Occurrences
@@ -78,6 +79,11 @@ class Scene:
         #: Rows and columns of a tile; 0, 0 if robots have none.
         self.tile: tuple[int, int] = recording["tiles"].shape[2:] if "tiles" in recording else (0, 0)
         self.has_maps = "changes" in recording
+        #: What robots make of a field, if they estimate one.
+        self._field = (
+            FieldReplay(recording, (0.0, 0.0, plan.width, plan.height)) if holds_estimates(recording) else None
+        )
+        self.has_field = self._field is not None
         self.has_headings = "heading" in recording
         #: Whether there are ways and goals to show.
         self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
@@ -131,6 +137,18 @@ class Scene:
             headings=recording["heading"][row] if self.has_headings else None,
             messages=int(self._messages[row]),
         )
+
+    def estimate(self, row: int) -> NDArray[np.float64]:
+        """The field as robots estimate it in the mean (rows, columns): 0 and 1 are its ends on the floor at the end.
+
+        NaN where there is no floor.
+        """
+        assert self._field is not None
+        floor = self._recording["domain"]
+        last = self._field.mean(self.iterations - 1)[floor]
+        low, high = float(last.min()), float(last.max())
+        shares = np.clip((self._field.mean(row) - low) / ((high - low) or 1.0), 0.0, 1.0)
+        return np.where(floor, shares, np.nan)
 
     def height(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where values of the curve lie between the ends of its axis, 0 to 1."""

@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
+import numpy as np
 import pygame
+from numpy.typing import NDArray
 
 Colour = tuple[int, int, int]  # red, green, blue
 Pixel = tuple[float, float]
@@ -15,6 +17,7 @@ BACKGROUND: Colour = (17, 20, 27)
 UNEXPLORED: Colour = (43, 49, 61)
 SOLIDS: dict[str, Colour] = {"walls": (88, 97, 114), "pillars": (104, 112, 128), "furniture": (112, 104, 92)}
 FREE: Colour = (238, 234, 224)
+HOT: Colour = (176, 62, 38)  # where a field is greatest; FREE is where it is least
 SEEN: Colour = (148, 106, 66)  # a cell in which a beam ended
 EDGE: Colour = (30, 33, 40)
 TEXT: Colour = (232, 235, 240)
@@ -161,3 +164,9 @@ def tile(surface: pygame.Surface, area: pygame.Rect, colour: Colour) -> None:
     tint.fill((*colour, 34))
     pygame.draw.rect(tint, (*colour, 150), tint.get_rect(), 1)
     surface.blit(tint, area)
+
+
+def heat(shares: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """The colours (..., 3) of shares from 0 to 1 of a field: one hue, ever darker."""
+    low, high = np.array(FREE, np.float64), np.array(HOT, np.float64)
+    return np.rint(low + shares[..., None] * (high - low)).astype(np.uint8)

@@ -42,7 +42,8 @@ def refusal(path: Path, *overrides: str) -> str:
 
 def test_a_small_file_gets_every_default_written_out(tmp_path: Path) -> None:
     read = load(scenario(tmp_path))
-    assert read.sensor == {"use": "ir-ring", "tile": [6, 7], "beams": 72, "reach": 1.0, "robots": "ignored"}
+    ring = {"tile": [6, 7], "beams": 72, "reach": 1.0, "robots": "ignored", "ranges": False}
+    assert read.sensor == {"use": "ir-ring", **ring}
     assert read.network.channel == {"use": "perfect"}
     assert read.stop.iterations == 5000
     assert read.grid.cell == 0.15

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import shapely
-from conftest import building
+from conftest import building, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
@@ -476,3 +476,29 @@ def test_from_inside_a_closed_box_nothing_outside_is_observed(angle):
                 assert inside if value == FREE else box.distance(inner) <= 1e-5
                 observed += 1
     assert observed > 1000
+
+
+def test_ranges_are_those_of_single_beams_and_tiles_stay_as_they_are() -> None:
+    walls = np.array([[0.0, 0.0, 0.0, 5.0], [0.0, 5.0, 6.0, 5.0], [6.0, 5.0, 6.0, 0.0], [6.0, 0.0, 0.0, 0.0]])
+    rng = np.random.default_rng(8)
+    pose = np.column_stack([rng.uniform(0.3, 5.7, 9), rng.uniform(0.3, 4.7, 9), rng.uniform(-3.0, 3.0, 9)])
+    alive = np.arange(9) != 4
+    state = State(0, pose, np.zeros((9, 3)), np.zeros((9, 2)), alive)
+    setting = setting_of(9, shape=(40, 48), walls=walls)
+    plain = IrRing().build(setting).sense(state)
+    both = IrRing(ranges=True, reach=1.0).build(setting).sense(state)
+    assert plain.beams is None
+    np.testing.assert_array_equal(both.tiles.values, plain.tiles.values)
+    for robot in range(9):
+        if not alive[robot]:
+            assert np.isinf(both.beams.ranges[robot]).all()
+            continue
+        angles = pose[robot, 2] + both.beams.bearings
+        u = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        with np.errstate(divide="ignore"):
+            to = np.concatenate([(side - pose[robot, :2]) / u for side in (np.zeros(2), np.array([6.0, 5.0]))], axis=1)
+        expected = np.where(to > 0.0, to, np.inf).min(axis=1)
+        np.testing.assert_allclose(both.beams.ranges[robot], np.where(expected <= 1.0, expected, np.inf), atol=1e-9)
+    dead = IrRing(ranges=True).build(setting).without([0, 5]).sense(state)
+    assert dead.beams.ranges.shape == (9, 70)
+    assert len(dead.beams.bearings) == 70

@@ -16,7 +16,12 @@ from scipy import stats
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import read_rows
 from swarmsim.operations.fields.estimate import Basis
+from swarmsim.operations.fields.replay import FieldReplay
 from swarmsim.operations.fields.truth import Formula, FormulaField, Picture, PictureField, Source, SourceField, Sources
+from swarmsim.recording.reader import Recording
+from swarmsim.view import symbols
+from swarmsim.view.canvas import Canvas
+from swarmsim.view.scene import Scene
 
 FIELD, MOVING = "operations/field", "operations/moving-field"
 PAGE = (0.0, 0.0, 8.0, 4.0)
@@ -167,3 +172,40 @@ def test_the_average_of_a_measured_field_is_agreed_on() -> None:
     place = moments[0].state.pose
     assert_allclose(moments[-1].knowledge.value, (20 + place[:, 0] - place[:, 1] / 2).mean(), atol=1e-6)
     assert Formula(formula="x").noise == 0.0
+
+
+def test_a_film_shows_the_field_as_robots_estimate_it(tmp_path: Path) -> None:
+    run = made("stop.iterations=60", scenario=FIELD)
+    moments = []
+
+    class Keep:
+        def sample(self, moment) -> None:
+            moments.append(moment)
+
+    with run.recorder(tmp_path / "r.h5") as recorder:
+        run.simulation.run([recorder, Keep()])
+    recording = Recording(tmp_path / "r.h5")
+    replay = FieldReplay(recording, (0.0, 0.0, 8.0, 8.0))
+    points = recording.lattice.centres(np.array([[10, 20], [40, 13]]))
+    expected = moments[30].knowledge.at(points).mean(axis=0)
+    assert_allclose(replay.mean(30)[[10, 40], [20, 13]], expected, atol=1e-12)
+    scene = Scene(recording)
+    shares = scene.estimate(59)
+    assert np.nanmin(shares) == 0.0
+    assert np.nanmax(shares) == 1.0
+    assert np.isnan(shares[0, 0])
+    canvas = Canvas(scene, (1280, 720))
+    surface = canvas.draw(60)
+    row, column = np.argwhere(shares == 1.0)[0]
+    x, y = np.rint(canvas.pixels(recording.lattice.centres(np.array([row, column])))).astype(int)
+    seen = np.array([surface.get_at((int(x) + dx, int(y) + dy))[:3] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
+    assert (np.abs(seen - symbols.HOT).max(axis=1) < 12).any()
+    assert symbols.heat(np.array([0.0, 1.0])).tolist() == [list(symbols.FREE), list(symbols.HOT)]
+    assert not Scene(_room(tmp_path)).has_field
+
+
+def _room(folder: Path) -> Recording:
+    run = made("stop.iterations=3")
+    with run.recorder(folder / "room.h5") as recorder:
+        run.simulation.run([recorder])
+    return Recording(folder / "room.h5")

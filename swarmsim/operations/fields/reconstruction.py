@@ -14,9 +14,7 @@ from swarmsim.core.parts import Curve, Field, Setting, Summary
 from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.operations.fields.estimate import Reconstruction
 
-CURVE: Final = Curve(
-    "error", "error over the field's deviation, %", scale=100.0, low=0.0, robots="errors", format=".1f", rises=False
-)
+CURVE: Final = Curve("error", "relative error, %", scale=100.0, low=0.0, robots="errors", format=".1f", rises=False)
 POINTS: Final = 2000  # where truth and estimates are compared, at most
 
 
