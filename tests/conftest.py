@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from swarmsim.core.building import Building, Survey
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
-from swarmsim.core.parts import Building, Setting, Survey
+from swarmsim.core.parts import Setting
 from swarmsim.core.scenario import Robots, load
 from swarmsim.core.state import Intents, Moment, Observations, Readings
 from swarmsim.core.streams import Streams

@@ -153,7 +153,7 @@ def schema() -> None:
 
     Example: swarmsim schema > scenario.schema.json
     """
-    from swarmsim.core.scenario import schema as scenario_schema
+    from swarmsim.core.schema import schema as scenario_schema
 
     print(json.dumps(scenario_schema(), indent=2))
 

@@ -15,10 +15,10 @@ from msgspec import field as of
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.files import Table, with_files
 
 Positive = Annotated[float, Meta(gt=0.0)]
 Count = Annotated[int, Meta(ge=1, le=100_000)]
-Table = dict[str, Any]  # `use` and the keys of the part it names
 
 
 class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -218,68 +218,6 @@ def shape(table: Table, name: str) -> Scenario:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def with_files(table: Table, folder: Path, place: str = "") -> Table:
-    """The table with paths in it, or in tables inside it, resolved from `folder`.
-
-    A value {file = "x.csv"} becomes the rows of that file; the path in `use = "./file.py:Name"` is written out. Raises
-    InputError, which starts with the key (after `place`).
-    """
-    filled = dict(table)
-    use = table.get("use")
-    if isinstance(use, str) and use.rpartition(":")[0].endswith(".py"):
-        file, _, own = use.rpartition(":")
-        filled["use"] = f"{os.path.normpath(folder / file)}:{own}"
-    for key, value in table.items():
-        if isinstance(value, dict) and value.keys() == {"file"} and isinstance(value["file"], str):
-            try:
-                filled[key] = read_rows(folder / value["file"])
-            except InputError as problem:
-                raise InputError(f"{place}{key}: {problem}") from problem
-        elif isinstance(value, dict):
-            filled[key] = with_files(value, folder, f"{place}{key}.")
-    return filled
-
-
-def read_rows(path: Path) -> list[list[int | float]]:
-    """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
-
-    Levels are 0 for black to 1 for white.
-
-    Raises InputError, which names the file and the line.
-    """
-    if path.suffix.lower() == ".png":
-        return _grey_levels(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets mark UTF-8 in the first bytes
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a CSV file of numbers") from problem
-    except UnicodeDecodeError as problem:
-        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a CSV file of numbers") from problem
-    rows = []
-    for number, line in enumerate(lines, start=1):
-        if line.strip():
-            try:
-                rows.append(msgspec.json.decode(f"[{line}]", type=list[int | float]))
-            except msgspec.DecodeError as problem:
-                raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r} is not a row of numbers; "
-                    "expected numbers with commas between them, as in 0,1"
-                ) from problem
-    return rows
-
-
-def _grey_levels(path: Path) -> list[list[int | float]]:
-    from PIL import Image  # takes a while, and few scenarios need it
-
-    try:
-        with Image.open(path) as picture:
-            grey = picture.convert("L")
-            levels, width = list(grey.tobytes()), grey.width
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as problem:
-        raise InputError(f"{path}: cannot be read ({problem}); expected a PNG picture") from problem
-    return [[level / 255.0 for level in levels[at : at + width]] for at in range(0, len(levels), width)]
-
-
 def set_key(table: Table, override: str) -> None:
     """Set one dotted key of a scenario table, as in `robots.count=20`. Raises InputError."""
     path, equals, text = override.partition("=")
@@ -307,43 +245,3 @@ def assign(table: Table, path: str, value: Any) -> None:
             raise InputError(f"{'.'.join(keys[: depth + 1])} is {inner!r}, not a table")
         table = inner
     table[keys[-1]] = value
-
-
-def schema() -> dict[str, Any]:
-    """The JSON Schema of scenario files, with every installed part, for editors."""
-    _, parts = msgspec.json.schema_components([Scenario], ref_template="#/$defs/{name}")
-    root: dict[str, Any] = parts.pop("Scenario")
-    defs: dict[str, Any] = dict(parts)
-    root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
-    for seam in registry.SEAMS:
-        choices: list[dict[str, Any]] = []
-        for name, kind in registry.known(seam).items():
-            (described,), inner = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
-            part = inner.pop(described["$ref"].rpartition("/")[2])
-            defs.update(inner)
-            keys = {key: _or_file(value) for key, value in part["properties"].items()}
-            part["properties"] = {"use": {"const": name}, **keys}
-            required = [] if name == registry.SEAMS[seam] else ["use"]
-            part["required"] = required + part.get("required", [])
-            choices.append(part)
-        choices.append(
-            {"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]}
-        )
-        if seam == "fault":
-            root["properties"]["faults"] = {"type": "array", "items": {"anyOf": choices}}
-        elif seam in PLACES:
-            *outer, key = PLACES[seam]
-            place = defs[outer[0].capitalize()] if outer else root
-            place["properties"][key] = {"anyOf": choices}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **root,
-        "title": "swarmsim scenario",
-        "$defs": defs,
-    }
-
-
-def _or_file(described: dict[str, Any]) -> dict[str, Any]:
-    """A key's schema; an array may be the rows of a file instead."""
-    rows = {"type": "object", "properties": {"file": {"type": "string"}}, "required": ["file"]}
-    return {"anyOf": [described, rows]} if described.get("type") == "array" else described

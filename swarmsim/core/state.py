@@ -15,7 +15,8 @@ from swarmsim.core.events import Event
 from swarmsim.core.messages import Delivery, Inbox
 
 if TYPE_CHECKING:
-    from swarmsim.core.parts import Building, Setting
+    from swarmsim.core.building import Building
+    from swarmsim.core.parts import Setting
 
 UNKNOWN = 0  #: value of a cell that nobody observed
 FREE = 1  #: value of a cell observed to be empty

@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
+from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.parts import Building, Calendar, Computation, Fault, Parts, Sensor, Setting, Strategy, Survey, Task
-from swarmsim.core.scenario import PLACES, Robots, Scenario, Table, World
+from swarmsim.core.files import Table
+from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Sensor, Setting, Strategy, Task
+from swarmsim.core.scenario import PLACES, Robots, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams

@@ -12,7 +12,7 @@ import msgspec
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Table
+from swarmsim.core.files import Table
 
 KIND = re.compile(r"[A-Za-z][\w-]*|[A-Za-z_][\w.]*:[A-Za-z_]\w*|[\w./-]+\.py:[A-Za-z_]\w*", re.ASCII)  # a name, or code
 WORD = re.compile(r"[A-Za-z_][\w.:/-]*", re.ASCII)  # what may stand without quotes

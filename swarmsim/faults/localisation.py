@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core import chance
+from swarmsim.core.building import Building
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Building, Motion, Parts, Setting, WheelSpeeds
 from swarmsim.core.parts import Localisation as LocalisationPart
+from swarmsim.core.parts import Motion, Parts, Setting, WheelSpeeds
 from swarmsim.core.state import Intents, Readings, State, Tiles
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline

@@ -8,7 +8,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core.parts import Building, Links, Setting
+from swarmsim.core.building import Building
+from swarmsim.core.parts import Links, Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph, rays, sight
 from swarmsim.network.topology import Degree, check_degree

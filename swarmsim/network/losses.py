@@ -10,9 +10,10 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.building import Building, Walls
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Letters
-from swarmsim.core.parts import Building, Channel, Links, Setting, Walls
+from swarmsim.core.parts import Channel, Links, Setting
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost
 

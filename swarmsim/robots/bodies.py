@@ -11,7 +11,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from pymunk import batch
 
-from swarmsim.core.parts import Building, Crowd, Motion, Setting
+from swarmsim.core.building import Building, Crowd
+from swarmsim.core.parts import Motion, Setting
 from swarmsim.core.scenario import Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive

@@ -16,8 +16,9 @@ from msgspec import Meta, Struct
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, Table, assign, decode, read_toml, spelled_out, tables
+from swarmsim.core.scenario import Scenario, assign, decode, read_toml, spelled_out, tables
 from swarmsim.engine.build import build, read_world
 from swarmsim.recording.digests import versions
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event
-from swarmsim.core.scenario import Scenario, Table
+from swarmsim.core.files import Table
+from swarmsim.core.scenario import Scenario
 from swarmsim.faults.in_words import described
 
 #: What begins and ends with a fault that is not called as its scenario's table.

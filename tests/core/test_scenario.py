@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, decode, load, schema
+from swarmsim.core.scenario import Scenario, decode, load
+from swarmsim.core.schema import schema
 
 SMALL = """
 title = "t"

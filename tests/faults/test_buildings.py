@@ -456,7 +456,7 @@ class Maps:
 
 
 def test_delays_count_from_the_first_iteration_with_the_change() -> None:
-    from swarmsim.core.parts import Building, Survey
+    from swarmsim.core.building import Building, Survey
     from swarmsim.core.state import State
 
     free, wall = np.zeros((2, 4), bool), np.zeros((2, 4), bool)

@@ -4,7 +4,8 @@ import pytest
 from test_topology import pairs, topology
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import load, with_files
+from swarmsim.core.files import with_files
+from swarmsim.core.scenario import load
 
 
 def test_edges_are_the_listed_links_in_order():

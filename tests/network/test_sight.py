@@ -9,7 +9,7 @@ from conftest import building
 from numpy.testing import assert_array_equal
 from test_topology import swarm, topology
 
-from swarmsim.core.parts import Building, Survey
+from swarmsim.core.building import Building, Survey
 
 
 def seen(positions, walls, radius=np.inf):

@@ -11,6 +11,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.forms import Last
 from swarmsim.core.messages import Columns, PlainCodec, Said
 from swarmsim.core.parts import Curve, Setting, Summary
 from swarmsim.core.state import Estimates, Knowledge, Measured, Moment, Observations
@@ -139,19 +140,4 @@ class AgreementTask:
 
     def summaries(self) -> Sequence[Summary]:
         """The last errors."""
-        return (AgreementMeasures(),)
-
-
-class AgreementMeasures:
-    """A probe that keeps the last errors."""
-
-    def __init__(self) -> None:
-        self._last: dict[str, float] = {}
-
-    def sample(self, moment: Moment) -> None:
-        """Take note of one iteration."""
-        self._last = dict(moment.measured.values)
-
-    def summary(self) -> dict[str, float | int | None]:
-        """The largest error and the spread at the end."""
-        return {"error_end": self._last.get("error"), "spread_end": self._last.get("spread")}
+        return (Last(),)

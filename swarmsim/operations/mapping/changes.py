@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Building
+from swarmsim.core.building import Building
 from swarmsim.core.state import Moment
 
 Cells = NDArray[np.bool_]  # (rows, columns)

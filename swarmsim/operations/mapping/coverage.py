@@ -8,7 +8,8 @@ from typing import Annotated, Final
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core.parts import Building, Curve, Setting, Summary
+from swarmsim.core.building import Building
+from swarmsim.core.parts import Curve, Setting, Summary
 from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.changes import ChangeMeasures

@@ -1,0 +1,75 @@
+"""Tables of numbers, pictures and code that stand in files beside a scenario."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from swarmsim.core.errors import InputError
+
+Table = dict[str, Any]  # `use` and the keys of the part it names, or a whole scenario
+
+
+def with_files(table: Table, folder: Path, place: str = "") -> Table:
+    """The table with paths in it, or in tables inside it, resolved from `folder`.
+
+    A value {file = "x.csv"} becomes the rows of that file; the path in `use = "./file.py:Name"` is written out. Raises
+    InputError, which starts with the key (after `place`).
+    """
+    filled = dict(table)
+    use = table.get("use")
+    if isinstance(use, str) and use.rpartition(":")[0].endswith(".py"):
+        file, _, own = use.rpartition(":")
+        filled["use"] = f"{os.path.normpath(folder / file)}:{own}"
+    for key, value in table.items():
+        if isinstance(value, dict) and value.keys() == {"file"} and isinstance(value["file"], str):
+            try:
+                filled[key] = read_rows(folder / value["file"])
+            except InputError as problem:
+                raise InputError(f"{place}{key}: {problem}") from problem
+        elif isinstance(value, dict):
+            filled[key] = with_files(value, folder, f"{place}{key}.")
+    return filled
+
+
+def read_rows(path: Path) -> list[list[int | float]]:
+    """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
+
+    Levels are 0 for black to 1 for white.
+
+    Raises InputError, which names the file and the line.
+    """
+    if path.suffix.lower() == ".png":
+        return _grey_levels(path)
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets mark UTF-8 in the first bytes
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a CSV file of numbers") from problem
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a CSV file of numbers") from problem
+    rows = []
+    for number, line in enumerate(lines, start=1):
+        if line.strip():
+            try:
+                rows.append(msgspec.json.decode(f"[{line}]", type=list[int | float]))
+            except msgspec.DecodeError as problem:
+                raise InputError(
+                    f"{path}, line {number}: {line.strip()[:60]!r} is not a row of numbers; "
+                    "expected numbers with commas between them, as in 0,1"
+                ) from problem
+    return rows
+
+
+def _grey_levels(path: Path) -> list[list[int | float]]:
+    from PIL import Image  # takes a while, and few scenarios need it
+
+    try:
+        with Image.open(path) as picture:
+            grey = picture.convert("L")
+            levels, width = list(grey.tobytes()), grey.width
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as problem:
+        raise InputError(f"{path}: cannot be read ({problem}); expected a PNG picture") from problem
+    return [[level / 255.0 for level in levels[at : at + width]] for at in range(0, len(levels), width)]
