@@ -21,7 +21,8 @@ from swarmsim.core.scenario import PLACES, Robots, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
-from swarmsim.engine.guard import built, guarded, margin_of
+from swarmsim.engine.foreign import blamed, built, foreign, installed, margin_of
+from swarmsim.engine.guard import guarded, held_field
 from swarmsim.engine.simulation import Simulation
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.sensors import with_field
@@ -76,7 +77,7 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
     setting = replace(setting, start=_start(setting, arena.name))
     if "field" in tables:
-        setting = replace(setting, scalar_field=_make("field", tables["field"], setting))
+        setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting)))
 
     def make(seam: str) -> Any:
         return _make(seam, tables[seam], setting)
@@ -97,14 +98,19 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
         _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
-    parts = guarded(parts, setting, strict)
+    held = list(registry.SEAMS) if strict else [seam for seam, table in tables.items() if foreign(seam, table)]
+    parts = guarded(parts, setting, held)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
-            parts = fault.install(parts)
+            parts = installed(fault, parts, table)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    simulation = Simulation(parts, scenario.period, stop.iterations, stop.when_done)
+    theirs = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
+    files = {file: name for each in theirs for file, name in each.items()}
+    simulation = Simulation(
+        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files)
+    )
     return Run(scenario, world, arena, plain.domain, simulation, setting)
 
 

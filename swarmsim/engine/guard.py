@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,8 +18,10 @@ from swarmsim.core.parts import (
     Channel,
     Computation,
     Curve,
+    Field,
     Links,
     Localisation,
+    Motion,
     Parts,
     Sensor,
     Setting,
@@ -29,41 +29,13 @@ from swarmsim.core.parts import (
     Summary,
     Task,
     Topology,
+    WheelSpeeds,
 )
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
 from swarmsim.engine import contracts
+from swarmsim.engine.foreign import told
 
-MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-_PACKAGE: Final = Path(__file__).parents[1]
 T = TypeVar("T")
-
-
-def margin_of(sensor: msgspec.Struct) -> int:
-    """How many cells a sensor's tiles reach beyond the cell of their robot, at most."""
-    margin: int = getattr(sensor, "margin", MARGIN)
-    return margin
-
-
-def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
-    """The part that a table describes. Raises InputError, also for whatever somebody else's `build` raises."""
-    parameters = registry.part(seam, table)
-    if registry.is_ours(parameters):
-        return parameters.build(setting)
-    try:
-        return parameters.build(setting)
-    except InputError:
-        raise
-    except Exception as problem:
-        raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
-
-
-def told(problem: BaseException) -> str:
-    """An exception in words, with the lines of code outside of this package that led to it."""
-    frames = [f for f in traceback.extract_tb(problem.__traceback__) if _PACKAGE not in Path(f.filename).parents]
-    own = [f for f in frames if "site-packages" not in f.filename] or frames
-    lines = "".join(f"\n  {frame.filename}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in own)
-    whose = "".join(f", {note}" for note in getattr(problem, "__notes__", ()))
-    return f"{type(problem).__name__}: {problem}{whose}{lines}"
 
 
 class Guard:
@@ -246,18 +218,57 @@ class GuardedTask(Guard):
         return self._part.summaries()
 
 
-def guarded(parts: Parts, setting: Setting, ours: bool = False) -> Parts:
-    """The same parts, those that are not ours held to their contracts, or with `ours` all of them."""
+class GuardedMotion(Guard):
+    """Wheel speeds for every robot."""
+
+    _part: Motion
+
+    def __init__(self, part: Motion, setting: Setting) -> None:
+        super().__init__("motion", part)
+        self._robots = setting.robots.count
+
+    def follow(self, intents: Intents) -> None:
+        """Pass them on."""
+        self._call(self._iteration + 1, lambda: self._part.follow(intents), lambda _: None)
+
+    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
+        """The wheel speeds, checked at every sub-step."""
+        return self._call(
+            self._iteration,
+            lambda: self._part.command(pose),
+            lambda found: contracts.array("command", found, np.float64, self._robots, 2),
+        )
+
+
+class GuardedField(Guard):
+    """One number for each point."""
+
+    _part: Field
+
+    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values, checked."""
+        return self._call(
+            self._iteration,
+            lambda: self._part.value(time, points),
+            lambda found: contracts.array("value", found, np.float64, len(points)),
+        )
+
+
+def held_field(field: Field) -> Field:
+    """The field; one that is not ours is held to its contract."""
+    return field if registry.is_ours(field) else GuardedField("field", field)
+
+
+def guarded(parts: Parts, setting: Setting, held: Collection[str]) -> Parts:
+    """The same parts, those of these seams held to their contracts."""
     wrap: dict[str, Callable[[Any], Any]] = {
         "sensor": lambda part: GuardedSensor("sensor", part),
         "localisation": lambda part: GuardedLocalisation("localisation", part),
         "topology": lambda part: GuardedTopology("topology", part),
+        "motion": lambda part: GuardedMotion(part, setting),
         "channel": lambda part: GuardedChannel("channel", part),
         "computation": lambda part: GuardedComputation(part, setting),
         "strategy": lambda part: GuardedStrategy("strategy", part),
         "task": lambda part: GuardedTask("task", part),
     }
-    held = {
-        seam: make(part) for seam, make in wrap.items() if not registry.is_ours(part := getattr(parts, seam)) or ours
-    }
-    return replace(parts, **held)
+    return replace(parts, **{seam: make(getattr(parts, seam)) for seam, make in wrap.items() if seam in held})

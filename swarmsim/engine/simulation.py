@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
+from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import PostOffice
 from swarmsim.core.parts import Now, Parts, Probe
@@ -15,16 +16,25 @@ from swarmsim.core.state import Moment, Observations
 class Simulation:
     """A swarm in a building, advanced one iteration at a time until its task is done."""
 
-    def __init__(self, parts: Parts, period: float, limit: int, when_done: Literal["stop", "go-on"] = "stop") -> None:
+    def __init__(
+        self,
+        parts: Parts,
+        period: float,
+        limit: int,
+        when_done: Literal["stop", "go-on"] = "stop",
+        blamed: Callable[[Exception], str | None] = lambda problem: None,
+    ) -> None:
         """`limit` is the number of iterations after which the run ends unfinished, `period` the duration of one in s.
 
-        A run that goes on `when_done` ends at the limit, but finished.
+        A run that goes on `when_done` ends at the limit, but finished. `blamed` tells which part that is not ours has
+        raised an exception, if one has.
         """
         self.parts = parts
         self.state = parts.bodies.state()
         #: The iterations after which the task was first done; None if it has not been.
         self.finished_after: int | None = None
         self._period, self._limit, self._stops = period, limit, when_done == "stop"
+        self._blamed = blamed
         self._post: PostOffice[Any] = PostOffice()
         self._now = Now(0, self.state, self.state, 0.0)
 
@@ -45,6 +55,18 @@ class Simulation:
         return self.finished
 
     def tick(self, probes: Sequence[Probe] = ()) -> Moment:
+        """One iteration, as `_tick` does it. Raises PartError for what a part that is not ours raises."""
+        try:
+            return self._tick(probes)
+        except (InputError, PartError):
+            raise
+        except Exception as problem:
+            whose = self._blamed(problem)
+            if whose is None:
+                raise
+            raise PartError(f"iteration {self.state.iteration}, {whose}") from problem
+
+    def _tick(self, probes: Sequence[Probe]) -> Moment:
         """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves."""
         parts = self.parts
         events = parts.calendar.advance(self._now)

@@ -17,7 +17,7 @@ from swarmsim.core.scenario import tables
 from swarmsim.core.state import Beams, Intents, Observations, Readings, Tiles
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
-from swarmsim.engine.guard import built
+from swarmsim.engine.foreign import built
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 

@@ -205,6 +205,135 @@ def test_a_strategy_that_breaks_its_contract_is_refused_with_its_own_lines(own, 
     assert str(ROOT / "swarmsim") not in str(refused.value)
 
 
+FAILING = """
+from dataclasses import replace
+
+import numpy as np
+from msgspec import Struct
+from swarmsim.operations.mapping.sharing import CurrentTile
+from swarmsim.robots.motion import PurePursuit
+from swarmsim.robots.particles import Particles, PointBodies
+
+
+class Base(Struct, frozen=True):
+    wrong: bool = False
+
+
+class Fields(Base, frozen=True):
+    noise: float = 0.0
+
+    def build(self, setting):
+        return self
+
+    def value(self, time, points):
+        if time < 2.0:
+            return np.zeros(len(points))
+        return np.zeros((1, 1)) if self.wrong else 1 // 0
+
+
+class Motions(Base, frozen=True):
+    def build(self, setting):
+        return Motion(PurePursuit().build(setting), self.wrong)
+
+
+class Motion:
+    def __init__(self, inner, wrong):
+        self.inner, self.wrong, self.count = inner, wrong, 0
+
+    def follow(self, intents):
+        self.count += 1
+        self.inner.follow(intents)
+
+    def command(self, pose):
+        if self.count > 2:
+            return np.full((3, 2), np.nan) if self.wrong else 1 // 0
+        return self.inner.command(pose)
+
+
+class Physics(Base, frozen=True):
+    def build(self, setting):
+        return Bodies(Particles(), setting)
+
+
+class Bodies(PointBodies):
+    def drive(self, motion, period):
+        if self._iteration == 2:
+            return 1 // 0
+        return super().drive(motion, period)
+
+
+class Shares(Base, frozen=True):
+    def build(self, setting):
+        return Sharing(CurrentTile().build(setting), self.wrong)
+
+
+class Sharing:
+    codec = property(lambda self: self.inner.codec)
+
+    def __init__(self, inner, wrong):
+        self.inner, self.wrong = inner, wrong
+        self.taken = inner.taken
+
+    def say(self, observations, maps):
+        said = self.inner.say(observations, maps)
+        if observations.iteration < 2:
+            return said
+        return replace(said, sizes=said.sizes.astype(float)) if self.wrong else 1 // 0
+
+
+class Faults(Base, frozen=True):
+    def build(self, setting):
+        return self
+
+    def install(self, parts):
+        parts.calendar.enter(self)
+        return parts
+
+    def advance(self, now):
+        return 1 // 0 if now.iteration == 2 else ()
+"""
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        (["field={use='./failing.py:Fields'}"], r"field failing\.py:Fields, iteration \d+: ZeroDivisionError"),
+        (
+            ["field={use='./failing.py:Fields', wrong=true}"],
+            r"field failing\.py:Fields, .*value: float64 of shape",
+        ),
+        (["motion={use='./failing.py:Motions'}"], r"motion failing\.py:Motion, iteration 3: ZeroDivisionError"),
+        (["motion={use='./failing.py:Motions', wrong=true}"], r"motion .*command: \[0, 0\] is not finite"),
+        (["physics={use='./failing.py:Physics'}"], r"iteration 2, physics .*failing\.py:Physics: ZeroDivisionError"),
+        (["mind.computation.share={use='./failing.py:Shares'}"], r"computation .*, iteration 2: ZeroDivisionError"),
+        (
+            ["mind.computation.share={use='./failing.py:Shares', wrong=true}"],
+            r"computation .*2: sizes: float64",
+        ),
+        (["faults=[{use='./failing.py:Faults'}]"], r"iteration 2, fault .*failing\.py:Faults: ZeroDivisionError"),
+    ],
+)
+def test_whatever_part_of_somebody_elses_fails_is_named_with_its_own_lines(own, keys, words: str) -> None:
+    (own.path.parent / "failing.py").write_text(FAILING)
+    run = own(*keys)
+    with pytest.raises(PartError, match=f"(?s){words}") as failed:
+        run.simulation.run()
+    if "Zero" in words:
+        assert "1 // 0" in str(failed.value)
+        assert str(ROOT / "swarmsim") not in str(failed.value)
+
+
+def test_what_our_own_code_raises_is_not_blamed_on_others(own, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = own('mind.strategy={use="./mine.py:Strategy", does="nothing"}', "stop.iterations=1")
+
+    def broken(*_):
+        raise RuntimeError("ours")
+
+    monkeypatch.setattr(run.simulation.parts.task, "measure", broken)
+    with pytest.raises(RuntimeError, match="ours"):
+        run.simulation.run()
+
+
 def test_tiles_of_another_size_are_recorded(own, tmp_path: Path) -> None:
     run = own('sensor={use="./mine.py:Tiled"}')
     with run.recorder(tmp_path / "r.h5") as recorder:
@@ -219,6 +348,49 @@ def test_a_part_that_cannot_be_built_is_bad_input(own) -> None:
         own('mind.strategy={use="./mine.py:Unbuildable"}')
     with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Missing' cannot be imported"):
         own('mind.strategy={use="./mine.py:Missing"}')
+
+
+LACKING = """
+from msgspec import Struct
+
+
+class Lacks(Struct, frozen=True):
+    def build(self, setting):
+        return self
+
+
+class Fault(Struct, frozen=True):
+    gives: bool = False
+
+    def build(self, setting):
+        return self
+
+    def install(self, parts):
+        return None if self.gives else parts.nothing
+"""
+
+
+def test_parts_that_lack_what_their_seam_asks_for_are_bad_input(own) -> None:
+    (own.path.parent / "lacking.py").write_text(LACKING)
+    for keys, words in (
+        (
+            "mind.strategy={use='./lacking.py:Lacks'}",
+            r"what .*Lacks' builds, .*Lacks, lacks reads, step",
+        ),
+        (
+            "mind.computation={use='./lacking.py:Lacks'}",
+            r"lacks knows, say, hear, forget, adopt; expected",
+        ),
+        ("task={use='./lacking.py:Lacks'}", r"task\.use: .*lacks reads, curve, measure, summaries; expected a task"),
+        ("network.topology={use='./lacking.py:Lacks'}", r"network\.topology\.use: .*lacks links"),
+        ("faults=[{use='./lacking.py:Fault'}]", r"faults\[0\]\.use: .*cannot be installed: AttributeError"),
+        (
+            "faults=[{use='./lacking.py:Fault', gives=true}]",
+            r"faults\[0\]\.use: .*installs NoneType; expected",
+        ),
+    ):
+        with pytest.raises(InputError, match=words):
+            own(keys)
 
 
 def test_a_strangers_scenario_runs_no_code_unless_it_is_allowed(own, tmp_path: Path) -> None:
