@@ -84,6 +84,9 @@ class Scene:
             FieldReplay(recording, (0.0, 0.0, plan.width, plan.height)) if holds_estimates(recording) else None
         )
         self.has_field = self._field is not None
+        #: m, of a page whose opposite edges are one: what robots leave by on the right they come back from on the left.
+        around = bool(scenario.physics.get("periodic"))
+        self._around = np.array([plan.width, plan.height] if around else [np.inf, np.inf])
         self.has_headings = "heading" in recording
         #: Whether there are ways and goals to show.
         self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
@@ -114,9 +117,10 @@ class Scene:
     def at(self, iteration: float) -> Shot:
         """The moment after so many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed."""
         recording, row = self._recording, self.row(iteration)
-        pose = _between(recording["pose"][row], recording["pose"][self.row(row + 1)], min(iteration - row, 1.0))
+        ends = recording["pose"][row], recording["pose"][self.row(row + 1)]
+        pose = _between(*ends, min(iteration - row, 1.0), self._around)
         alive = recording["alive"][row]
-        mutual, one_way = _paired(recording.links(row), self.robots)
+        mutual, one_way = (self._short(links, pose) for links in _paired(recording.links(row), self.robots))
         goals = recording["goals"][row]
         aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
         return Shot(
@@ -154,6 +158,11 @@ class Scene:
         """Where values of the curve lie between the ends of its axis, 0 to 1."""
         low, high = (end / self.curve.scale for end in self.limits)
         return np.nan_to_num(np.clip((values - low) / (high - low), 0.0, 1.0))
+
+    def _short(self, links: NDArray[np.int32], pose: NDArray[np.float64]) -> NDArray[np.int32]:
+        """The links (m, 2) but for those that go round the page."""
+        gap = np.abs(pose[links[:, 0], :2] - pose[links[:, 1], :2])
+        return links[(gap <= 0.5 * self._around).all(axis=1)]
 
     def _origins(self, row: int) -> Points:
         if "origins" not in self._recording:
@@ -252,9 +261,13 @@ def _corners(path: Points) -> Points:
     return corners
 
 
-def _between(before: NDArray[np.float64], after: NDArray[np.float64], part: float) -> NDArray[np.float64]:
-    """Poses (n, 3) on the way from one iteration to the next; yaw turns the short way round."""
+def _between(
+    before: NDArray[np.float64], after: NDArray[np.float64], part: float, around: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Poses (n, 3) on the way from one iteration to the next; yaw, and places on a page of this size, the short way."""
     step = after - before
+    far = np.abs(step[:, :2]) > 0.5 * around
+    step[:, :2] -= np.where(far, np.sign(step[:, :2]) * np.where(np.isfinite(around), around, 0.0), 0.0)
     step[:, 2] = (step[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
     between: NDArray[np.float64] = before + part * step
     return between

@@ -264,3 +264,21 @@ def test_a_moment_outside_of_the_run_is_refused(recording: Recording) -> None:
     for iteration in (-1, recording.iterations + 1, float("nan")):
         with pytest.raises(InputError, match=f"from 0 to {recording.iterations}"):
             frame(recording, iteration, SMALL)
+
+
+def test_robots_on_a_page_without_edges_cross_them_by_the_short_way(tmp_path: Path) -> None:
+    run = made("stop.iterations=60", 'stop.when_done="go-on"', scenario="operations/heading-consensus-free")
+    with run.recorder(tmp_path / "r.h5") as recorder:
+        run.simulation.run([recorder])
+    recording = Recording(tmp_path / "r.h5")
+    jumps = np.abs(np.diff(recording["pose"][:, :, :2], axis=0)).max(axis=2) > 4.0
+    row, robot = np.argwhere(jumps)[0]
+    scene = Scene(recording)
+    before, halfway, after = (scene.at(row + part) for part in (0.0, 0.5, 1.0))
+    ends = np.stack([shot.pose[robot, :2] for shot in (before, halfway)])
+    assert np.hypot(*np.diff(ends, axis=0)[0]) <= 0.5 * 0.05 + 1e-9
+    assert np.hypot(*(after.pose[robot, :2] - before.pose[robot, :2])) > 4.0
+    for shot in (before, halfway):
+        for links in (shot.mutual, shot.one_way):
+            assert (np.abs(shot.pose[links[:, 0], :2] - shot.pose[links[:, 1], :2]) <= 4.0).all()
+    assert len(before.mutual) > 50
