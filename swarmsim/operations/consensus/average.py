@@ -38,10 +38,11 @@ class Values(Estimates):
 class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot moves its estimate towards those that it hears: x_i += sum_j w_ij (x_j - x_i).
 
-    It starts with the field's value where it is or, without a field, with the row of `values` or a random number
-    between 0 and 1. `constant`: w_ij = `gain`, which has to be less than 1 / the largest number of robots heard.
-    `metropolis`: w_ij = 1 / (1 + max(d_i, d_j)), where d is how many each heard in the last iteration (Xiao, Boyd and
-    Kim 2007). Where each pair hears each other and nothing is lost, the mean of all estimates stays as it is.
+    It starts with its number in `values` or, without those, with the field's value where it is or, without a field,
+    with a random number between 0 and 1. `constant`: w_ij = `gain`, which has to be less than 1 / the largest number of
+    robots heard. `metropolis`: w_ij = 1 / (1 + max(d_i, d_j)), where d is how many each heard in the last iteration
+    (Xiao, Boyd and Kim 2007). Where each pair hears each other and nothing is lost, the mean of all estimates stays as
+    it is.
     """
 
     weights: Literal["metropolis", "constant"] = "metropolis"
@@ -69,13 +70,14 @@ class AverageComputation:
         self._gain = parameters.gain
         drawn = [setting.streams.open("average", robot).uniform() for robot in range(count)]
         self._given = np.array(drawn if parameters.values is None else parameters.values, np.float64)
+        self._fixed = parameters.values is not None
         self._value, self._measured = np.zeros(count), np.zeros(count)
         self._degree, self._known = np.zeros(count, np.int32), np.zeros(count, np.bool_)
 
     def say(self, observations: Observations) -> Said[Share]:
         """Every robot's estimate."""
         field, new = observations.readings.field, ~self._known & observations.alive
-        self._measured[new] = self._given[new] if field is None else field[new]
+        self._measured[new] = self._given[new] if field is None or self._fixed else field[new]
         self._value[new], self._known[new] = self._measured[new], True
         return Said.each(Share(self._value.copy(), self._degree.copy()), self.codec.size)
 
