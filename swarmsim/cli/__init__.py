@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli import comparisons, figures, network, parts, runs, studies
+from swarmsim.cli import comparisons, exports, figures, network, parts, runs, studies, worlds
 
 BAD_INPUT, PART_FAILED = 2, 3  # exit codes
 
@@ -23,6 +23,7 @@ for verb in (
     runs.video,
     runs.show,
     runs.verify,
+    exports.export,
     comparisons.compare,
     studies.reproduce,
     network.network,
@@ -33,6 +34,7 @@ for verb in (
     app.command()(verb)
 app.add_typer(studies.app, name="study")
 app.add_typer(figures.app, name="figure")
+app.add_typer(worlds.app, name="world")
 
 
 def main() -> None:

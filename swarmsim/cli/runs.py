@@ -47,6 +47,7 @@ def run(
 
     Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
     """
+    from swarmsim.core.scenario import files_outside
     from swarmsim.recording.reader import Recording
 
     overrides = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
@@ -58,6 +59,8 @@ def run(
         first = "" if _compiled() else " (this first run compiles, which takes about half a minute)"
         progress.console.print(f"{scenario}: opening{first}")
         made = _made(scenario, overrides, faults or [])
+        for notice in (*files_outside(scenario, overrides), *made.arena.plan.notices):
+            progress.console.print(f"notice: {notice}", markup=False, highlight=False)
         folder = _new_folder(out, scenario.stem)
         finished = _simulate(made, folder / "recording.h5", progress)
         recording = Recording(folder)

@@ -283,7 +283,7 @@ def _trial(opened: Plan) -> float:
 
     seconds = []
     for condition in opened.conditions:
-        simulation = build(condition.scenario, condition.name, opened.worlds[condition.scenario.world.file]).simulation
+        simulation = build(condition.scenario, condition.name, opened.world_of(condition)).simulation
         simulation.tick()
         begun = time.perf_counter()
         while not simulation.over and simulation.state.iteration < 100:

@@ -35,6 +35,25 @@ def with_files(table: Table, folder: Path, place: str = "") -> Table:
     return filled
 
 
+def outside(table: Table, folder: Path, ours: Path | None = None) -> list[str]:
+    """A notice for each file that a scenario's table reads from outside of `folder`, its own, and of `ours`."""
+    found: list[Path] = []
+
+    def look(value: Any) -> None:
+        if isinstance(value, dict):
+            found.extend(folder / one for key, one in value.items() if key == "file" and isinstance(one, str) and one)
+            for inner in value.values():
+                look(inner)
+        elif isinstance(value, list):
+            for inner in value:
+                look(inner)
+
+    look(table)
+    homes = [home.resolve() for home in (folder, ours) if home is not None]
+    away = [path for path in found if not any(path.resolve().is_relative_to(home) for home in homes)]
+    return [f"reads {os.path.normpath(path)}, which lies outside of the scenario's folder" for path in away]
+
+
 def read_rows(path: Path) -> list[list[int | float]]:
     """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
 
@@ -57,8 +76,7 @@ def read_rows(path: Path) -> list[list[int | float]]:
                 rows.append(msgspec.json.decode(f"[{line}]", type=list[int | float]))
             except msgspec.DecodeError as problem:
                 raise InputError(
-                    f"{path}, line {number}: {line.strip()[:60]!r} is not a row of numbers; "
-                    "expected numbers with commas between them, as in 0,1"
+                    f"{path}, line {number}: not a row of numbers; expected numbers with commas between them, as in 0,1"
                 ) from problem
     return rows
 

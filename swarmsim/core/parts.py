@@ -46,6 +46,22 @@ class Setting:
     number: int = 0  # a fault's place among the scenario's
 
 
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What a building is made from."""
+
+    streams: Streams  # of the world's own seed
+    cell: float  # m, side of the lattice's cells
+
+
+class Generator(Protocol):
+    """Makes a building."""
+
+    def draw(self) -> str:
+        """Its floor plan: GeoJSON, or SVG, in metres; equal for equal seeds."""
+        ...
+
+
 class Sensor(Protocol):
     """Measures the world around each robot."""
 

@@ -25,6 +25,7 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 #: The seams of a scenario, each with the part that is used where the file names none.
 SEAMS: Final = {
+    "generator": None,
     "physics": "pymunk",
     "sensor": "ir-ring",
     "field": None,

@@ -15,17 +15,47 @@ from msgspec import field as of
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table, with_files
+from swarmsim.core.files import Table, outside, with_files
+
+_HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
 
 Positive = Annotated[float, Meta(gt=0.0)]
 Count = Annotated[int, Meta(ge=1, le=100_000)]
 
 
-class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The building: an SVG floor plan and the factor that its metres are multiplied by."""
+Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
+Names = Annotated[list[Annotated[str, Meta(min_length=1)]], Meta(min_length=1)]
 
-    file: str
-    scale: Positive = 1.0
+
+class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """The building: a drawing (SVG), a map (map_server YAML, PGM, PNG), polygons (GeoJSON, WKT), or one that is made.
+
+    `scale` multiplies the metres of the file, or `width` says how many metres its page is wide. `layers` says by which
+    ids, labels or classes a drawing's layers (walls, pillars, furniture, spawn, unknown) are known, where they are not
+    called so. `spawn` is an area in which robots may start, called `spawn`; where the file has none either, the largest
+    free space is. What a map does not know is a wall, or a space that does not count.
+    """
+
+    file: str = ""
+    scale: Positive | None = None
+    width: Positive | None = None  # m, of the whole page
+    resolution: Positive | None = None  # m, one pixel of a bitmap without a YAML
+    layers: dict[str, Names] = of(default_factory=dict)
+    spawn: tuple[Edges, Edges, Positive, Positive] | None = None  # x, y of the lower left corner, width, height in m
+    unknown: Literal["wall", "space"] = "wall"
+    generate: Table = of(default_factory=dict)  # none unless it has a `use`
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of what is made
+
+    def __post_init__(self) -> None:
+        if bool(self.file) == bool(self.generate):
+            raise ValueError("expected either a file or a table 'generate'")
+        if sum(given is not None for given in (self.scale, self.width, self.resolution)) > 1:
+            raise ValueError("scale, width and resolution say the same in three ways; expected one of them")
+
+    @property
+    def title(self) -> str:
+        """What messages call it."""
+        return self.file or f"{self.generate.get('use')} {self.seed}"
 
 
 class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -38,7 +68,7 @@ class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How many robots there are, where they start and what they are made of."""
 
     count: Count
-    spawn: str  # id of an element in the floor plan's `spawn` layer
+    spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
     radius: Positive = 0.055  # m
     wheel_base: Positive = 0.10  # m
     speed: Positive = 0.15  # m/s, at a wheel's rim
@@ -94,6 +124,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 #: Where each seam's table stands in a scenario; faults are a list of tables.
 PLACES: Final = {
+    "generator": ("world", "generate"),
     "physics": ("physics",),
     "sensor": ("sensor",),
     "field": ("field",),
@@ -116,13 +147,13 @@ MOVED: Final = {
 
 
 def tables(scenario: Scenario) -> dict[str, Table]:
-    """The table of every part of a scenario but faults, by seam; a field only if there is one."""
+    """The table of every part of a scenario but faults, by seam; a field or a generator only if there is one."""
     found: dict[str, Table] = {}
     for seam, place in PLACES.items():
         table: Any = scenario
         for key in place:
             table = getattr(table, key)
-        if seam != "field" or table:
+        if registry.SEAMS[seam] is not None or table or seam == "topology":
             found[seam] = table
     return found
 
@@ -141,6 +172,15 @@ def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] |
         except InputError as problem:
             raise InputError(f"{path}: {problem}") from problem
     return decode({"title": path.stem, **table}, str(path), path.parent)
+
+
+def files_outside(path: Path, overrides: Iterable[str] = ()) -> list[str]:
+    """A notice for each file that a scenario file reads from outside of its folder; ours may read our own worlds."""
+    table = spelled_out(read_toml(path, "a scenario file"), str(path))
+    for override in overrides:
+        set_key(table, override)
+    ours = next((home for home in _HOMES if path.resolve().is_relative_to(home / "scenarios")), None)
+    return outside(table, path.parent, ours)
 
 
 def spelled_out(table: Table, name: str) -> Table:
@@ -163,7 +203,7 @@ def spelled_out(table: Table, name: str) -> Table:
 def read_toml(path: Path, expected: str) -> Table:
     """The table in a TOML file. Raises InputError, which names what was `expected`."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # editors may mark UTF-8 in the first bytes
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror}); expected {expected}") from problem
     except UnicodeDecodeError as problem:
@@ -186,13 +226,14 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
-    if folder is not None:
-        world = msgspec.structs.replace(scenario.world, file=os.path.normpath(folder / scenario.world.file))
-        scenario = msgspec.structs.replace(scenario, world=world)
     whole = {seam: complete(seam, ".".join(PLACES[seam]), table) for seam, table in tables(scenario).items()}
+    world = msgspec.structs.replace(scenario.world, generate=whole.pop("generator", {}))
+    if folder is not None and world.file:
+        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
     return msgspec.structs.replace(
         scenario,
         title=scenario.title.replace("{robots.count}", str(scenario.robots.count)),
+        world=world,
         network=Network(topology=whole.pop("topology"), channel=whole.pop("channel")),
         mind=Mind(computation=whole.pop("computation"), strategy=whole.pop("strategy")),
         faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),

@@ -27,7 +27,10 @@ from swarmsim.engine.simulation import Simulation
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.sensors import with_field
 from swarmsim.world.arena import Arena
-from swarmsim.world.svg import read_floor_plan
+from swarmsim.world.source import floor_plan, read_world
+
+MANY = 20_000  # places from which is looked at once
+TINY = 3.0  # m: smaller pages are often drawn at a scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Run:
     """A simulation at its start, and what its recording needs to know besides."""
 
     scenario: Scenario
-    world: str  # the floor plan's SVG text
+    world: str  # the floor plan's text: SVG or GeoJSON
     arena: Arena
     domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 % at the start
     simulation: Simulation
@@ -54,9 +57,9 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
     holds our own parts to their contracts too.
     Raises InputError for whatever cannot work.
     """
-    if world is None:
-        world = read_world(scenario, name)
     try:
+        if world is None:
+            world = read_world(scenario.world, scenario.grid.cell)
         return _built(scenario, world, strict)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
@@ -64,16 +67,16 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
 
 def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
-    sensor = msgspec.json.encode(scenario.sensor)
+    place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
     alone = msgspec.structs.replace(robots, count=1)  # how many there are changes nothing of what they can reach
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
-        return _survey(world, scenario.world, scenario.grid.cell, alone, sensor, boxes)
+        return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
 
-    arena = _open(world, scenario.world, scenario.grid.cell, alone, sensor).arena
+    arena = _open(world, place, scenario.grid.cell, alone, sensor).arena
+    robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
-    page = (0.0, 0.0, arena.plan.width, arena.plan.height)
-    building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=page)
+    building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
     setting = replace(setting, start=_start(setting, arena.name))
     if "field" in tables:
@@ -132,12 +135,21 @@ class _Explorable:
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -> _Explorable:
+def _open(text: str, place: bytes, cell: float, robots: Robots, sensor: bytes) -> _Explorable:
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
+    world = msgspec.json.decode(place, type=World)
     table: Table = msgspec.json.decode(sensor)
-    plan = read_floor_plan(text, world.file, world.scale)
-    arena = Arena.open(plan, cell, margin_of(registry.part("sensor", table)) + 1, world.file)
-    reachable = arena.reachable(robots.spawn, robots.radius)
+    plan = floor_plan(text, world)
+    try:
+        arena = Arena.open(plan, cell, margin_of(registry.part("sensor", table)) + 1, world.title)
+        reachable = arena.reachable(robots.spawn, robots.radius)
+    except InputError as problem:
+        if max(plan.width, plan.height) < TINY:
+            raise InputError(
+                f"{problem}; the page is {plan.width:g} m x {plan.height:g} m: if it is drawn at a scale, say so: "
+                f"world = {{file = {world.file!r}, scale = 100}}, or width = METRES"
+            ) from problem
+        raise
     observed = _observable(table, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     for shared in (reachable, domain):
@@ -146,9 +158,9 @@ def _open(text: str, world: World, cell: float, robots: Robots, sensor: bytes) -
 
 
 @lru_cache(maxsize=16)
-def _survey(text: str, world: World, cell: float, robots: Robots, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
+def _survey(text: str, place: bytes, cell: float, robots: Robots, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
     """What can be explored of the world with boxes standing in it; a room that they cut off is left out."""
-    ground = _open(text, world, cell, robots, sensor)
+    ground = _open(text, place, cell, robots, sensor)
     arena, reachable, domain = ground.arena, ground.reachable, ground.domain
     home = arena.spawn_cells(robots.spawn)
     if boxes:
@@ -160,6 +172,16 @@ def _survey(text: str, world: World, cell: float, robots: Robots, sensor: bytes,
     for shared in (arena.occupied, domain, entrance):
         shared.flags.writeable = False
     return Survey(arena.segments, arena.occupied, domain, entrance)
+
+
+def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """The domain (rows, columns) of a scenario's building, and the places (c, 2), in m, where robots may start.
+
+    Raises InputError if 100 % is unattainable.
+    """
+    place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
+    found = _survey(text, place, scenario.grid.cell, msgspec.structs.replace(scenario.robots, count=1), sensor, ())
+    return found.domain, found.entrance
 
 
 def _walls_alone(arena: Arena) -> Building:
@@ -181,34 +203,22 @@ def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
         raise InputError(f"{place}.{problem}") from problem
 
 
-def read_world(scenario: Scenario, name: str) -> str:
-    """The text of the floor plan that a scenario names. Raises InputError."""
-    path = Path(scenario.world.file)
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as problem:
-        raise InputError(
-            f"{name}: world: {path} cannot be read ({problem.strerror}); expected an SVG file"
-        ) from problem
-    except UnicodeDecodeError as problem:
-        raise InputError(f"{name}: world: {path} is not UTF-8 text; expected an SVG file") from problem
-
-
 def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     setting = Setting(robots, lattice, 1.0, Streams(0), _walls_alone(arena))
     sensor: Sensor = _make("sensor", table, setting)
-    cells = np.argwhere(reachable)
-    pose = np.zeros((len(cells), 3))
-    pose[:, :2] = lattice.centres(cells)
-    none = np.zeros((len(cells), 2))
-    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
-    if tiles is None:
-        return None
-    which, row, column = np.nonzero(tiles.values != UNKNOWN)
+    places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
-    observed[tiles.origins[which, 0] + row, tiles.origins[which, 1] + column] = True
+    for cells in np.array_split(places, -(-len(places) // MANY)):
+        pose = np.zeros((len(cells), 3))
+        pose[:, :2] = lattice.centres(cells)
+        none = np.zeros((len(cells), 2))
+        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
+        if tiles is None:
+            return None
+        which, row, column = np.nonzero(tiles.values != UNKNOWN)
+        observed[tiles.origins[which, 0] + row, tiles.origins[which, 1] + column] = True
     return observed
 
 

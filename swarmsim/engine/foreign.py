@@ -18,6 +18,7 @@ MARGIN: Final = 12  # cells around a building for a sensor that does not say how
 _PACKAGE: Final = Path(__file__).parents[1]
 #: What the part of each seam has to have, besides what is found out when it is used.
 VERBS: Final = {
+    "generator": ("draw",),
     "physics": ("drive", "state", "solid", "remove", "crash", "place", "retire"),
     "sensor": ("sense",),
     "field": ("value",),

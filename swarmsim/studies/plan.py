@@ -19,8 +19,9 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario, assign, decode, read_toml, spelled_out, tables
-from swarmsim.engine.build import build, read_world
+from swarmsim.engine.build import build
 from swarmsim.recording.digests import versions
+from swarmsim.world.source import read_world
 
 MOST_RUNS = 1_000_000
 
@@ -75,19 +76,24 @@ class Plan:
     study: Study
     conditions: tuple[Condition, ...]
     seeds: tuple[int, ...]
-    worlds: dict[str, str]  # floor plans' texts, by file
+    worlds: dict[bytes, str]  # floor plans' texts, by what `_world_key` says
 
     @property
     def runs(self) -> list[tuple[Condition, int]]:
         """Every condition with every seed, seeds outermost, so that an interrupted study is balanced."""
         return [(condition, seed) for seed in self.seeds for condition in self.conditions]
 
+    def world_of(self, condition: Condition) -> str:
+        """The text of a condition's floor plan."""
+        return self.worlds[_world_key(condition.scenario)]
+
     def identity(self, condition: Condition, seed: int) -> str:
         """A hash of all that the run depends on, versions and files of parts that are not ours included."""
-        scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="", world=_unnamed(condition.scenario))
+        scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="")
+        table = {**msgspec.structs.asdict(scenario), "world": _unnamed(scenario)}
         hashed = hashlib.blake2b(digest_size=16)
-        hashed.update(msgspec.json.encode(scenario, order="deterministic"))
-        hashed.update(self.worlds[condition.scenario.world.file].encode())
+        hashed.update(msgspec.json.encode(table, order="deterministic"))
+        hashed.update(self.world_of(condition).encode())
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
         hashed.update(msgspec.json.encode(kept, order="sorted"))
         parts = [*tables(condition.scenario).items(), *(("fault", fault) for fault in condition.scenario.faults)]
@@ -97,7 +103,12 @@ class Plan:
 
 
 def _unnamed(scenario: Scenario) -> Any:
-    return msgspec.structs.replace(scenario.world, file="")
+    return {**msgspec.structs.asdict(scenario.world), "file": ""}
+
+
+def _world_key(scenario: Scenario) -> bytes:
+    """All that a floor plan's text depends on."""
+    return msgspec.json.encode([scenario.world, scenario.grid.cell], order="deterministic")
 
 
 def open_study(path: Path, seeds: int | None = None) -> Plan:
@@ -121,14 +132,18 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
         raise InputError(f"{path}: {len(changes)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
     named = {condition.name: condition for condition in study.condition}
 
-    worlds: dict[str, str] = {}
+    worlds: dict[bytes, str] = {}
 
     def condition(name: str, change: dict[str, Any]) -> Condition:
         place = f"{path}: condition {name!r}"
         scenario = _scenario(place, table, {**study.set, **change}, base.parent)
-        file = scenario.world.file
-        worlds.setdefault(file, read_world(scenario, place))
-        curve = build(scenario, place, worlds[file]).simulation.parts.task.curve
+        key = _world_key(scenario)
+        if key not in worlds:
+            try:
+                worlds[key] = read_world(scenario.world, scenario.grid.cell)
+            except InputError as problem:
+                raise InputError(f"{place}: {problem}") from problem
+        curve = build(scenario, place, worlds[key]).simulation.parts.task.curve
         if name in named:
             return Condition(name, change, scenario, curve, named[name].x, named[name].series)
         return Condition(name, change, scenario, curve, *_place(study, change))

@@ -97,7 +97,7 @@ def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
             condition=condition.name,
             seed=seed,
             scenario=msgspec.structs.replace(condition.scenario, seed=seed),
-            world=plan.worlds[condition.scenario.world.file],
+            world=plan.world_of(condition),
             curves=keep != "summary",
             recording=store.path.with_suffix("") / f"{identity}.h5" if keep == "recordings" else None,
             command=command(plan, condition, seed),

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
@@ -16,7 +17,7 @@ from swarmsim.operations.fields.replay import FieldReplay, holds_estimates
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.view.occurrences import Mark, Note, Occurrences
-from swarmsim.world.svg import read_floor_plan
+from swarmsim.world.source import floor_plan
 
 Points = NDArray[np.float64]  # (p, 2): x, y in m
 MARGIN = 2  # cells of surroundings shown around the walls
@@ -67,11 +68,12 @@ class Scene:
             raise InputError(f"{recording.path}: no whole iteration was recorded; there is nothing to show")
         self._recording = recording
         scenario = recording.scenario
-        plan = read_floor_plan(recording.world, scenario.world.file, scenario.world.scale)
+        plan = floor_plan(recording.world, scenario.world)
         self.layers = plan.layers
         self.lattice = recording.lattice
         margin = MARGIN * self.lattice.cell
-        left, low, right, high = plan.walls.bounds
+        solid = [layer for layer in plan.layers.values() if not layer.is_empty] or [plan.walls]
+        left, low, right, high = shapely.total_bounds(solid)
         self.bounds = (left - margin, right + margin, low - margin, high + margin)  # m: left, right, lower, upper
         self.iterations = recording.iterations
         self.robots = scenario.robots.count
@@ -80,9 +82,7 @@ class Scene:
         self.tile: tuple[int, int] = recording["tiles"].shape[2:] if "tiles" in recording else (0, 0)
         self.has_maps = "changes" in recording
         #: What robots make of a field, if they estimate one.
-        self._field = (
-            FieldReplay(recording, (0.0, 0.0, plan.width, plan.height)) if holds_estimates(recording) else None
-        )
+        self._field = FieldReplay(recording, plan.page) if holds_estimates(recording) else None
         self.has_field = self._field is not None
         #: m, of a page whose opposite edges are one: what robots leave by on the right they come back from on the left.
         around = bool(scenario.physics.get("periodic"))

@@ -10,13 +10,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+from shapely.strtree import STRtree
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
 from swarmsim.world.boundary import boundary, shares
 from swarmsim.world.cells import Cells, between, flood, grown, richest_piece, rim
-from swarmsim.world.svg import FloorPlan
+from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 
 _SLIVER = 1e-6  # of a cell; an overlap of walls with a cell below it is rounding, not wall
 _TOUCH = 1e-9  # m, a body this close to a wall still counts as clear of it
@@ -32,11 +34,12 @@ class Arena:
     plan: FloorPlan
     lattice: Lattice
     occupied: Cells  # whether walls cover any of a cell
+    unmapped: Cells  # whether any of a cell is what nobody knows; such cells never count
     segments: NDArray[np.float64]  # (s, 4): x1, y1, x2, y2 in m; solid wall lies on the left
 
     @classmethod
     def open(cls, plan: FloorPlan, cell: float, margin: int, name: str) -> Arena:
-        """The arena of `plan` with cells of side `cell` (m), whose edges lie on multiples of it from the origin.
+        """The arena of `plan` with cells of side `cell` (m), whose edges lie on multiples of it from the page's corner.
 
         The lattice covers page and walls, and `margin` cells more on each side, so that a tile around a robot
         inside never leaves it; it is 1 or more. More columns on the right fill the last word. Raises InputError if
@@ -44,8 +47,8 @@ class Arena:
         """
         if margin < 1:
             raise ValueError(f"margin is {margin} cells; the border of the lattice has to be outside of the walls")
-        page = (0.0, 0.0, plan.width, plan.height)
-        bounds = shapely.bounds(shapely.union(shapely.box(*page), shapely.box(*plan.walls.bounds))) / cell
+        corner = np.array([plan.page[0], plan.page[1]] * 2)
+        bounds = (shapely.total_bounds([shapely.box(*plan.page), plan.walls]) - corner) / cell
         low = np.floor(bounds[:2] + _SLIVER).astype(np.int64) - margin
         high = np.ceil(bounds[2:] - _SLIVER).astype(np.int64) + margin
         columns, rows = (int(count) for count in high - low)
@@ -55,9 +58,28 @@ class Arena:
                 f"{name}: {plan.width:g} m x {plan.height:g} m in cells of {cell:g} m are {rows * columns} cells, more"
                 f" than {_MOST_CELLS}; check the scale (one user unit is one metre) and the cell"
             )
-        lattice = Lattice(float(low[0]) * cell, float(low[1]) * cell, cell, rows, columns)
+        lattice = Lattice(corner[0] + float(low[0]) * cell, corner[1] + float(low[1]) * cell, cell, rows, columns)
         segments = boundary(plan.walls)
-        return cls(name, plan, lattice, shares(segments, lattice) > _SLIVER, segments)
+        unmapped = shares(boundary(plan.unknown), lattice) > _SLIVER
+        return cls(name, plan, lattice, shares(segments, lattice) > _SLIVER, unmapped, segments)
+
+    def area_name(self, spawn: str) -> str:
+        """The name of the spawn area that a scenario means; if it leaves it out, `spawn`, or else the largest.
+
+        Raises InputError if there is none of that name.
+        """
+        spawns = self.plan.spawns
+        if not spawns:
+            raise InputError(
+                f"{self.name}: no free space to start in; expected world.spawn = [x, y, width, height] in m"
+            )
+        if not spawn:
+            spawn = SPAWN_LAYER if SPAWN_LAYER in spawns else max(spawns, key=lambda name: spawns[name].area)
+        if spawn not in spawns:
+            near = difflib.get_close_matches(spawn, spawns, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise InputError(f"{self.name}: no spawn area {spawn!r}; {hint}it has {', '.join(sorted(spawns))}")
+        return spawn
 
     def spawn_cells(self, spawn: str) -> Cells:
         """The free cells (rows, columns) whose centres lie in the spawn area.
@@ -65,12 +87,8 @@ class Arena:
         An area may run over walls and pillars, where it does not count. Raises InputError if there is no such
         area, if walls cover half of it or more (then it was drawn in the wrong place), or if no cell is free.
         """
-        spawns = self.plan.spawns
-        if spawn not in spawns:
-            near = difflib.get_close_matches(spawn, spawns, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            raise InputError(f"{self.name}: no spawn area {spawn!r}; {hint}it has {', '.join(sorted(spawns))}")
-        area = spawns[spawn]
+        spawn = self.area_name(spawn)
+        area = self.plan.spawns[spawn]
         buried = area.intersection(self.plan.walls)
         if buried.area >= 0.5 * area.area:
             raise InputError(
@@ -93,6 +111,7 @@ class Arena:
         Where the area touches several unconnected pieces of floor, the one that holds most of it counts.
         Raises InputError as `spawn_cells` does, and if the outline of the world is open.
         """
+        spawn = self.area_name(spawn)
         seeds = self.spawn_cells(spawn)
         floor = richest_piece(~self.occupied, seeds)
         if rim(floor).any():
@@ -107,11 +126,9 @@ class Arena:
         spawn area, if a room has no way to it, or if the robot is wider than every door on that way. Places with
         less room to move than the robot's own area are no rooms.
         """
+        spawn = self.area_name(spawn)
         self.floor(spawn)
-        centres = shapely.points(self._centres()[~self.occupied])
-        shapely.prepare(self.plan.walls)
-        fits = ~self.occupied
-        fits[fits] = ~shapely.dwithin(centres, self.plan.walls, radius - _TOUCH)
+        fits = self.standing(radius)
         seeds = self.spawn_cells(spawn) & fits
         if not seeds.any():
             raise InputError(
@@ -123,6 +140,19 @@ class Arena:
         self._check_chain(fits & ~reachable, home, radius)
         return reachable
 
+    def standing(self, radius: float) -> Cells:
+        """The free cells (rows, columns) at whose centre a disc of `radius` (m) is clear of all walls."""
+        reach = math.ceil(radius / self.lattice.cell)  # farther from every occupied cell, nothing is in the way
+        close = ndimage.maximum_filter(self.occupied, 2 * reach + 1) & ~self.occupied
+        edges = STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+        places = np.argwhere(close)
+        touching, _ = edges.query(
+            shapely.points(self.lattice.centres(places)), predicate="dwithin", distance=radius - _TOUCH
+        )
+        fits = ~self.occupied
+        fits[tuple(places[touching].T)] = False
+        return fits
+
     def coverage_domain(self, reachable: Cells, observed: Cells) -> Cells:
         """The cells (rows, columns) whose observation is 100 %.
 
@@ -131,7 +161,7 @@ class Arena:
         cells 4-adjacent to those. Raises InputError, with the cells, if one of them is never observed.
         """
         floor = flood(~self.occupied, reachable) >= 0
-        free = floor & observed
+        free = floor & observed & ~self.unmapped
         domain: Cells = free | (grown(free) & self.occupied)
         missed = np.argwhere(domain & ~observed)
         if len(missed):
@@ -148,7 +178,7 @@ class Arena:
         walls = shapely.union_all([self.plan.walls, *(shapely.box(*box) for box in boxes)])
         segments = boundary(walls)
         plan = replace(self.plan, walls=shapely.multipolygons(shapely.get_parts(walls)))
-        return Arena(self.name, plan, self.lattice, shares(segments, self.lattice) > _SLIVER, segments)
+        return Arena(self.name, plan, self.lattice, shares(segments, self.lattice) > _SLIVER, self.unmapped, segments)
 
     def still_reachable(self, before: Cells, home: Cells, boxes: Sequence[Box], radius: float) -> Cells:
         """What the boxes in this world leave of the cells that a robot of `radius` (m) could reach `before`.
@@ -168,7 +198,7 @@ class Arena:
 
     def domain_left(self, reachable: Cells, observed: Cells) -> Cells:
         """As `coverage_domain`, but what is never observed is left out instead of refused."""
-        free = (flood(~self.occupied, reachable) >= 0) & observed
+        free = (flood(~self.occupied, reachable) >= 0) & observed & ~self.unmapped
         domain: Cells = free | (grown(free) & self.occupied & observed)
         return domain
 

@@ -24,6 +24,27 @@ def flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
     return hops.reshape(-1, width)[1:-1, 1:-1]
 
 
+def spread(open_cells: Cells, labels: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The labels (rows, columns), 0 for none, of the nearest labelled cell by steps between 4-neighbours in open cells.
+
+    The lowest of equally near ones counts.
+    """
+    width = open_cells.shape[1] + 2
+    free = np.pad(open_cells, 1).ravel()
+    found = np.pad(np.where(open_cells, labels, 0), 1).astype(np.int32).ravel()
+    free[found > 0] = False
+    front = np.flatnonzero(found)
+    while front.size:
+        around = (front[:, None] + (-width, -1, 1, width)).ravel()
+        label = found[front].repeat(4)[free[around]]
+        around = around[free[around]]
+        order = np.lexsort((label, around))
+        front, first = np.unique(around[order], return_index=True)
+        found[front] = label[order][first]
+        free[front] = False
+    return found.reshape(-1, width)[1:-1, 1:-1]
+
+
 def richest_piece(open_cells: Cells, seeds: Cells) -> Cells:
     """The 4-connected piece of `open_cells` that holds most of `seeds`; the lowest row and column break a tie."""
     best, most = np.zeros_like(seeds), 0

@@ -8,12 +8,20 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from xml.parsers import expat
+
+import cssselect2
+from lxml import etree
 
 from swarmsim.core.errors import InputError
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"  #: a number, as a regular expression
-_SVG_NAMESPACE = "http://www.w3.org/2000/svg "
+_SVG_NAMESPACE = "{http://www.w3.org/2000/svg}"
+_REASONS = {
+    "ERR_TAG_NAME_MISMATCH": "mismatched tag",
+    "ERR_UNDECLARED_ENTITY": "undefined entity",
+    "ERR_RESOURCE_LIMIT": "its entities or elements multiply without end, or are nested deeper than 200",
+    "ERR_DOCUMENT_EMPTY": "no element in it",
+}
 
 
 class ElementError(Exception):
@@ -22,12 +30,13 @@ class ElementError(Exception):
 
 @dataclass(eq=False, slots=True)
 class Element:
-    """One XML element; names from other namespaces than SVG's are written `namespace name`."""
+    """One XML element; names from other namespaces than SVG's are written `{namespace}name`."""
 
     tag: str
     attributes: dict[str, str]
     line: int
     number: int  # among the elements of its tag, from 1
+    node: cssselect2.ElementWrapper  # the same for style sheets
     children: list[Element] = field(default_factory=list)
     text: str = ""
 
@@ -53,35 +62,48 @@ class Element:
 
 
 def parse(source: str, name: str) -> Element:
-    """The root of the SVG text `source`; expat itself reads it, because ElementTree forgets the lines."""
-    parser = expat.ParserCreate("utf-8", " ")
-    parser.buffer_text = True
-    above = [Element("", {}, 0, 0)]
-    counts: Counter[str] = Counter()
+    """The root of the SVG text `source`, whatever encoding it declares.
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        tag = tag.removeprefix(_SVG_NAMESPACE)
-        counts[tag] += 1
-        element = Element(tag, attributes, parser.CurrentLineNumber, counts[tag])
-        above[-1].children.append(element)
-        above.append(element)
-
-    def text(characters: str) -> None:
-        above[-1].text += characters
-
-    parser.StartElementHandler, parser.CharacterDataHandler = start, text
-    parser.EndElementHandler = lambda _tag: above.pop()
+    Nothing outside of the text is read. Entities that it defines itself are replaced, within libxml2's limits.
+    Messages repeat nothing of a text that is no SVG. Raises InputError.
+    """
+    reader = etree.XMLParser(
+        encoding="utf-8", resolve_entities="internal", no_network=True, load_dtd=False, huge_tree=False,
+        remove_comments=True, remove_pis=True,
+    )  # fmt: skip
     try:
-        parser.Parse(source.encode(errors="surrogatepass"), True)  # expat refuses a surrogate, and says where
-    except expat.ExpatError as error:
+        root = etree.fromstring(source.encode(errors="surrogatepass"), reader)  # libxml2 refuses a surrogate
+    except etree.XMLSyntaxError as error:
+        kind = error.error_log.last_error.type_name if len(error.error_log) else ""
+        reason = _REASONS.get(kind, kind.removeprefix("ERR_").replace("_", " ").lower() or "no element in it")
+        line, column = error.position
         raise InputError(
-            f"{name}: line {error.lineno}, column {error.offset + 1}: not XML ({expat.ErrorString(error.code)}); "
-            "save it as plain SVG"
+            f"{name}: line {max(line, 1)}, column {max(column, 1)}: not XML ({reason}); save it as plain SVG"
         ) from None
-    root = above[0].children[0]
-    if root.tag != "svg":
-        raise InputError(f"{name}: the root is <{root.tag}>, not <svg>; a world is drawn as SVG")
-    return root
+    if _tag(root) != "svg":
+        raise InputError(f"{name}: the root is no <svg> element; a world is drawn as SVG")
+    return _tree(root)
+
+
+def _tree(root: etree._Element) -> Element:
+    """Our elements for those of lxml."""
+    counts: Counter[str] = Counter()
+    made: dict[etree._Element, Element] = {}
+    for node in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
+        found = node.etree_element
+        tag = _tag(found)
+        counts[tag] += 1
+        element = Element(
+            tag, dict(found.attrib), found.sourceline or 0, counts[tag], node, text="".join(found.itertext())
+        )
+        made[found] = element
+        if (above := found.getparent()) is not None:
+            made[above].children.append(element)
+    return made[root]
+
+
+def _tag(element: etree._Element) -> str:
+    return str(element.tag).removeprefix(_SVG_NAMESPACE)
 
 
 def numbers(text: str, what: str, counts: tuple[int, ...] = ()) -> list[float]:

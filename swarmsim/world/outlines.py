@@ -23,27 +23,32 @@ _MOST_CHORDS = 10_000  # of one curve; more are needed only beyond the largest c
 
 
 def outlines(element: Element, page: Page, flatness: float) -> Outlines:
-    """The outlines of a shape in its own user units, with chords at most `flatness` away from its curves."""
+    """The outlines of a shape in its own user units, with chords at most `flatness` away from its curves.
+
+    A shape without an extent has none.
+    """
     match element.tag:
         case "path":
             return _flattened(_segments(element.attributes.get("d", "")), flatness)
         case "polygon" | "polyline":
             values = numbers(element.attributes.get("points", ""), "points")
-            if len(values) % 2 or len(values) < 4:
-                raise ElementError(
-                    f"points has {len(values)} numbers; it should have two for each of two or more points"
-                )
-            return [(np.array(values).reshape(-1, 2), element.tag == "polygon")]
+            if len(values) % 2:
+                raise ElementError(f"points has {len(values)} numbers; it should have two for each point")
+            return [(np.array(values).reshape(-1, 2), element.tag == "polygon")] if len(values) > 2 else []
         case "line":
             x1, y1, x2, y2 = (page.length(element, key) for key in ("x1", "y1", "x2", "y2"))
             return [(np.array([[x1, y1], [x2, y2]]), False)]
         case "circle" | "ellipse":
             centre = page.length(element, "cx"), page.length(element, "cy")
             radii = [page.extent(element, key) for key in (("r", "r") if element.tag == "circle" else ("rx", "ry"))]
+            if 0.0 in radii:
+                return []
             curve = svgelements.Ellipse(*centre, *radii)
         case _:
             corner = page.length(element, "x"), page.length(element, "y")
             size = page.extent(element, "width"), page.extent(element, "height")
+            if 0.0 in size:
+                return []
             given = [key for key in ("rx", "ry") if element.attributes.get(key, "auto") != "auto"]
             radii = [page.length(element, key) for key in given] * (3 - len(given)) or [0.0, 0.0]
             if min(radii) < 0.0:
@@ -53,7 +58,11 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
 
 
 def _segments(data: str) -> list[Any]:
-    """The segments of path data; svgelements drops without a word what it cannot read, so that is looked for first."""
+    """The segments of path data, none of "none".
+
+    svgelements drops without a word what it cannot read, so that is looked for first.
+    """
+    data = "" if data.strip() == "none" else data
     left = _PATH_TOKENS.sub("", data)
     if left:
         raise ElementError(f"d has {quoted(left[0])}, which is no path command; only MLHVCSQTAZ and numbers are")
@@ -61,8 +70,8 @@ def _segments(data: str) -> list[Any]:
         segments = list(svgelements.Path(data))
     except Exception as error:  # svgelements has no exception type of its own
         raise ElementError(f"d is {quoted(data)}, in which a command has too few or too many numbers") from error
-    if not segments or not isinstance(segments[0], svgelements.Move):
-        raise ElementError(f"d is {quoted(data) if data else 'empty'}; it should start with M and a point")
+    if segments and not isinstance(segments[0], svgelements.Move):
+        raise ElementError(f"d is {quoted(data)}; it should start with M and a point")
     return segments
 
 
@@ -78,10 +87,7 @@ def _flattened(segments: list[Any], flatness: float) -> Outlines:
         else:
             points.extend(_chords(segment, flatness))
     drawn.append((points, False))
-    found = [(np.array(points), closed) for points, closed in drawn if len(points) > 1]
-    if not found:
-        raise ElementError("it has no line in it; it should have two points or more")
-    return found
+    return [(np.array(points), closed) for points, closed in drawn if len(points) > 1]
 
 
 def _corner(point: Any) -> Points:

@@ -3,58 +3,171 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
 
-from swarmsim.world.elements import Element, ElementError, quoted
+import cssselect2
+import tinycss2
+from tinycss2 import color4
+
+from swarmsim.world.elements import NUMBER, Element, quoted
 
 Style = Mapping[str, str]  # value by property, for each property in INITIAL
 
-#: What applies when nothing is said; all of it is inherited here, also where a mask or clip is only once.
-INITIAL: Style = {
-    "fill": "black", "fill-rule": "nonzero", "stroke": "none", "stroke-width": "1", "stroke-linecap": "butt",
-    "stroke-linejoin": "miter", "stroke-miterlimit": "4", "display": "inline", "visibility": "visible",
-    "clip-path": "none", "mask": "none", "stroke-dasharray": "none", "vector-effect": "none",
+#: What applies to an element when nothing is said of it alone.
+_OWN: Final = {
+    "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "overflow": "hidden", "transform": "",
+    "transform-origin": "", "transform-box": "view-box", "vector-effect": "none",
 }  # fmt: skip
-_RULE = re.compile(r"([^{}]*)\{([^{}]*)\}")
-_SELECTOR = re.compile(r"\*|[\w-]+|[\w-]*\.[\w-]+|#[\w-]+")
+#: What applies when nothing is said of an element and of those around it.
+INITIAL: Final[Style] = {
+    "fill": "black", "fill-opacity": "1", "fill-rule": "nonzero", "clip-rule": "nonzero", "stroke": "none",
+    "stroke-opacity": "1", "stroke-width": "1", "stroke-linecap": "butt", "stroke-linejoin": "miter",
+    "stroke-miterlimit": "4", "visibility": "visible", "color": "black", **_OWN,
+}  # fmt: skip
+_AS_WRITTEN: Final = frozenset({"fill", "stroke", "clip-path", "mask", "transform", "color"})  # ids have their case
+_SEEN_BY: Final = frozenset({"", "all", "screen"})  # media that a drawing on a screen has
+_QUERY: Final = re.compile(r"(?:(only|not)\s+)?([a-z-]*)\s*(.*)", re.DOTALL)
+_REFERENCE: Final = re.compile(r"url\(\s*[\"']?(.*?)[\"']?\s*\)\s*(.*)", re.DOTALL | re.IGNORECASE)
+
+_Declarations = list[tuple[str, str, bool]]  # property, value, whether it is important
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class StyleSheet:
-    """The rules that say anything about what is solid, by selector, those that override others last."""
+    """The rules that say anything about what is solid."""
 
-    rules: list[tuple[str, Style]]
+    _matcher: Any = field(default_factory=cssselect2.Matcher)
+    _rules: int = 0
+    notices: list[str] = field(default_factory=list)  # what is not understood
 
     @classmethod
-    def of(cls, text: str) -> StyleSheet:
-        """The rules of the text of <style> elements."""
-        rules = []
-        for selectors, body in _RULE.findall(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)):
-            declarations = _declarations(body)
-            if not declarations.keys() & {*INITIAL, "transform"}:
-                continue
-            for selector in map(str.strip, selectors.split(",")):
-                if not _SELECTOR.fullmatch(selector):
-                    raise ElementError(f"the style sheet selects {quoted(selector)}; use a plain tag, .class or #id")
-                rules.append((selector, declarations))
-        return cls(sorted(rules, key=lambda rule: ("#" in rule[0], "." in rule[0], rule[0] != "*")))
+    def of(cls, styles: Iterable[Element]) -> StyleSheet:
+        """The rules in <style> elements, in their order."""
+        sheet = cls()
+        for element in styles:
+            kind = element.attributes.get("type", "text/css").strip().lower()
+            if kind in {"", "text/css"} and sheet._applies(element.attributes.get("media", "")):
+                sheet._add(tinycss2.parse_stylesheet(element.text, skip_comments=True, skip_whitespace=True))
+        return sheet
+
+    def _add(self, rules: Iterable[Any]) -> None:
+        for rule in rules:
+            if rule.type == "qualified-rule":
+                self._add_rule(rule)
+            elif rule.type == "at-rule" and rule.lower_at_keyword == "media" and rule.content is not None:
+                if self._applies(tinycss2.serialize(rule.prelude)):
+                    self._add(tinycss2.parse_rule_list(rule.content, skip_comments=True, skip_whitespace=True))
+            elif rule.type == "at-rule" and rule.lower_at_keyword == "import":
+                self.notices.append("its style sheet imports another one, which is not read")
+
+    def _add_rule(self, rule: Any) -> None:
+        declarations = _declarations(rule.content)
+        if not declarations:
+            return
+        try:
+            selectors = cssselect2.compile_selector_list(rule.prelude)
+        except cssselect2.SelectorError:
+            selector = quoted(tinycss2.serialize(rule.prelude).strip())
+            self.notices.append(f"its style sheet selects {selector}, which is not understood and selects nothing")
+            return
+        for selector in selectors:
+            if selector.pseudo_element is None:
+                self._rules += 1
+                self._matcher.add_selector(selector, declarations)
+
+    def _applies(self, media: str) -> bool:
+        """Whether a list of media queries holds for a screen; what asks for its size is taken for false."""
+        applies = not media.strip()
+        for query in media.lower().split(","):
+            match = _QUERY.fullmatch(query.strip())
+            assert match is not None  # it matches anything
+            negated, kind, features = match.groups()
+            if features:
+                self.notices.append(f"its style sheet has rules for {quoted(query.strip())}, which are passed over")
+            else:
+                applies |= bool(query.strip()) and (kind in _SEEN_BY) != (negated == "not")
+        return applies
 
     def styled(self, element: Element, inherited: Style) -> Style:
-        """What `element` inherits, overridden by its attributes, this sheet and its style attribute, in this order."""
-        own = {key: value.strip() for key, value in element.attributes.items() if key in INITIAL}
-        marks = {"*", element.tag, f"#{element.attributes.get('id', '')}"}
-        for name in element.attributes.get("class", "").split():
-            marks |= {f".{name}", f"{element.tag}.{name}"}
-        for selector, declarations in self.rules:
-            own |= declarations if selector in marks else {}
-        own |= _declarations(element.attributes.get("style", ""))
-        if "transform" in own:
-            raise ElementError("its style has a transform; write it as the attribute `transform`")
-        return {**inherited, **{key: own[key] for key in own.keys() & INITIAL.keys() if own[key] != "inherit"}}
+        """What `element` inherits, overridden in the order of CSS.
+
+        That is by its attributes, this sheet, its style attribute, and by what is important in the sheet and in the
+        attribute.
+        """
+        attributes = element.attributes
+        own = [(key, value.strip()) for key, value in attributes.items() if key in INITIAL]
+        important: list[tuple[str, str]] = []
+        said = [match[3] for match in self._matcher.match(element.node)] if self._rules else []
+        if "style" in attributes:
+            said.append(_declarations(attributes["style"]))
+        for declarations in said:
+            for key, value, outranks in declarations:
+                (important if outranks else own).append((key, value))
+        found = {**inherited, **_OWN}
+        for key, value in own + important:
+            word = value.lower()
+            if word in {"inherit", "unset"}:
+                found[key] = inherited[key] if key not in _OWN or word == "inherit" else _OWN[key]
+            elif word == "initial":
+                found[key] = INITIAL[key]
+            elif value:
+                found[key] = value if key in _AS_WRITTEN else word
+        return found
 
 
-def _declarations(text: str) -> dict[str, str]:
-    """The properties in a style attribute or between the braces of a rule."""
-    pairs = (part.partition(":") for part in text.split(";"))
-    return {key.strip(): value.replace("!important", "").strip() for key, _, value in pairs if value.strip()}
+def _declarations(source: Any) -> _Declarations:
+    """The properties in a style attribute or between the braces of a rule, without those that change nothing solid."""
+    found = tinycss2.parse_blocks_contents(source, skip_comments=True, skip_whitespace=True)
+    return [
+        (one.lower_name, _serialized(one.value), one.important)
+        for one in found
+        if one.type == "declaration" and one.lower_name in INITIAL
+    ]
+
+
+def _serialized(tokens: Iterable[Any]) -> str:
+    return str(tinycss2.serialize([token for token in tokens if token.type != "comment"])).strip()
+
+
+def reference(value: str) -> tuple[str, str] | None:
+    """The id in `url(#id)` and what follows it; None for any other value."""
+    match = _REFERENCE.fullmatch(value)
+    return (match[1].removeprefix("#"), match[2].strip()) if match else None
+
+
+def luminance(style: Style, paint: str, ids: Mapping[str, object]) -> float | None:
+    """How bright a `paint` ("fill" or "stroke") is, 0 to 1 times its opacity; None where it paints nothing.
+
+    Gradients and patterns, and colours that are no sRGB, count as bright.
+    """
+    value = style[paint]
+    found = reference(value)
+    if found is not None:
+        value = "white" if found[0] in ids else found[1] or "none"
+    if value.lower() == "none":
+        return None
+    if value.lower() == "currentcolor":
+        value = style["color"]
+    opacity = fraction(style[f"{paint}-opacity"])
+    try:
+        colour = color4.parse_color(value)
+    except ValueError:
+        colour = None
+    if colour is None or colour == "currentcolor":
+        return opacity if opacity > 0.0 else None
+    opacity *= float(colour.alpha if colour.alpha is not None else 1.0)
+    if opacity <= 0.0:
+        return None
+    try:
+        red, green, blue = colour.to("srgb").coordinates
+    except NotImplementedError:
+        return opacity
+    return opacity * (0.2126 * float(red or 0.0) + 0.7152 * float(green or 0.0) + 0.0722 * float(blue or 0.0))
+
+
+def fraction(text: str) -> float:
+    """A number from 0 to 1 or a percentage; 1 for what is neither, as in CSS."""
+    match = re.fullmatch(rf"\s*({NUMBER})\s*(%?)\s*", text)
+    return min(max(float(match[1]) / (100.0 if match[2] else 1.0), 0.0), 1.0) if match else 1.0

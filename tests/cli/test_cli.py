@@ -116,7 +116,7 @@ BAD_PLANS = [
     ({"spawn": ""}, "w.svg", "spawn"),
     ({"spawn": SPAWN.replace('"room"', '"hall"')}, "'room'", "hall"),
     ({"spawn": '<rect id="room" x="0" y="0" width="0.25" height="0.25"/>'}, "'room'", "w.svg"),
-    ({"walls": '<path id="flap" d="M1 1 L2 1 L2 2"/>'}, "flap", "close"),
+    ({"walls": '<path id="flap" d="M1 1 L2 1 L2"/>'}, "flap", "too few"),
     ({"walls": PILLAR.format(3)}, "w.svg", "has no way to spawn area"),
 ]
 

@@ -122,7 +122,7 @@ def test_a_bad_value_is_refused_with_file_key_and_remedy(
 def test_broken_files_are_refused_with_the_place(tmp_path: Path) -> None:
     assert "cannot be read" in refusal(tmp_path / "none.toml")
     assert "line 2" in refusal(scenario(tmp_path, 'title = "x"\nworld = \n'))
-    assert "robots.count, robots.spawn, network.topology: required keys are missing" in refusal(
+    assert "robots.count, network.topology: required keys are missing" in refusal(
         scenario(tmp_path, 'title = "x"\nworld = "w.svg"')
     )
     binary = tmp_path / "b.toml"

@@ -50,8 +50,8 @@ def test_links_in_a_file_become_part_of_the_scenario(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        (b"0,1\nreceiver,sender\n", ["net.csv, line 2", "'receiver,sender'", "expected numbers"]),
-        (b"0,1\n\n1;2\n", ["net.csv, line 3", "'1;2'"]),
+        (b"0,1\nreceiver,sender\n", ["net.csv, line 2", "expected numbers"]),
+        (b"0,1\n\n1;2\n", ["net.csv, line 3"]),
         (b"0,nan\n", ["net.csv, line 1"]),
         (b"0,1.5\n", ["links[0][1]", "`int`"]),
         (b"\xff\xfe", ["net.csv: not UTF-8"]),
@@ -63,6 +63,7 @@ def test_a_file_that_is_not_a_table_of_numbers_is_refused_with_its_line(tmp_path
         load(path)
     for part in [f"{path}: network.topology.links", *parts]:
         assert part in str(refused.value)
+    assert "receiver,sender" not in str(refused.value)  # the contents of a file are never repeated
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):

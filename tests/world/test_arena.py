@@ -14,7 +14,7 @@ from shapely import MultiPolygon, affinity, box
 
 from swarmsim.core.errors import InputError
 from swarmsim.world.arena import Arena
-from swarmsim.world.svg import FloorPlan
+from swarmsim.world.plan import FloorPlan
 
 
 def plan(walls: shapely.Geometry, size: tuple[float, float], **spawns: shapely.Geometry) -> FloorPlan:
@@ -23,7 +23,7 @@ def plan(walls: shapely.Geometry, size: tuple[float, float], **spawns: shapely.G
         solid,
         {"walls": solid},
         {key: MultiPolygon(list(shapely.get_parts(area))) for key, area in spawns.items()},
-        *size,
+        (0.0, 0.0, *size),
     )
 
 

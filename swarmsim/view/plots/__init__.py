@@ -1,5 +1,6 @@
 """Figures of runs and of what many runs say together, saved as the same bytes every time."""
 
+from swarmsim.view.plots.building import building
 from swarmsim.view.plots.conditions import comparison, distributions
 from swarmsim.view.plots.listing import table
 from swarmsim.view.plots.local_maps import local_maps
@@ -11,6 +12,6 @@ from swarmsim.view.plots.style import COLOURS, FINEST
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "Steps", "comparison", "contact_times", "curves", "degrees", "distributions",
+    "COLOURS", "FINEST", "Steps", "building", "comparison", "contact_times", "curves", "degrees", "distributions",
     "local_maps", "network_course", "padded", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

@@ -25,13 +25,13 @@ Bounds = tuple[float, float, float, float]  # m: left, right, lower, upper
 def draw_solids(axes: Axes, layers: Mapping[str, shapely.MultiPolygon]) -> None:
     """Fill what is solid, layer by layer."""
     for name, colour in SOLIDS.items():
-        axes.add_patch(PathPatch(_outline(layers[name]), facecolor=colour, edgecolor=EDGE, linewidth=0.5))
+        axes.add_patch(PathPatch(outline(layers[name]), facecolor=colour, edgecolor=EDGE, linewidth=0.5))
 
 
 def draw_outlines(axes: Axes, layers: Mapping[str, shapely.MultiPolygon], colour: str) -> None:
     """Draw the edges of what is solid as faint lines over what is there already."""
     for name in SOLIDS:
-        axes.add_patch(PathPatch(_outline(layers[name]), facecolor="none", edgecolor=colour, linewidth=0.6, alpha=0.6))
+        axes.add_patch(PathPatch(outline(layers[name]), facecolor="none", edgecolor=colour, linewidth=0.6, alpha=0.6))
 
 
 def solid_keys(layers: Mapping[str, shapely.MultiPolygon]) -> list[Artist]:
@@ -74,7 +74,7 @@ def ink_on(colour: str) -> str:
     return BLACK if 0.299 * red + 0.587 * green + 0.114 * blue > 120 else "#FFFFFF"
 
 
-def _outline(shapes: shapely.MultiPolygon) -> Path:
+def outline(shapes: shapely.MultiPolygon) -> Path:
     """All rings as one path; holes run against their outlines, so that they are not filled."""
     rings = [
         Path(np.asarray(ring.coords)[:, :2], closed=True)

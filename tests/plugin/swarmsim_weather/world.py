@@ -8,10 +8,28 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Setting
+from swarmsim.core.parts import Setting, Site
 from swarmsim.core.state import UNKNOWN, Readings, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
+
+
+class Greenhouse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """An empty hall of glass."""
+
+    side: float = 4.0  # m
+
+    def build(self, site: Site) -> Greenhouse:
+        """The building."""
+        return self
+
+    def draw(self) -> str:
+        """Its floor plan."""
+        side, inner = self.side, self.side - 0.2
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {side} {side}"><g id="walls">'
+            f'<path fill-rule="evenodd" d="M0 0H{side}V{side}H0Z M0.2 0.2V{inner}H{inner}V0.2Z"/></g></svg>'
+        )
 
 
 class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

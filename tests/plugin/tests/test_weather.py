@@ -33,6 +33,7 @@ use = "to-the-hottest"
 use = "warmth"
 """
 PARTS = {
+    "greenhouse": "",
     "wind": '[physics]\nuse = "wind"\n',
     "fog": '[sensor]\nuse = "fog"\nx = 2.0\n',
     "rounded": '[localisation]\nuse = "rounded"\n',
@@ -50,7 +51,10 @@ def write(tmp_path: Path):
 
     def written(*names: str) -> Path:
         path = tmp_path / "scenario.toml"
-        path.write_text(PLAIN + "".join(PARTS[name] for name in names))
+        plain = PLAIN
+        if "greenhouse" in names:
+            plain = plain.replace('"room.svg"', '{generate = {use = "greenhouse"}}').replace('"floor"', '"spawn"')
+        path.write_text(plain + "".join(PARTS[name] for name in names))
         return path
 
     return written

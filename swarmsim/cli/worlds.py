@@ -1,0 +1,288 @@
+"""The verbs of buildings: check, look at, convert, make."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from swarmsim.core.scenario import Scenario, World
+    from swarmsim.engine.inspection import Inspection
+
+app = typer.Typer(
+    help="Check, draw, convert and make buildings.\n\nExample: swarmsim world check worlds/basilica.svg",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+UNATTAINABLE = 2  # exit code: 100 % cannot be reached
+CELL = 0.15  # m, of buildings that are looked at without a scenario
+SHOWN = 12  # rooms, doors and pockets in a table
+_PLACE = re.compile(r"\((-?[0-9.]+) m, (-?[0-9.]+) m\)")
+
+Source = Annotated[
+    Path, typer.Argument(metavar="WORLD", help="A drawing, a map, polygons; or a scenario (TOML) with its world.")
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Set a key of the scenario, as in world.scale=0.01."),
+]
+Door = Annotated[
+    float | None, typer.Option(metavar="METRES", help="The widest door; by default ten times the robot's diameter.")
+]
+
+
+@app.command()
+def check(
+    world: Source,
+    set_: Set = None,
+    door: Door = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
+) -> None:
+    """Tell what a building is like for a swarm, and whether all of it can be mapped.
+
+    Exit code 0: it can; 2: it cannot, with the reason and the place.
+
+    Example: swarmsim world check plan.svg --set world.width=24 --set robots.radius=0.1
+    """
+    from swarmsim.cli.tables import print_table
+
+    found = _inspected(world, set_, door)
+    if as_json:
+        print(json.dumps(_plain(found), indent=2))
+    else:
+        for notice in found.arena.plan.notices:
+            print(f"notice: {notice}")
+        print_table(f"{found.scenario.world.title}", ["measure", "value"], _lines(found))
+        diameter = 2.0 * found.scenario.robots.radius
+        if found.rooms:
+            rows = [
+                [str(i), f"{r.area:.2f}", _at(r.place), str(sum(i in d.rooms for d in found.doors))]
+                for i, r in enumerate(found.rooms[:SHOWN])
+            ]
+            print_table(f"rooms: {len(found.rooms)}", ["room", "area, m2", "place, m", "doors"], rows)
+        if found.doors:
+            rows = [
+                ["{} - {}".format(*d.rooms), f"{d.width:.2f}", f"{d.width / diameter:.1f}", _at(d.place)]
+                for d in found.doors[:SHOWN]
+            ]
+            head = ["rooms", "width, m", "robot diameters", "place, m"]
+            print_table(f"doors: {len(found.doors)}, the narrowest first", head, rows)
+        if found.pockets:
+            rows = [[str(pocket.cells), _at(pocket.place)] for pocket in found.pockets[:SHOWN]]
+            print_table(f"unreachable pockets: {len(found.pockets)}", ["cells", "place, m"], rows)
+    if found.problem:
+        print(f"100 % is unattainable: {found.problem}")
+        raise typer.Exit(UNATTAINABLE)
+    if not as_json:
+        print("100 % is attainable.")
+
+
+@app.command()
+def preview(
+    world: Source,
+    out: Annotated[Path, typer.Argument(metavar="OUT.png", help="Picture to write.")],
+    set_: Set = None,
+    door: Door = None,
+) -> None:
+    """Draw a building as a swarm finds it: grid, domain, spawn areas, doors, and what is wrong with it.
+
+    Example: swarmsim world preview worlds/basilica.svg basilica.png
+    """
+    from swarmsim.core.errors import InputError
+    from swarmsim.view import plots
+
+    if out.suffix.lower() != ".png":
+        raise InputError(f"{out}: expected a name that ends in .png")
+    found = _inspected(world, set_, door)
+    plan, lattice = found.arena.plan, found.arena.lattice
+    places = [(float(x), float(y)) for x, y in _PLACE.findall(found.problem or "")]
+    title = f"{found.scenario.world.title}: {plan.width:g} m x {plan.height:g} m"
+    if found.problem:
+        title += f"\n100 % is unattainable: {found.problem}"
+    figure = plots.building(
+        plan,
+        lattice,
+        found.domain,
+        [(*door.place, door.width) for door in found.doors],
+        [pocket.place for pocket in found.pockets if pocket.cells > 1],
+        places,
+        2.0 * found.scenario.robots.radius,
+        title,
+    )
+    try:
+        figure.savefig(out, format="png", metadata={"Software": None})
+    except OSError as problem:
+        raise InputError(f"{out}: cannot be written ({problem.strerror}); expected a place for a picture") from problem
+    print(out)
+
+
+@app.command()
+def convert(
+    world: Source,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="File to write: .svg, .geojson, .yaml or .json.")],
+    set_: Set = None,
+    cell: Annotated[
+        float | None, typer.Option(metavar="METRES", help="Side of a pixel of a map; by default the scenario's cell.")
+    ] = None,
+) -> None:
+    """Write a building as a drawing (SVG), polygons (GeoJSON), or a map: map_server's YAML and PGM, or OccupancyGrid.
+
+    Example: swarmsim world convert worlds/basilica.svg basilica.yaml --cell 0.05
+    """
+    from swarmsim.core.errors import InputError
+    from swarmsim.world import drawing, geojson, rosmap
+    from swarmsim.world.rasters import rasterised
+    from swarmsim.world.source import floor_plan, read_world
+
+    scenario = _scenario(world, set_)
+    side = cell if cell is not None else _pixel(scenario.world) or scenario.grid.cell
+    if side <= 0.0:
+        raise InputError(f"--cell {side:g}: expected a length in metres, larger than 0")
+    plan = floor_plan(read_world(scenario.world, side), scenario.world)
+    for notice in plan.notices:
+        print(f"notice: {notice}")
+    if out.suffix.lower() in (".yaml", ".yml", ".json"):
+        written = rosmap.write(out, *rasterised(plan, side, scenario.world.title))
+    elif out.suffix.lower() == ".svg":
+        written = rosmap.save({out: drawing.drawn(plan, scenario.world.title).encode()})
+    elif out.suffix.lower() == ".geojson":
+        written = rosmap.save({out: geojson.written(plan).encode()})
+    else:
+        raise InputError(f"{out}: expected a name that ends in .svg, .geojson, .yaml (map_server) or .json")
+    for path in written:
+        print(path)
+
+
+@app.command()
+def generate(
+    kind: Annotated[str, typer.Argument(help="What to make: rooms, office, maze, cave, or a generator of yours.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="File to write: .svg or .geojson.")],
+    seed: Annotated[int, typer.Option(help="Another seed makes another building.")] = 1,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A key of the generator, as in width=20.")
+    ] = None,
+    cell: Annotated[float, typer.Option(metavar="METRES", help="Side of the cells it is made of.")] = CELL,
+) -> None:
+    """Make a building.
+
+    A scenario can make it by itself: world = {generate = {use = "rooms"}, seed = 1}.
+
+    Example: swarmsim world generate office office.svg --seed 3 --set width=24
+    """
+    from swarmsim.core.scenario import decode, set_key
+    from swarmsim.world import drawing, geojson, rosmap
+    from swarmsim.world.source import floor_plan, read_world
+
+    table: dict[str, Any] = {"use": kind}
+    for override in set_ or []:
+        set_key(table, override)
+    scenario = decode(_bare({"generate": table, "seed": seed}, cell), kind)
+    plan = floor_plan(read_world(scenario.world, cell), scenario.world)
+    svg = out.suffix.lower() == ".svg"
+    text = drawing.drawn(plan, f"{kind}, seed {seed}") if svg else geojson.written(plan)
+    if not svg and out.suffix.lower() != ".geojson":
+        from swarmsim.core.errors import InputError
+
+        raise InputError(f"{out}: expected a name that ends in .svg or .geojson")
+    for path in rosmap.save({out: text.encode()}):
+        print(path)
+
+
+def _bare(world: dict[str, Any], cell: float = CELL) -> dict[str, Any]:
+    """A scenario with nothing in it but its world and what a scenario cannot do without."""
+    return {
+        "world": world, "grid": {"cell": cell}, "robots": {"count": 10}, "network": {"topology": {"use": "none"}}
+    }  # fmt: skip
+
+
+def _scenario(path: Path, overrides: list[str] | None) -> Scenario:
+    """The scenario in a TOML file, or a bare one about a world."""
+    from swarmsim.core.scenario import decode, load, set_key
+
+    if path.suffix.lower() == ".toml":
+        return load(path, overrides or ())
+    table = _bare({"file": str(path)})
+    for override in overrides or []:
+        set_key(table, override)
+    return decode(table, str(path))
+
+
+def _pixel(world: World) -> float | None:
+    """The side of a pixel of a world that is a map, in m; None for all others."""
+    from swarmsim.world import rosmap
+
+    ending = Path(world.file).suffix.lower()
+    if world.width is not None or ending not in (".yaml", ".yml", *rosmap.PICTURES):
+        return None
+    return rosmap.read(Path(world.file), world.resolution).resolution
+
+
+def _inspected(path: Path, overrides: list[str] | None, door: float | None) -> Inspection:
+    from swarmsim.core.errors import InputError
+    from swarmsim.engine.inspection import inspect
+    from swarmsim.world.source import read_world
+
+    scenario = _scenario(path, overrides)
+    widest = 20.0 * scenario.robots.radius if door is None else door
+    if widest <= 0.0:
+        raise InputError(f"--door {widest:g}: expected a width in metres, larger than 0")
+    return inspect(scenario, read_world(scenario.world, scenario.grid.cell), str(path), widest)
+
+
+def _lines(found: Inspection) -> list[list[str]]:
+    from swarmsim.engine.inspection import MOST_SEATS, free_area
+
+    plan, lattice, robots = found.arena.plan, found.arena.lattice, found.scenario.robots
+    lines = [
+        ["page, m", f"{plan.width:g} x {plan.height:g}"],
+        ["cells", f"{lattice.rows} x {lattice.columns} of {lattice.cell:g} m"],
+        ["walls, m2", f"{plan.walls.area:.2f}"],
+    ]
+    if found.floor is not None:
+        lines.append(["free area, m2", f"{free_area(found.arena, found.floor):.2f}"])
+    if found.domain is not None:
+        lines.append(["cells that make 100 %", str(int(found.domain.sum()))])
+    lines.append(["robots", f"{robots.count} of {2.0 * robots.radius:g} m diameter"])
+    if found.seats:
+        seats = f"{MOST_SEATS} or more" if found.seats == MOST_SEATS else str(found.seats)
+        lines.append([f"robots that spawn area {found.arena.area_name(robots.spawn)!r} holds", seats])
+    if found.seconds is not None and found.iterations is not None:
+        time = found.seconds * found.iterations
+        lines.append(["run, about", f"{found.iterations} iterations, {time:.1f} s"])
+    lines.append(["memory of the maps, about", f"{found.memory / 1e6:.0f} MB"])
+    return lines
+
+
+def _plain(found: Inspection) -> dict[str, Any]:
+    """What was found, for JSON."""
+    from swarmsim.engine.inspection import free_area
+
+    plan, lattice = found.arena.plan, found.arena.lattice
+    return {
+        "world": found.scenario.world.title,
+        "page": list(plan.page),
+        "cell": lattice.cell,
+        "rows": lattice.rows,
+        "columns": lattice.columns,
+        "walls_area": plan.walls.area,
+        "free_area": None if found.floor is None else free_area(found.arena, found.floor),
+        "domain_cells": None if found.domain is None else int(found.domain.sum()),
+        "rooms": [{"area": room.area, "place": list(room.place)} for room in found.rooms],
+        "doors": [{"rooms": list(d.rooms), "width": d.width, "place": list(d.place)} for d in found.doors],
+        "pockets": [{"cells": pocket.cells, "place": list(pocket.place)} for pocket in found.pockets],
+        "robots_placed": found.seats,
+        "iterations_about": found.iterations,
+        "seconds_each": found.seconds,
+        "memory_about": found.memory,
+        "notices": list(plan.notices),
+        "problem": found.problem,
+    }
+
+
+def _at(place: tuple[float, float]) -> str:
+    return f"({place[0]:.2f}, {place[1]:.2f})"

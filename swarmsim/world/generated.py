@@ -1,0 +1,306 @@
+"""Buildings that are made: rooms, an office, a maze, a cave; another one for every seed."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Protocol
+
+import numpy as np
+import shapely
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely import MultiPolygon, affinity
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Site
+from swarmsim.world import geojson
+from swarmsim.world.areas import polygons, united
+from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
+from swarmsim.world.tracing import traced
+
+Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+Mask = NDArray[np.bool_]  # (rows, columns) of cells
+
+_MOST_CELLS = 25_000_000
+
+
+class _Sized(Protocol):
+    """The size of a building."""
+
+    @property
+    def width(self) -> float: ...
+    @property
+    def height(self) -> float: ...
+
+
+class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A building cut into rooms, over and over; every wall has a door, and some have another one.
+
+    Rooms are cut as in binary space partitioning (Fuchs, Kedem and Naylor 1980).
+    """
+
+    width: Metres = 15.0  # m, outside
+    height: Metres = 9.0  # m, outside
+    room: Metres = 2.1  # m, the least side of a room
+    door: Metres = 0.6  # m
+    wall: Metres = 0.15  # m, thickness
+    loops: Share = 0.3  # of walls that have a second door
+
+    def build(self, site: Site) -> Drawn:
+        """The building. Raises InputError for sizes that contradict each other."""
+        grid = _Grid(self, site)
+        room, door, wall = (grid.count(key, getattr(self, key)) for key in ("room", "door", "wall"))
+        if door + 2 > room:
+            raise InputError(f"door: {self.door:g} m does not fit into walls of {self.room:g} m; expected it narrower")
+        solid = grid.framed(wall)
+        waiting = [(wall, wall, grid.rows - wall, grid.columns - wall)]
+        cuts = []
+        while waiting:
+            low, left, high, right = waiting.pop()
+            down, across = high - low, right - left
+            along = 0 if (down > across if down != across else grid.random.random() < 0.5) else 1
+            size = (down, across)[along]
+            if size < 2 * room + wall:
+                along, size = 1 - along, (down, across)[1 - along]
+            if size < 2 * room + wall:
+                continue
+            at = (low, left)[along] + int(grid.random.integers(room, size - room - wall + 1))
+            span = (left, right) if along == 0 else (low, high)
+            _strip(solid, along, at, wall, span)[:] = True
+            cuts.append((along, at, span))
+            box = [low, left, high, right]
+            first, second = box.copy(), box.copy()
+            first[2 + along], second[along] = at, at + wall
+            waiting += [(first[0], first[1], first[2], first[3]), (second[0], second[1], second[2], second[3])]
+        for along, at, span in cuts:
+            for _ in range(1 + (grid.random.random() < self.loops)):
+                _pierce(solid, along, at, wall, span, door, grid.random)
+        return grid.drawn(solid)
+
+
+class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Corridors across the building with rooms on both sides, each with a door to its corridor."""
+
+    width: Metres = 18.0  # m, outside
+    height: Metres = 10.5  # m, outside
+    corridor: Metres = 1.2  # m, width
+    room: Metres = 2.4  # m, about the side of a room
+    door: Metres = 0.6  # m
+    wall: Metres = 0.15  # m, thickness
+
+    def build(self, site: Site) -> Drawn:
+        """The building. Raises InputError for sizes that contradict each other."""
+        grid = _Grid(self, site)
+        corridor, room, door, wall = (
+            grid.count(key, getattr(self, key)) for key in ("corridor", "room", "door", "wall")
+        )
+        if door + 2 > room:
+            raise InputError(f"door: {self.door:g} m does not fit into walls of {self.room:g} m; expected it narrower")
+        solid = grid.framed(wall)
+        deep = grid.rows - 2 * wall
+        count = max(1, round((deep + wall) / (2 * room + corridor + 3 * wall)))
+        if deep < count * (corridor + 2 * wall + 2 * (door + 2)) + (count - 1) * wall:
+            raise InputError(f"height: {self.height:g} m has no room for a corridor with rooms; expected more")
+        spine = grid.columns - wall - corridor, grid.columns - wall  # a passage that joins the corridors
+        edges = np.linspace(wall, grid.rows, count + 1).round().astype(int)  # each block ends with a wall
+        corridors = []
+        for low, high in pairwise(edges.tolist()):
+            top = high - wall
+            first = low + (top - low - corridor) // 2
+            corridors.append((first, first + corridor))
+            right = spine[0] - wall if count > 1 else grid.columns - wall
+            for base, ceiling, at in (
+                (low, first - wall, first - wall),
+                (first + corridor + wall, top, first + corridor),
+            ):
+                _strip(solid, 0, at, wall, (wall, right))[:] = True
+                left = wall
+                while left < right:
+                    size = int(grid.random.integers(max(door + 2, room * 3 // 4), room * 5 // 4 + 1))
+                    end = right if right - left - size < door + 2 + wall else left + size
+                    _strip(solid, 1, end, wall, (base, ceiling))[:] = True
+                    _pierce(solid, 0, at, wall, (left, end), door, grid.random)
+                    left = end + wall
+            if count > 1:
+                solid[low:top, right : right + wall] = True
+                solid[first : first + corridor, right : right + wall] = False
+                if high < grid.rows:
+                    solid[top:high, :] = True
+                    solid[top:high, spine[0] : spine[1]] = False
+        start = np.zeros_like(solid)
+        middle = corridors[len(corridors) // 2]
+        start[middle[0] : middle[1], wall : max(wall + 1, grid.columns // 2)] = True
+        return grid.drawn(solid, start & ~solid)
+
+
+class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Passages in which there is one way from everywhere to everywhere, but for some walls that are left out.
+
+    It is made by a depth-first search with random turns, the recursive backtracker.
+    """
+
+    width: Metres = 9.15  # m, outside; rounded down to whole passages
+    height: Metres = 6.15  # m, outside; likewise
+    passage: Metres = 0.6  # m, width
+    wall: Metres = 0.15  # m, thickness
+    loops: Share = 0.1  # of the walls that could be left out
+
+    def build(self, site: Site) -> Drawn:
+        """The building. Raises InputError for a size without two passages each way."""
+        grid = _Grid(self, site)
+        passage, wall = (grid.count(key, getattr(self, key)) for key in ("passage", "wall"))
+        pitch = passage + wall
+        down, across = (grid.rows - wall) // pitch, (grid.columns - wall) // pitch
+        if down < 2 or across < 2:
+            raise InputError(f"width: fewer than two passages of {self.passage:g} m each way; expected it larger")
+        solid = np.ones((down * pitch + wall, across * pitch + wall), np.bool_)
+        rows, columns = np.indices((down, across)).reshape(2, -1)
+        for row, column in zip(rows, columns, strict=True):
+            low, left = wall + row * pitch, wall + column * pitch
+            solid[low : low + passage, left : left + passage] = False
+        visited = np.zeros((down, across), np.bool_)
+        way = [(int(grid.random.integers(down)), int(grid.random.integers(across)))]
+        visited[way[0]] = True
+        while way:
+            row, column = way[-1]
+            ahead = [
+                (row + dr, column + dc)
+                for dr, dc in ((0, 1), (1, 0), (0, -1), (-1, 0))
+                if 0 <= row + dr < down and 0 <= column + dc < across and not visited[row + dr, column + dc]
+            ]
+            if not ahead:
+                way.pop()
+                continue
+            chosen = ahead[int(grid.random.integers(len(ahead)))]
+            visited[chosen] = True
+            _open_between(solid, way[-1], chosen, wall, passage)
+            way.append(chosen)
+        for row, column in zip(rows, columns, strict=True):
+            for other in ((row, column + 1), (row + 1, column)):
+                if other[0] < down and other[1] < across and grid.random.random() < self.loops:
+                    _open_between(solid, (row, column), other, wall, passage)
+        start = np.zeros_like(solid)
+        start[: solid.shape[0] // 3, : solid.shape[1] // 3] = True
+        return grid.drawn(solid, start & ~solid)
+
+
+class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Halls and passages with bent walls, from noise that is smoothed by a majority vote among neighbours.
+
+    That is the cellular automaton of Johnson, Yannakakis and Togelius (2010).
+    """
+
+    width: Metres = 15.0  # m, outside
+    height: Metres = 10.5  # m, outside
+    filled: Annotated[float, Meta(ge=0.2, le=0.6)] = 0.44  # share of the noise that is rock
+    grain: Metres = 0.45  # m, side of the noise's squares
+    steps: Annotated[int, Meta(ge=1, le=20)] = 4  # rounds of the vote
+
+    def build(self, site: Site) -> Drawn:
+        """The building. Raises InputError if no hall is left in it."""
+        grid = _Grid(self, site)
+        grain = grid.count("grain", self.grain)
+        shape = -(-grid.rows // grain), -(-grid.columns // grain)
+        rock = grid.random.random(shape) < self.filled
+        around = np.ones((3, 3), np.int64)
+        for _ in range(self.steps):
+            rock[[0, -1]] = rock[:, [0, -1]] = True
+            rock = ndimage.convolve(rock.astype(np.int64), around, mode="constant", cval=1) >= 5
+        rock[[0, -1]] = rock[:, [0, -1]] = True
+        fine = ndimage.zoom(rock.astype(np.float64), grain, order=1, mode="nearest", grid_mode=True) > 0.5
+        wall = fine[: grid.rows, : grid.columns].copy()
+        wall[:2] = wall[-2:] = wall[:, :2] = wall[:, -2:] = True
+        # What a disc three cells wide cannot get into is rock, so that robots see every wall.
+        free = ndimage.binary_opening(~wall, np.ones((3, 3), np.bool_))
+        pieces, count = ndimage.label(free)
+        if not count:
+            raise InputError("filled: rock alone is left; expected less of it, or a larger building")
+        largest = int(np.bincount(pieces.ravel())[1:].argmax()) + 1
+        return grid.drawn(pieces != largest)
+
+
+class Drawn:
+    """A building that is finished."""
+
+    def __init__(self, plan: FloorPlan) -> None:
+        self._plan = plan
+
+    def draw(self) -> str:
+        """Its floor plan as GeoJSON."""
+        return geojson.written(self._plan)
+
+
+class _Grid:
+    """The cells that a building is made of."""
+
+    def __init__(self, size: _Sized, site: Site) -> None:
+        self._cell = site.cell
+        self.rows, self.columns = self.count("height", size.height), self.count("width", size.width)
+        if self.rows * self.columns > _MOST_CELLS:
+            raise InputError(f"width: more than {_MOST_CELLS} cells; expected a smaller building")
+        self.random = site.streams.open("building")
+
+    def count(self, key: str, metres: float) -> int:
+        """A length in whole cells. Raises InputError if it is less than one."""
+        cells = round(metres / self._cell)
+        if cells < 1:
+            raise InputError(f"{key}: {metres:g} m is less than a cell of {self._cell:g} m; expected more")
+        return cells
+
+    def framed(self, wall: int) -> Mask:
+        """An empty building with a wall around it. Raises InputError if it has no room."""
+        if min(self.rows, self.columns) <= 2 * wall + 2:
+            raise InputError("width: nothing but walls fits in; expected a larger building")
+        solid = np.ones((self.rows, self.columns), np.bool_)
+        solid[wall:-wall, wall:-wall] = False
+        return solid
+
+    def drawn(self, solid: Mask, start: Mask | None = None) -> Drawn:
+        """The building; robots start on the `start` cells, `spawn`, or anywhere on the `floor`."""
+
+        def metres(mask: Mask) -> MultiPolygon:
+            return united([affinity.scale(traced(mask), self._cell, self._cell, origin=(0.0, 0.0))])
+
+        walls, floor = metres(solid), metres(~solid)
+        spawn = _middle(floor) if start is None else metres(start)
+        layers = {"walls": walls, "pillars": MultiPolygon(), "furniture": MultiPolygon()}
+        rows, columns = solid.shape
+        page = (0.0, 0.0, columns * self._cell, rows * self._cell)
+        return Drawn(FloorPlan(walls, layers, {SPAWN_LAYER: spawn, "floor": floor}, page))
+
+
+def _middle(floor: MultiPolygon) -> MultiPolygon:
+    """The floor within a circle of a quarter of the building's breadth about a place that has room around it."""
+    piece = max(floor.geoms, key=lambda one: one.area)
+    left, low, right, high = piece.bounds
+    centre = shapely.maximum_inscribed_circle(piece, tolerance=0.1).coords[0]
+    return polygons(floor.intersection(shapely.Point(centre).buffer(0.25 * min(right - left, high - low) + 0.5)))
+
+
+def _strip(solid: Mask, along: int, at: int, wall: int, span: tuple[int, int]) -> Mask:
+    """The cells of a wall that starts at row (`along` 0) or column (1) `at`, between columns or rows `span`."""
+    across = slice(at, at + wall)
+    return solid[across, slice(*span)] if along == 0 else solid[slice(*span), across]
+
+
+def _pierce(
+    solid: Mask, along: int, at: int, wall: int, span: tuple[int, int], door: int, random: np.random.Generator
+) -> None:
+    """Open a door at a random place of a wall where there is floor on both sides of all of it."""
+    before, behind = (_strip(solid, along, place, 1, span) for place in (at - 1, at + wall))
+    clear = ~(before | behind).ravel()
+    fits = np.flatnonzero(np.convolve(clear, np.ones(door, np.int64), "valid") == door)
+    if len(fits):
+        first = int(fits[int(random.integers(len(fits)))])
+        strip = _strip(solid, along, at, wall, span)
+        (strip if along == 0 else strip.T)[:, first : first + door] = False
+
+
+def _open_between(solid: Mask, one: tuple[int, int], other: tuple[int, int], wall: int, passage: int) -> None:
+    """Take away the wall between two squares of a maze that are neighbours."""
+    pitch = wall + passage
+    low, left = wall + min(one[0], other[0]) * pitch, wall + min(one[1], other[1]) * pitch
+    high = wall + max(one[0], other[0]) * pitch + passage
+    solid[low:high, left : wall + max(one[1], other[1]) * pitch + passage] = False

@@ -1,0 +1,37 @@
+"""Floor plans as cells: occupied, free or unknown."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.world.arena import Arena
+from swarmsim.world.boundary import boundary, shares
+from swarmsim.world.plan import FloorPlan
+
+_SLIVER = 1e-6  # of a cell; less of a wall in it is rounding
+
+
+def rasterised(plan: FloorPlan, cell: float, name: str) -> tuple[NDArray[np.uint8], Lattice]:
+    """The cells (rows, columns) of side `cell` (m) of a plan's page and all that is solid, and their lattice.
+
+    A cell is occupied where walls cover any of it, and unknown where more than half of it is. Raises InputError for
+    too many cells.
+    """
+    arena = Arena.open(plan, cell, 1, name)
+    whole = arena.lattice
+    solid = [layer for layer in plan.layers.values() if not layer.is_empty]
+    left, low, right, high = shapely.total_bounds([shapely.box(*plan.page), *solid])
+    inside = _SLIVER * cell
+    first = whole.cells(np.array([left + inside, low + inside]))
+    last = whole.cells(np.array([right - inside, high - inside]))
+    states = np.full(whole.shape, FREE, np.uint8)
+    states[shares(boundary(plan.unknown), whole) > 0.5] = UNKNOWN
+    for layer in solid:
+        states[shares(boundary(layer), whole) > _SLIVER] = OCCUPIED
+    states = states[first[0] : last[0] + 1, first[1] : last[1] + 1]
+    x0, y0 = whole.x0 + first[1] * cell, whole.y0 + first[0] * cell
+    return states, Lattice(float(x0), float(y0), cell, *states.shape)

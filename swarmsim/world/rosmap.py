@@ -1,0 +1,280 @@
+"""Maps as ROS keeps them: map_server's YAML and image, in and out, and the values of an OccupancyGrid."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+import yaml
+from msgspec import Meta, Struct, field
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+from scipy import ndimage
+from shapely import MultiPolygon, affinity
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.registry import convert
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.world.plan import FloorPlan
+from swarmsim.world.tracing import traced
+from swarmsim.world.viewport import LARGEST
+
+MOST_PIXELS: Final = 64_000_000  # of an image, whose pixels take a byte or a few each
+PICTURES: Final = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".pbm", ".ppm")
+_LEVELS: Final = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}  # of the pixels that map_server's saver writes
+_OCCUPIED, _FREE = 0.65, 0.196  # the thresholds it writes; 205 is p = 0.19608, just unknown
+_VALUES: Final = {UNKNOWN: -1, FREE: 0, OCCUPIED: 100}  # of nav_msgs/OccupancyGrid
+
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+class MapFile(Struct, frozen=True, kw_only=True):
+    """What the YAML file of a map_server pair says; keys that others add are passed over.
+
+    `origin` is the pose (m, m, rad) of the lower left pixel's corner.
+    """
+
+    image: str
+    resolution: Annotated[float, Meta(gt=0.0, le=LARGEST)]  # m, one pixel
+    origin: Annotated[list[float], Meta(min_length=2, max_length=3)] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    negate: bool | Annotated[int, Meta(ge=0, le=1)] = 0
+    occupied_thresh: Share = _OCCUPIED
+    free_thresh: Share = _FREE
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+
+
+@dataclass(frozen=True, slots=True)
+class Bitmap:
+    """A map in pixels."""
+
+    states: NDArray[np.uint8]  # (rows, columns): UNKNOWN, FREE or OCCUPIED; row 0 lies at the bottom
+    resolution: float  # m, one pixel
+    origin: tuple[float, float, float]  # m, m, rad: the pose of the lower left pixel's corner
+
+    def plan(self, name: str, cell: float, unknown_is_wall: bool) -> FloorPlan:
+        """The floor plan, whose outlines stray from those of the pixels by half a cell and 1.5 pixels at most.
+
+        Pixels as large as cells, or larger, are kept exactly. Beyond the image nothing is known, so that a frame closes
+        it off where that is a wall and all larger free spaces run up to the edge.
+        """
+        rows, columns = self.states.shape
+        tolerance = min(1.5, 0.5 * cell / self.resolution) if self.resolution < 0.999 * cell else 0.0
+        walls, unknown = traced(self.states == OCCUPIED, tolerance), traced(self.states == UNKNOWN, tolerance)
+        if unknown_is_wall and self._runs_off():
+            frame = np.ones((rows + 2, columns + 2), np.bool_)
+            frame[1:-1, 1:-1] = False
+            unknown = MultiPolygon([*unknown.geoms, *affinity.translate(traced(frame), -1.0, -1.0).geoms])
+        x, y, yaw = self.origin
+        cos, sin = self.resolution * math.cos(yaw), self.resolution * math.sin(yaw)
+
+        def placed(shape: MultiPolygon) -> MultiPolygon:
+            return MultiPolygon(affinity.affine_transform(shape, [cos, -sin, sin, cos, x, y]))
+
+        corners = np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) @ [[cos, sin], [-sin, cos]] + (x, y)
+        layers = {"walls": placed(walls), "pillars": MultiPolygon(), "furniture": MultiPolygon()}
+        (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
+        if max(map(abs, (left, low, right, high))) > LARGEST:
+            raise InputError(f"{name}: a corner lies farther than {LARGEST:g} m from the origin; is the origin right?")
+        page = (float(left), float(low), float(right), float(high))
+        return FloorPlan(layers["walls"], layers, {}, page, placed(unknown))
+
+    def _runs_off(self) -> bool:
+        """Whether all free spaces touch the edge of the image, but for some with less than a tenth of the largest."""
+        pieces, count = ndimage.label(self.states == FREE)
+        sizes = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
+        edge = np.unique(np.concatenate([pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]]))
+        inner = np.delete(sizes, edge[edge > 0] - 1)
+        return bool(count and inner.max(initial=0) < 0.1 * sizes.max())
+
+
+def read(path: Path, resolution: float | None = None) -> Bitmap:
+    """A map_server pair, by its YAML file, or a picture whose pixels are `resolution` (m) wide.
+
+    A picture without a resolution needs the YAML file of its name beside it. Dark pixels are walls. Raises InputError.
+    """
+    if path.suffix.lower() in PICTURES:
+        beside = next((one for end in (".yaml", ".yml") if (one := path.with_suffix(end)).is_file()), None)
+        if resolution is not None:
+            about = MapFile(image=path.name, resolution=resolution)
+        elif beside is not None:
+            about = _about(beside)
+        else:
+            raise InputError(
+                f"{path}: how large is a pixel? Expected world = {{file = {path.name!r}, resolution = METRES}}, its "
+                f"width in metres, or the file {path.with_suffix('.yaml').name} beside it"
+            )
+        image = path
+    else:
+        about = _about(path)
+        image = path.parent / about.image
+    x, y, yaw = (*about.origin, 0.0)[:3]
+    return Bitmap(_states(_grey(image, about.mode), about), about.resolution, (x, y, yaw))
+
+
+def image_of(path: Path) -> Path:
+    """The image that a map_server YAML file names. Raises InputError."""
+    return path.parent / _about(path).image
+
+
+def columns_of(path: Path) -> int:
+    """How many pixels wide a picture is. Raises InputError."""
+    with _opened(path) as picture:
+        return picture.width
+
+
+def _about(path: Path) -> MapFile:
+    """What a YAML file says. Its text is never repeated in messages."""
+    try:
+        if path.stat().st_size > 1_000_000:
+            raise InputError(f"{path}: larger than 1 MB; expected the YAML file of a map_server pair")
+        table = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a map_server YAML file") from problem
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as problem:
+        mark = getattr(problem, "problem_mark", None)
+        where = f"line {mark.line + 1}: " if mark is not None else ""
+        raise InputError(f"{path}: {where}not YAML; expected a map_server YAML file") from None
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: no keys in it; expected image, resolution and origin of a map_server pair")
+    known = {key: table[key] for key in MapFile.__struct_fields__ if key in table}
+    for key in ("resolution", "occupied_thresh", "free_thresh"):
+        if isinstance(known.get(key), str):  # YAML 1.1 takes 5e-2 for a string
+            known[key] = _number(known[key])
+    try:
+        about = convert(known, MapFile)
+    except InputError as problem:
+        raise InputError(f"{path}: {problem}") from problem
+    if not all(map(math.isfinite, about.origin)):
+        raise InputError(f"{path}: origin: not finite; expected [x, y, yaw]")
+    if about.free_thresh > about.occupied_thresh:
+        raise InputError(f"{path}: free_thresh: above occupied_thresh; expected it below")
+    return about
+
+
+def _number(text: str) -> Any:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _opened(path: Path) -> Image.Image:
+    """A picture whose size is bearable, not decoded yet. Raises InputError."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; expected an image: PGM or PNG")
+    limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # ours is checked below
+    try:
+        picture = Image.open(path)
+    except (OSError, ValueError, SyntaxError, UnidentifiedImageError, TypeError, OverflowError) as problem:
+        raise InputError(f"{path}: no image that can be read; expected PGM or PNG") from problem
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+    if picture.width * picture.height > MOST_PIXELS:
+        picture.close()
+        raise InputError(
+            f"{path}: {picture.width} x {picture.height} pixels; expected at most {MOST_PIXELS}, so scale it down"
+        )
+    if not picture.width * picture.height:
+        raise InputError(f"{path}: {picture.width} x {picture.height} pixels; expected a picture with some")
+    return picture
+
+
+def _grey(path: Path, mode: str) -> NDArray[np.float32]:
+    """Grey levels (rows, columns), 0 to 1, from the bottom up; NaN where a transparent pixel hides what it is."""
+    with _opened(path) as picture:
+        return _levels(picture, path, mode)
+
+
+def _levels(picture: Image.Image, path: Path, mode: str) -> NDArray[np.float32]:
+    try:
+        picture.load()
+        transparent = None
+        if picture.mode in ("LA", "RGBA", "PA") or "transparency" in picture.info:
+            rgba = np.asarray(picture.convert("RGBA"))
+            transparent = rgba[..., 3] < 255
+            levels = rgba[..., :3].mean(axis=2, dtype=np.float32) / np.float32(255.0)
+        elif picture.mode in ("I", "I;16", "I;16B", "F"):
+            levels = np.asarray(picture, np.float32)
+            top = 65535.0 if picture.mode != "F" or levels.max(initial=0.0) > 1.0 else 1.0
+            levels = np.clip(levels / np.float32(top), 0.0, 1.0)
+        elif picture.mode in ("1", "L"):
+            levels = np.asarray(picture.convert("L"), np.float32) / np.float32(255.0)
+        else:
+            levels = np.asarray(picture.convert("RGB")).mean(axis=2, dtype=np.float32) / np.float32(255.0)
+    except (OSError, ValueError, SyntaxError, IndexError, TypeError, OverflowError, MemoryError) as problem:
+        raise InputError(f"{path}: a broken image; expected a whole PGM or PNG") from problem
+    if transparent is not None and mode == "scale":
+        levels[transparent] = np.nan
+    return np.asarray(levels[::-1])
+
+
+def _states(grey: NDArray[np.float32], about: MapFile) -> NDArray[np.uint8]:
+    """What the grey levels mean; between the thresholds nothing is known."""
+    if about.mode == "raw":
+        occupied = np.where(np.round(grey * 255.0) <= 100.0, np.round(grey * 255.0) / 100.0, np.nan)
+    else:
+        occupied = grey if about.negate else 1.0 - grey
+    states = np.full(grey.shape, UNKNOWN, np.uint8)
+    with np.errstate(invalid="ignore"):
+        # In single precision 1 - 205 / 255 is above the threshold 0.196 that has to leave it unknown, as is 0.65.
+        states[occupied > np.float32(about.occupied_thresh)] = OCCUPIED
+        states[occupied < np.float32(about.free_thresh)] = FREE
+        if about.mode == "raw":
+            states[occupied >= np.float32(about.occupied_thresh)] = OCCUPIED
+            states[occupied <= np.float32(about.free_thresh)] = FREE
+    return states
+
+
+def write(path: Path, states: NDArray[np.uint8], lattice: Lattice) -> tuple[Path, ...]:
+    """Write cells (rows, columns) as map_server's YAML at `path` and a PGM beside it, or in JSON as an OccupancyGrid.
+
+    The JSON has the message's `info` and `data`: row-major from the lower left, 0 free, 100 occupied, -1 unknown.
+    Gives the files. Raises InputError for another ending, or where nothing can be written.
+    """
+    ending = path.suffix.lower()
+    if ending == ".json":
+        position = {"x": lattice.x0, "y": lattice.y0, "z": 0.0}
+        pose = {"position": position, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+        info = {"resolution": lattice.cell, "width": lattice.columns, "height": lattice.rows, "origin": pose}
+        return save({path: json.dumps({"info": info, "data": occupancy(states).tolist()}).encode()})
+    if ending not in (".yaml", ".yml"):
+        raise InputError(f"{path}: expected a name that ends in .yaml (map_server) or .json (OccupancyGrid)")
+    image = path.with_suffix(".pgm")
+    levels = np.zeros(3, np.uint8)
+    for state, level in _LEVELS.items():
+        levels[state] = level
+    pgm = f"P5\n{lattice.columns} {lattice.rows}\n255\n".encode() + levels[states[::-1]].tobytes()
+    lines = {
+        "image": image.name, "mode": "trinary", "resolution": lattice.cell,
+        "origin": [lattice.x0, lattice.y0, 0.0], "negate": 0, "occupied_thresh": _OCCUPIED, "free_thresh": _FREE,
+    }  # fmt: skip
+    text = "".join(f"{key}: {json.dumps(value)}\n" for key, value in lines.items())
+    return save({image: pgm, path: text.encode()})
+
+
+def occupancy(states: NDArray[np.uint8]) -> NDArray[np.int8]:
+    """The data of a nav_msgs/OccupancyGrid: row-major from the lower left, 0 free, 100 occupied, -1 unknown."""
+    values = np.zeros(3, np.int8)
+    for state, value in _VALUES.items():
+        values[state] = value
+    return np.asarray(values[states].reshape(-1))
+
+
+def save(files: dict[Path, bytes]) -> tuple[Path, ...]:
+    """Write files whole, and give their paths. Raises InputError."""
+    for path, content in files.items():
+        part = path.with_name(path.name + ".part")
+        try:
+            part.write_bytes(content)
+            part.replace(path)
+        except OSError as problem:
+            part.unlink(missing_ok=True)
+            raise InputError(
+                f"{path}: cannot be written ({problem.strerror}); expected a folder that exists and is writable"
+            ) from problem
+    return tuple(files)

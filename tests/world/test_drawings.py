@@ -1,0 +1,76 @@
+"""Drawings in the styles of many programs, against areas from formulas and against a rasteriser; and broken ones."""
+
+from __future__ import annotations
+
+import io
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import resvg_py
+from PIL import Image
+from scipy import ndimage
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import World
+from swarmsim.world.arena import Arena
+from swarmsim.world.plan import FloorPlan
+from swarmsim.world.source import floor_plan, read_world
+
+WORLDS = Path(__file__).parents[1] / "worlds"
+DRAWINGS = tomllib.loads((WORLDS / "drawings.toml").read_text(encoding="utf-8"))
+BROKEN = tomllib.loads((WORLDS / "broken.toml").read_text(encoding="utf-8"))
+ACROSS, FINE = 48, 8  # cells across a page, pixels across a cell
+
+
+def opened(name: str) -> FloorPlan:
+    world = World(file=str(WORLDS / name), **DRAWINGS[name].get("world", {}))
+    return floor_plan(read_world(world, 0.15), world)
+
+
+def test_there_are_as_many_as_promised() -> None:
+    assert len(DRAWINGS) >= 30
+    assert len(BROKEN) >= 20
+    assert {path.name for path in WORLDS.glob("*.svg")} == set(DRAWINGS)
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_a_drawing_has_its_area(name: str) -> None:
+    assert opened(name).walls.area == pytest.approx(DRAWINGS[name]["area"], rel=0.005)
+
+
+@pytest.mark.parametrize("name", [name for name, said in DRAWINGS.items() if said.get("raster", True)])
+def test_a_rasteriser_sees_the_same_cells(name: str) -> None:
+    plan = opened(name)
+    cell = plan.width / ACROSS
+    arena = Arena.open(plan, cell, 1, name)
+    rows = round(plan.height / cell)
+    first = arena.lattice.cells(np.array([plan.page[0] + cell / 2, plan.page[1] + cell / 2]))
+    occupied = arena.occupied[first[0] : first[0] + rows, first[1] : first[1] + ACROSS]
+    text = read_world(World(file=str(WORLDS / name)), 0.15)
+    text = text[text.index("<s") :] if "ENTITY" not in text else text  # a declared encoding is no longer true
+    if hide := DRAWINGS[name].get("hide"):
+        text = re.sub(hide, "", text, count=1, flags=re.DOTALL)
+    text = re.sub(r'(width|height)="(\d+)(mm|cm|in)"', r'\1="\2"', text, count=2)  # it refuses pages as large as houses
+    drawn = resvg_py.svg_to_bytes(svg_string=text, width=ACROSS * FINE, height=rows * FINE, skip_system_fonts=True)
+    alpha = np.asarray(Image.open(io.BytesIO(drawn)).convert("RGBA"))[::-1, :, 3]
+    assert alpha.shape == (rows * FINE, ACROSS * FINE)
+    # A cell is no boundary cell if all of its pixels, and those around it, are alike: slivers leave no trace in 8 bits.
+    full, empty = (
+        ~ndimage.binary_dilation(pixels, np.ones((3, 3))).reshape(rows, FINE, ACROSS, FINE).any(axis=(1, 3))
+        for pixels in (alpha == 0, alpha > 0)
+    )
+    assert full.sum() + empty.sum() > 0.5 * full.size
+    assert occupied[full].all()
+    assert not occupied[empty].any()
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_drawing_is_refused_with_the_reason(name: str) -> None:
+    world = World(file=str(WORLDS / "broken" / name), **BROKEN[name].get("world", {}))
+    with pytest.raises(InputError) as caught:
+        floor_plan(read_world(world, 0.15), world)
+    for words in BROKEN[name]["says"]:
+        assert words in str(caught.value)
