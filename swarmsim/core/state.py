@@ -54,6 +54,8 @@ class Tiles:
 
     values: NDArray[np.uint8]  # (n, rows, columns): UNKNOWN, FREE or OCCUPIED
     origins: NDArray[np.int32]  # (n, 2): row and column of each tile's lower-left cell
+    #: (n, rows, columns): the log-odds that the sensor itself gives each cell; NaN or None: those of the map's model.
+    evidence: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +63,7 @@ class Beams:
     """How far every robot's beams reach before they end."""
 
     bearings: NDArray[np.float64]  # (b,): rad, counter-clockwise from straight ahead
-    ranges: NDArray[np.float64]  # (n, b): m; infinite where nothing is within reach
+    ranges: NDArray[np.float64]  # (n, b): m; infinite where nothing is within reach, NaN where nothing was measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +76,9 @@ class Readings:
 
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """All that was measured, in a fixed order."""
-        tiles = () if self.tiles is None else (self.tiles.values, self.tiles.origins)
+        tiles: tuple[NDArray[Any], ...] = () if self.tiles is None else (self.tiles.values, self.tiles.origins)
+        if self.tiles is not None and self.tiles.evidence is not None:
+            tiles = (*tiles, self.tiles.evidence)
         beams = () if self.beams is None else (self.beams.ranges,)
         return (*tiles, *beams, *(() if self.field is None else (self.field,)))
 

@@ -25,7 +25,7 @@ from swarmsim.engine.foreign import blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
 from swarmsim.engine.simulation import Simulation
 from swarmsim.recording.recorder import Recorder
-from swarmsim.robots.sensors import with_field
+from swarmsim.robots.sensors import IrRing, with_field
 from swarmsim.world.arena import Arena
 from swarmsim.world.source import floor_plan, read_world
 
@@ -207,6 +207,9 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     setting = Setting(robots, lattice, 1.0, Streams(0), _walls_alone(arena))
+    part = registry.part("sensor", table)
+    if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
+        table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
     sensor: Sensor = _make("sensor", table, setting)
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)

@@ -92,6 +92,8 @@ def readings(found: Any, state: State) -> str | None:
             array("tiles.values", tiles.values, np.uint8, n, None, None),
             array("tiles.origins", tiles.origins, np.int32, n, 2),
         )
+        if wrong is None and tiles.evidence is not None:
+            wrong = array("tiles.evidence", tiles.evidence, np.float32, *tiles.values.shape, finite=False)
         if wrong is None and not checks.cells_hold(tiles.values):
             wrong = f"tiles.values: {tiles.values.max()}; expected UNKNOWN, FREE or OCCUPIED"
     if wrong is None and found.beams is not None:

@@ -17,7 +17,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Localisation as LocalisationPart
 from swarmsim.core.parts import Motion, Parts, Setting, WheelSpeeds
-from swarmsim.core.state import Intents, Readings, State, Tiles
+from swarmsim.core.state import Intents, Readings, State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 
@@ -210,7 +210,7 @@ class WrongLocalisation:
         tiles = readings.tiles
         if tiles is not None:
             aside = self._lattice.cells(believed[:, :2]) - self._lattice.cells(pose[:, :2])
-            readings = replace(readings, tiles=Tiles(tiles.values, (tiles.origins + aside).astype(np.int32)))
+            readings = replace(readings, tiles=replace(tiles, origins=(tiles.origins + aside).astype(np.int32)))
         return believed, readings
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Computation, Parts, Setting, Strategy
-from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Observations, State, Tiles
+from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Observations, State
 from swarmsim.faults.body import check_maps
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import TimedFault
@@ -119,7 +119,7 @@ class BlankComputation(WrappedComputation):
         if readings.tiles is not None:
             values = readings.tiles.values.copy()
             values[blank] = UNKNOWN
-            readings = replace(readings, tiles=Tiles(values, readings.tiles.origins))
+            readings = replace(readings, tiles=replace(readings.tiles, values=values))
         inbox = None if inbox is None else inbox.take(~blank[inbox.receivers])
         alive = observations.alive & ~blank
         return self._inner.hear(replace(observations, alive=alive, readings=readings, inbox=inbox))

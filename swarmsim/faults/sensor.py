@@ -17,6 +17,7 @@ from swarmsim.core.parts import Sensor as SensorPart
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Readings, State, Tiles
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
+from swarmsim.robots.rangefinders import RangefinderSensor
 from swarmsim.robots.sensors import IrRingSensor
 
 Cells = Annotated[int, Meta(ge=-1000, le=1000)]
@@ -128,7 +129,10 @@ class FailingSensor:
             return readings
         tiles, beams, field = readings.tiles, readings.beams, readings.field
         if tiles is not None:
-            tiles = Tiles(tiles.values.copy(), tiles.origins.copy())
+            evidence = None if tiles.evidence is None else tiles.evidence.copy()
+            if evidence is not None:
+                evidence[failing] = np.nan  # what is made up is believed as any tile is
+            tiles = Tiles(tiles.values.copy(), tiles.origins.copy(), evidence)
             self.spoil(state, failing, tiles.values, tiles.origins)
         if self.blind and beams is not None:
             beams = replace(beams, ranges=beams.ranges.copy())
@@ -152,7 +156,7 @@ class DeadBeams(Lasting):
     def _wrapped(self, sensor: SensorPart, active: NDArray[np.bool_]) -> SensorPart:
         if isinstance(sensor, FailingSensor):
             return replace(sensor, inner=self._wrapped(sensor.inner, active))
-        if isinstance(sensor, IrRingSensor | MaimedRing):
+        if isinstance(sensor, IrRingSensor | RangefinderSensor | MaimedRing):
             return MaimedRing(sensor, sensor.without(self._beams), active)
         raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")
 
@@ -161,8 +165,8 @@ class DeadBeams(Lasting):
 class MaimedRing:
     """A ring of beams of which some robots lack some."""
 
-    whole: IrRingSensor | MaimedRing
-    maimed: IrRingSensor | MaimedRing
+    whole: IrRingSensor | RangefinderSensor | MaimedRing
+    maimed: IrRingSensor | RangefinderSensor | MaimedRing
     active: NDArray[np.bool_]  # (n,): a live view of who senses with the maimed ring
 
     def without(self, beams: list[int]) -> MaimedRing:
@@ -177,5 +181,9 @@ class MaimedRing:
         fewer, tiles = self.maimed.sense(state).tiles, whole.tiles
         assert fewer is not None
         assert tiles is not None
-        values = np.where(self.active[:, None, None], fewer.values, tiles.values)
-        return replace(whole, tiles=Tiles(values, tiles.origins))
+        lacking = self.active[:, None, None]
+        values = np.where(lacking, fewer.values, tiles.values)
+        evidence = None
+        if tiles.evidence is not None and fewer.evidence is not None:
+            evidence = np.where(lacking, fewer.evidence, tiles.evidence)
+        return replace(whole, tiles=Tiles(values, tiles.origins, evidence))

@@ -27,17 +27,44 @@ def _fuse_tile(log_odds, observed, tile, row0, column0, hit, miss, low, high):
 
 
 @njit(cache=True)
-def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_origins, hit, miss, low, high, fresh):
+def _fuse_evidence(log_odds, observed, tile, said, row0, column0, hit, miss, low, high):
+    """As `_fuse_tile`, but cells gain what the sensor `said` of them, where that is a number."""
+    rows, columns = tile.shape
+    fresh = 0
+    for r in range(max(0, -row0), min(rows, observed.shape[0] - row0)):
+        for c in range(max(0, -column0), min(columns, observed.shape[1] - column0)):
+            seen = tile[r, c]
+            if seen == 0:
+                continue
+            if not observed[row0 + r, column0 + c]:
+                observed[row0 + r, column0 + c] = True
+                fresh += 1
+            gain = hit if seen == 2 else miss
+            if said[r, c] == said[r, c]:
+                gain = said[r, c]
+            log_odds[row0 + r, column0 + c] = min(max(log_odds[row0 + r, column0 + c] + gain, low), high)
+    return fresh
+
+
+@njit(cache=True)
+def fuse(
+    log_odds, observed, alive, tiles, evidence, origins, receivers, heard, heard_origins, hit, miss, low, high, fresh
+):
     """Update every occupancy grid with the robot's own tile, then with each tile it heard, in that order.
 
     `log_odds` and `observed` (n, rows, columns), `tiles` (n, r, c), `heard` (m, r, c) for `receivers`
-    (m,). A cell seen occupied gains `hit`, one seen free gains `miss` (< 0), clamped to [low, high].
+    (m,). A cell seen occupied gains `hit`, one seen free gains `miss` (< 0), clamped to [low, high]; of the robot's
+    own tile it gains `evidence` (n, r, c) instead, unless that has no rows or is NaN.
     Writes to `fresh` (n + m,) how many cells each tile was the first to tell its robot.
     """
     robots = len(alive)
     for i in range(robots):
         fresh[i] = 0
-        if alive[i]:
+        if alive[i] and len(evidence) > 0:
+            fresh[i] = _fuse_evidence(
+                log_odds[i], observed[i], tiles[i], evidence[i], origins[i, 0], origins[i, 1], hit, miss, low, high
+            )
+        elif alive[i]:
             fresh[i] = _fuse_tile(
                 log_odds[i], observed[i], tiles[i], origins[i, 0], origins[i, 1], hit, miss, low, high
             )
@@ -46,6 +73,48 @@ def fuse(log_odds, observed, alive, tiles, origins, receivers, heard, heard_orig
         fresh[robots + m] = _fuse_tile(
             log_odds[i], observed[i], heard[m], heard_origins[m, 0], heard_origins[m, 1], hit, miss, low, high
         )
+
+
+@njit(cache=True)
+def _spare_tile(tile, row0, column0, v, u, reach):
+    """Take back what a tile calls occupied within `reach` cells of the point at row v and column u."""
+    for r in range(tile.shape[0]):
+        for c in range(tile.shape[1]):
+            if tile[r, c] == 2:
+                away_v = row0 + r + 0.5 - v
+                away_u = column0 + c + 0.5 - u
+                if away_v * away_v + away_u * away_u <= reach * reach:
+                    tile[r, c] = 0
+
+
+@njit(cache=True)
+def spare(tiles, origins, receivers, heard, heard_origins, fresh, reach):
+    """Call unknown what robots take for occupied where they know a robot to be.
+
+    A robot is in the middle of its tile, give or take half a cell. Robot i knows where itself is, and those whose tiles
+    of now it heard: `heard` (m, r, c) for `receivers` (m,), if they are `fresh` (m,). Changes `tiles` (n, r, c) at
+    `origins` (n, 2) and `heard` at `heard_origins` (m, 2), within `reach` cells.
+    """
+    half_v = 0.5 * tiles.shape[1]
+    half_u = 0.5 * tiles.shape[2]
+    for m in range(len(receivers)):
+        i = receivers[m]
+        _spare_tile(
+            heard[m], heard_origins[m, 0], heard_origins[m, 1], origins[i, 0] + half_v, origins[i, 1] + half_u, reach
+        )
+        if not fresh[m]:
+            continue
+        v = heard_origins[m, 0] + 0.5 * heard.shape[1]
+        u = heard_origins[m, 1] + 0.5 * heard.shape[2]
+        _spare_tile(tiles[i], origins[i, 0], origins[i, 1], v, u, reach)
+        first = m
+        while first > 0 and receivers[first - 1] == i:
+            first -= 1
+        other = first
+        while other < len(receivers) and receivers[other] == i:
+            if other != m:
+                _spare_tile(heard[other], heard_origins[other, 0], heard_origins[other, 1], v, u, reach)
+            other += 1
 
 
 @njit(cache=True)

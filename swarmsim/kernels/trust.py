@@ -24,7 +24,7 @@ class Witnesses(NamedTuple):
 
 @njit(cache=True)
 def fuse_warily(
-    log_odds, observed, witnesses, alive, tiles, origins, receivers, senders, pieces, heard, heard_origins,
+    log_odds, observed, witnesses, alive, tiles, evidence, origins, receivers, senders, pieces, heard, heard_origins,
     hit, miss, low, high, fresh,
 ):  # fmt: skip
     """Update every occupancy grid with the robot's own tile, then with as much as it believes of what it heard.
@@ -38,9 +38,11 @@ def fuse_warily(
     for i in range(robots):
         fresh[i] = 0
         if alive[i]:
+            said = evidence[i] if len(evidence) > 0 else np.full(tiles.shape[1:], np.nan, np.float32)
             fresh[i] = _sense(
-                log_odds[i], observed[i], witnesses.own[i], tiles[i], origins[i, 0], origins[i, 1], hit, miss, low, high
-            )
+                log_odds[i], observed[i], witnesses.own[i], tiles[i], said, origins[i, 0], origins[i, 1], hit, miss,
+                low, high,
+            )  # fmt: skip
     for beliefs in (False, True):
         for m in range(len(receivers)):
             if pieces[m] == beliefs:
@@ -51,7 +53,7 @@ def fuse_warily(
 
 
 @njit(cache=True)
-def _sense(log_odds, observed, own, tile, row0, column0, hit, miss, low, high):
+def _sense(log_odds, observed, own, tile, said, row0, column0, hit, miss, low, high):
     fresh = 0
     for r in range(max(0, -row0), min(tile.shape[0], observed.shape[0] - row0)):
         for c in range(max(0, -column0), min(tile.shape[1], observed.shape[1] - column0)):
@@ -63,8 +65,10 @@ def _sense(log_odds, observed, own, tile, row0, column0, hit, miss, low, high):
                 log_odds[row, column] = 0.0
             observed[row, column] = True
             own[row, column] = True
-            changed = log_odds[row, column] + (hit if tile[r, c] == 2 else miss)
-            log_odds[row, column] = min(max(changed, low), high)
+            gain = hit if tile[r, c] == 2 else miss
+            if said[r, c] == said[r, c]:
+                gain = said[r, c]
+            log_odds[row, column] = min(max(log_odds[row, column] + gain, low), high)
     return fresh
 
 

@@ -1,4 +1,4 @@
-"""A ring of infra-red beams that fills each robot's tile."""
+"""Rings of infra-red beams that fill each robot's tile, and sensors of fields."""
 
 from __future__ import annotations
 
@@ -6,44 +6,135 @@ import math
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
+from msgspec.structs import force_setattr
+from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Field, Sensor, Setting
-from swarmsim.core.state import Beams, Readings, State, Tiles
+from swarmsim.core.state import UNKNOWN, Beams, Readings, State, Tiles
 from swarmsim.kernels import rays
+from swarmsim.robots.rangefinders import RangefinderSensor, held
+
+Degrees = Annotated[float, Meta(ge=-360.0, le=360.0)]
+Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
+Error = Annotated[float, Meta(ge=0.0, le=10.0)]
+SIX: Final = (0.0, 45.0, 90.0, 180.0, -90.0, -45.0)  # degrees, the bearings of the reference paper's robots
+
+#: What each preset says where a scenario says nothing; docs/sensors.md names the sources.
+PRESETS: Final[dict[str, dict[str, Any]]] = {
+    "ideal": {},
+    "sharp-gp2y0a21": {
+        "bearings": SIX, "reach": 0.8, "blind": 0.1, "cone": 5.0, "error_square": 0.072, "step": 0.002,
+        "outliers": 0.01,
+    },
+    "gternal": {"bearings": SIX, "reach": 1.2, "error_share": 0.03, "drop_out": 0.035, "outliers": 0.014},
+    "ebot": {
+        "bearings": SIX, "reach": 0.8, "blind": 0.1, "cone": 5.0, "error": 0.005, "error_square": 0.072,
+        "drop_out": 0.02, "outliers": 0.01,
+    },
+}  # fmt: skip
 
 
 class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Evenly spaced beams around the robot, the first straight ahead, cast against the exact walls."""
+    """Infra-red beams around the robot, cast against the exact walls.
 
+    Without errors a beam tells free cells from occupied ones beyond doubt. A reading at d errs with the standard
+    deviation sqrt(error^2 + (error_share d)^2 + (error_square d^2)^2); the last is the law of triangulation sensors
+    such as Sharp's, whose voltage falls as 1 / d. Then each reading says of each cell how likely it is occupied, by
+    Bayes' rule (`kernels.evidence`), which goes into the robot's own map; a tile calls free or occupied what is sure
+    enough, and all else unknown. Numbers that a scenario leaves out are those of the preset.
+
+    `frame` says how the tile lies: along the rows and columns of the map, or turning with the robot, so that its
+    columns run ahead; then it is told in the cells of the map whose centres it holds.
+    """
+
+    preset: Literal["ideal", "sharp-gp2y0a21", "gternal", "ebot"] = "ideal"
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
-    beams: Annotated[int, Meta(ge=1, le=10_000)] = 72  # evenly round the robot
-    reach: Annotated[float, Meta(gt=0.0)] = 1.0  # m
+    frame: Literal["map", "robot"] = "map"  # what the tile's rows and columns keep to
+    beams: Annotated[int, Meta(ge=1, le=10_000)] | None = None  # evenly round the robot; 72 without bearings
+    bearings: Annotated[list[Degrees], Meta(min_length=1, max_length=10_000)] | None = None  # degrees, + is to the left
+    reach: Annotated[float, Meta(gt=0.0)] | None = None  # m; 1 by default
+    blind: Annotated[float, Meta(ge=0.0)] | None = None  # m, nearer than this nothing is measured
+    cone: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # degrees, of which a beam sees the nearest thing
+    error: Error | None = None  # m, the same at any distance
+    error_share: Error | None = None  # of the distance
+    error_square: Error | None = None  # 1/m, times the square of the distance
+    drop_out: Share | None = None  # of readings that are missing
+    outliers: Share | None = None  # of readings that are anything within reach
+    step: Error | None = None  # m, to which readings are rounded
     robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
     ranges: bool = False  # whether minds are given how far each beam goes besides the tile
+
+    def __post_init__(self) -> None:
+        given = PRESETS[self.preset]
+        even = self.beams is not None
+        defaults: dict[str, Any] = {"reach": 1.0, **dict.fromkeys(_ERRORS, 0.0), **given}
+        if even:
+            defaults.pop("bearings", None)
+        for key, value in defaults.items():
+            if getattr(self, key) is None:
+                force_setattr(self, key, list(value) if isinstance(value, tuple) else value)
+        if self.beams is None:
+            force_setattr(self, "beams", 72 if self.bearings is None else len(self.bearings))
+        elif self.bearings is not None and len(self.bearings) != self.beams:
+            raise ValueError("beams and bearings contradict each other; expected one of them")
+        assert self.reach is not None
+        assert self.blind is not None
+        if self.blind >= self.reach:
+            raise ValueError("blind is not below reach; expected the least distance that is measured")
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the tile in cells of the map; one that turns needs room to."""
+        side = math.ceil(math.hypot(*self.tile)) + 1
+        return self.tile if self.frame == "map" else (side, side)
 
     @property
     def margin(self) -> int:
         """How many cells a tile reaches beyond the cell of its robot, at most."""
-        return max(self.tile)
+        return max(self.shape)
 
-    def build(self, setting: Setting) -> IrRingSensor:
-        """The sensor for a swarm among these walls."""
+    @property
+    def errs(self) -> bool:
+        """Whether there is anything about it that is not ideal, but for the number of beams."""
+        return any(getattr(self, key) for key in _ERRORS)
+
+    @property
+    def surveying(self) -> IrRing:
+        """The ring that finds out what can be observed at all: as far, but without gaps or errors, and unturned."""
+        dense = max(72, math.ceil(2.0 * math.pi * max(self.shape) / 0.8))
+        ideal = self.bearings is None and not self.errs and self.frame == "map"
+        return self if ideal else IrRing(tile=self.tile, reach=self.reach, beams=dense, robots=self.robots)
+
+    def angles(self) -> NDArray[np.float64]:
+        """The bearings (b,) of the beams in rad, counter-clockwise from straight ahead, 0 to a whole turn."""
+        if self.bearings is not None:
+            return np.array([math.radians(bearing) % (2.0 * math.pi) for bearing in self.bearings])
+        assert self.beams is not None
+        return np.asarray(np.arange(self.beams) * (2.0 * np.pi / self.beams))
+
+    def build(self, setting: Setting) -> IrRingSensor | RangefinderSensor:
+        """The sensor for a swarm among these walls. Raises InputError for even beams with gaps between them."""
         lattice = setting.lattice
+        assert self.beams is not None
+        assert self.reach is not None
         corner = lattice.cell * math.hypot((self.tile[0] + 1) / 2, (self.tile[1] + 1) / 2)
         narrowest = 2.0 * math.pi / self.beams * min(corner, self.reach)
-        if narrowest > 0.8 * lattice.cell:
+        if self.bearings is None and narrowest > 0.8 * lattice.cell:
             needed = math.ceil(2.0 * math.pi * min(corner, self.reach) / (0.8 * lattice.cell))
             raise InputError(
                 f"beams: {self.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
-                f"cells of {lattice.cell:g} m; at least {needed} are needed"
+                f"cells of {lattice.cell:g} m; give bearings to a ring with gaps, or at least {needed} are needed"
             )
-        return IrRingSensor(self, setting)
+        return RangefinderSensor(self, setting) if self.errs else IrRingSensor(self, setting)
+
+
+_ERRORS: Final = ("blind", "cone", "error", "error_share", "error_square", "drop_out", "outliers", "step")
 
 
 class IrRingSensor:
@@ -51,6 +142,7 @@ class IrRingSensor:
 
     def __init__(self, parameters: IrRing, setting: Setting) -> None:
         lattice = setting.lattice
+        assert parameters.reach is not None
         corner = lattice.cell * math.hypot((parameters.tile[0] + 1) / 2, (parameters.tile[1] + 1) / 2)
         # What lies beyond the tile is looked for only if ranges are asked for.
         self._reach = parameters.reach if parameters.ranges else min(parameters.reach, corner)
@@ -60,9 +152,9 @@ class IrRingSensor:
         self._coarse = (lattice.x0, lattice.y0, side, rows, columns)
         self._building = setting.building
         self._prepare()
-        angles = np.arange(parameters.beams) * (2.0 * np.pi / parameters.beams)
+        angles = parameters.angles()
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        self._working = np.arange(parameters.beams)
+        self._working = np.arange(len(angles))
         self._bearings = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
         self._radius = setting.robots.radius
@@ -71,9 +163,9 @@ class IrRingSensor:
     def without(self, beams: Iterable[int]) -> IrRingSensor:
         """The same sensor with these beams dead, counted from 0 straight ahead. Raises InputError for one not there."""
         dead = np.array(sorted(beams), np.int64)
-        strange = dead[(dead < 0) | (dead >= self._parameters.beams)]
+        strange = dead[(dead < 0) | (dead >= len(self._bearings))]
         if len(strange):
-            raise InputError(f"beams: there is no beam {strange[0]}; expected 0 to {self._parameters.beams - 1}")
+            raise InputError(f"beams: there is no beam {strange[0]}; expected 0 to {len(self._bearings) - 1}")
         left = copy(self)
         kept = ~np.isin(self._working, dead)
         left._ring, left._working = self._ring[kept], self._working[kept]
@@ -89,7 +181,7 @@ class IrRingSensor:
         parameters = self._parameters
         if self._version != self._building.version:
             self._prepare()
-        values = np.empty((state.robots, *parameters.tile), np.uint8)
+        values = np.empty((state.robots, *parameters.shape), np.uint8)
         origins = np.empty((state.robots, 2), np.int32)
         ranges = np.full((state.robots if parameters.ranges else 0, len(self._ring)), np.inf)
         rays.sense(
@@ -109,6 +201,8 @@ class IrRingSensor:
             origins,
             ranges,
         )
+        if parameters.frame == "robot":
+            values[~held(state.pose, origins, parameters.tile, parameters.shape, self._lattice)] = UNKNOWN
         beams = Beams(self._bearings[self._working], ranges) if parameters.ranges else None
         return Readings(Tiles(values, origins), beams)
 

@@ -342,6 +342,9 @@ def fuse_plainly(shape, alive, tiles, origins, receivers, heard, heard_origins, 
     return fresh
 
 
+SAID = np.empty((0, 0, 0), np.float32)  # by the sensor itself: nothing
+
+
 def test_fusing_equals_dictionaries_of_clamped_sums():
     rng = np.random.default_rng(71)
     lowest = highest = outside = 0
@@ -359,7 +362,7 @@ def test_fusing_equals_dictionaries_of_clamped_sums():
             heard_origins = rng.integers(-8, 12, (len(receivers), 2)).astype(np.int32)
             fresh = np.full(robots + len(receivers), -1, np.int32)
             messages = (tiles, origins, receivers, heard, heard_origins)
-            occupancy.fuse(log_odds, observed, alive, *messages, HIT, MISS, LOW, HIGH, fresh)
+            occupancy.fuse(log_odds, observed, alive, tiles, SAID, *messages[1:], HIT, MISS, LOW, HIGH, fresh)
             assert fresh.tolist() == fuse_plainly(shape, alive, *messages, belief)
             outside += np.sum(origins < 0)
         for robot in range(robots):
@@ -378,7 +381,7 @@ def fuse_one_cell(own, *heard):
     log_odds, observed = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1, 1), bool)
     fresh = np.zeros(1 + len(heard), np.int32)
     occupancy.fuse(
-        log_odds, observed, np.ones(1, bool), np.full((1, 1, 1), own, np.uint8), np.zeros((1, 2), np.int32),
+        log_odds, observed, np.ones(1, bool), np.full((1, 1, 1), own, np.uint8), SAID, np.zeros((1, 2), np.int32),
         np.zeros(len(heard), np.int32), np.array(heard, np.uint8).reshape(-1, 1, 1),
         np.zeros((len(heard), 2), np.int32), HIT, MISS, LOW, HIGH, fresh,
     )  # fmt: skip

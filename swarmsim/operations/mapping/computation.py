@@ -7,6 +7,7 @@ Multi-Robot Systems Operations" (2018).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -43,6 +44,10 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     what is free beyond doubt that is 2.3 / decay by default, for a wall 2.8 / decay. Equal clamps, logit(highest) =
     -logit(lowest), make both equally long. A robot that does not live forgets nothing.
 
+    With `hits = "spared"` a robot takes back what its tile, or one that it hears, calls occupied where it knows a robot
+    to be: itself, or one whose tile of now it hears. That is for sensors to which robots look like walls; what they
+    leave on maps all the same is unlearned by later free readings.
+
     `share` says what a robot tells: `current-tile`, `relay` or `map`, a table with `use` and the policy's own keys.
     `trust` is the defence against robots that lie. With "own" a robot's own sensing voids, for good, what it hears of
     a cell; with "quorum", besides, what it hears of others counts only once `quorum` different senders have said the
@@ -55,6 +60,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
     share: dict[str, Any] = field(default_factory=dict)  # what is told
+    hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
 
@@ -94,6 +100,9 @@ class MapComputation:
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
         self._grids = grids if parameters.trust == "all" else WaryGrids(grids, quorum)
         self._sharing = sharing
+        spared = parameters.hits == "spared"
+        # A robot is up to half a cell aside, each way, from the middle of its tile, and a hit from that of its cell.
+        self._spared = setting.robots.radius / lattice.cell + math.sqrt(2.0) if spared else 0.0
         weakest = min(logit(parameters.hit), -logit(parameters.miss))
         self._forgets = parameters.decay > 0.0
         self._kept, self._least = np.float32(1.0 - parameters.decay), np.float32(0.5 * weakest)
@@ -125,11 +134,22 @@ class MapComputation:
         if self._forgets:
             known, log_odds = (grid.reshape(len(alive), -1) for grid in (self._grids.observed, self._grids.log_odds))
             occupancy.fade(log_odds, known, alive, self._kept, self._least)
+        if self._spared:
+            tiles, taken = self._without_robots(tiles, taken, observations.iteration)
         fresh = self._grids.update(alive, tiles, taken)
         news = fresh[: len(alive)].copy()
         np.add.at(news, taken.receivers, fresh[len(news) :])
         self.maps = self._maps(self._changes(tiles, taken), news, taken)
         return self.maps
+
+    def _without_robots(self, tiles: Tiles, taken: Inbox[Any], now: int) -> tuple[Tiles, Inbox[Any]]:
+        """The same without hits on robots that their robot knows of."""
+        values, heard = tiles.values.copy(), taken.content.values.copy()
+        fresh = (taken.content.sensed == now) & (taken.content.sources >= 0)
+        occupancy.spare(
+            values, tiles.origins, taken.receivers, heard, taken.content.origins, fresh, self._spared
+        )  # fmt: skip
+        return replace(tiles, values=values), replace(taken, content=replace(taken.content, values=heard))
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Empty the maps of robots (r,)."""

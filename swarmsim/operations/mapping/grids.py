@@ -43,6 +43,7 @@ class OccupancyGrids:
             self.observed,
             alive,
             tiles.values,
+            _evidence(tiles),
             tiles.origins,
             inbox.receivers,
             inbox.content.values,
@@ -80,6 +81,14 @@ class OccupancyGrids:
         )
         told[pieces] = filled
         return fresh
+
+
+_NOTHING = np.empty((0, 0, 0), np.float32)
+
+
+def _evidence(tiles: Tiles) -> NDArray[np.float32]:
+    """What the sensor itself says of cells (n, rows, columns); no rows if it says nothing."""
+    return _NOTHING if tiles.evidence is None else tiles.evidence
 
 
 class WaryGrids:
@@ -122,6 +131,7 @@ class WaryGrids:
             self._witnesses,
             alive,
             tiles.values,
+            _evidence(tiles),
             tiles.origins,
             inbox.receivers,
             inbox.senders,
