@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta, Struct
 from msgspec import field as of
+from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table, outside, with_files
+from swarmsim.core.platforms import PLAIN, with_platforms
 
 _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
 
@@ -64,10 +67,29 @@ class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     cell: Positive = 0.15  # m
 
 
-class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How many robots there are, where they start and what they are made of."""
+class Group(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots of one kind in a mixed swarm; keys as in `Robots`."""
 
     count: Count
+    use: str = PLAIN
+    radius: Positive = 0.055  # m
+    wheel_base: Positive = 0.10  # m
+    speed: Positive = 0.15  # m/s, at a wheel's rim
+    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
+    mass: Positive = 0.25  # kg
+    traction: Positive = 0.6  # friction coefficient of wheel on floor
+    sensor: Table = of(default_factory=dict)  # the kind's own; none: the scenario's
+
+
+class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """How many robots there are, where they start and what they are made of.
+
+    `use` names a robot that people have, whose numbers stand where none are given; its sensor is that of a scenario
+    without one. Of a swarm of several `[[robots]]` groups, radius and speed are those of the largest and the fastest.
+    """
+
+    count: Count
+    use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
     spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
     radius: Positive = 0.055  # m
     wheel_base: Positive = 0.10  # m
@@ -75,6 +97,13 @@ class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
     mass: Positive = 0.25  # kg
     traction: Positive = 0.6  # friction coefficient of wheel on floor
+    groups: tuple[Group, ...] = ()  # of a mixed swarm, in the order of its robots
+
+    def each(self, key: str) -> NDArray[np.float64]:
+        """A number of every robot (n,), by its key."""
+        if not self.groups:
+            return np.full(self.count, getattr(self, key), np.float64)
+        return np.repeat([float(getattr(g, key)) for g in self.groups], [g.count for g in self.groups])
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -226,6 +255,15 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
+    robots = scenario.robots
+    if robots.groups:
+        groups = [
+            msgspec.structs.replace(group, sensor=complete("sensor", f"robots[{i}].sensor", group.sensor))
+            if group.sensor
+            else group
+            for i, group in enumerate(robots.groups)
+        ]
+        robots = msgspec.structs.replace(robots, groups=tuple(groups))
     whole = {seam: complete(seam, ".".join(PLACES[seam]), table) for seam, table in tables(scenario).items()}
     world = msgspec.structs.replace(scenario.world, generate=whole.pop("generator", {}))
     if folder is not None and world.file:
@@ -234,6 +272,7 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         scenario,
         title=scenario.title.replace("{robots.count}", str(scenario.robots.count)),
         world=world,
+        robots=robots,
         network=Network(topology=whole.pop("topology"), channel=whole.pop("channel")),
         mind=Mind(computation=whole.pop("computation"), strategy=whole.pop("strategy")),
         faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),
@@ -246,7 +285,10 @@ def shape(table: Table, name: str) -> Scenario:
 
     Raises InputError, which names the file `name` and the key.
     """
-    table = spelled_out(table, name)
+    try:
+        table = with_platforms(spelled_out(table, name))
+    except InputError as problem:
+        raise InputError(f"{name}: {problem}") from problem
     for key, now in MOVED.items():
         inner: Any = table
         for step in key.split("."):

@@ -25,7 +25,7 @@ from swarmsim.engine.foreign import blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
 from swarmsim.engine.simulation import Simulation
 from swarmsim.recording.recorder import Recorder
-from swarmsim.robots.sensors import IrRing, with_field
+from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
 from swarmsim.world.arena import Arena
 from swarmsim.world.source import floor_plan, read_world
 
@@ -68,7 +68,7 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
 def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
-    alone = msgspec.structs.replace(robots, count=1)  # how many there are changes nothing of what they can reach
+    alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
         return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
@@ -87,7 +87,9 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
 
     bodies = make("physics")
     parts = Parts(
-        sensor=with_field(make("sensor"), setting, float(tables.get("field", {}).get("noise", 0.0))),
+        sensor=with_field(
+            _sensors(robots, tables["sensor"], setting), setting, float(tables.get("field", {}).get("noise", 0.0))
+        ),
         localisation=make("localisation"),
         computation=make("computation"),
         strategy=make("strategy"),
@@ -117,6 +119,29 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     return Run(scenario, world, arena, plain.domain, simulation, setting)
 
 
+def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
+    """The sensor that a table describes or, of a mixed swarm, those of its groups."""
+    if not any(group.sensor for group in robots.groups):
+        sensor: Sensor = _make("sensor", table, setting)
+        return sensor
+    ends = np.cumsum([group.count for group in robots.groups])
+    return MixedSensor(
+        [
+            (
+                _make("sensor", group.sensor or table, setting, f"robots[{i}].sensor"),
+                np.arange(ends[i] - group.count, ends[i]),
+            )
+            for i, group in enumerate(robots.groups)
+        ]
+    )
+
+
+def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
+    """The tables of all sensors that a swarm has."""
+    own: Table = msgspec.json.decode(table)
+    return [group.sensor or own for group in robots.groups] or [own]
+
+
 def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
@@ -135,13 +160,14 @@ class _Explorable:
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, place: bytes, cell: float, robots: Robots, sensor: bytes) -> _Explorable:
+def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _Explorable:
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
+    robots = msgspec.json.decode(kinds, type=Robots)
     world = msgspec.json.decode(place, type=World)
-    table: Table = msgspec.json.decode(sensor)
+    sensors = _tables_of_sensors(robots, sensor)
     plan = floor_plan(text, world)
     try:
-        arena = Arena.open(plan, cell, margin_of(registry.part("sensor", table)) + 1, world.title)
+        arena = Arena.open(plan, cell, max(margin_of(registry.part("sensor", one)) for one in sensors) + 1, world.title)
         reachable = arena.reachable(robots.spawn, robots.radius)
     except InputError as problem:
         if max(plan.width, plan.height) < TINY:
@@ -150,7 +176,7 @@ def _open(text: str, place: bytes, cell: float, robots: Robots, sensor: bytes) -
                 f"world = {{file = {world.file!r}, scale = 100}}, or width = METRES"
             ) from problem
         raise
-    observed = _observable(table, arena, robots, reachable)
+    observed = _observed(sensors, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     for shared in (reachable, domain):
         shared.flags.writeable = False
@@ -158,15 +184,16 @@ def _open(text: str, place: bytes, cell: float, robots: Robots, sensor: bytes) -
 
 
 @lru_cache(maxsize=16)
-def _survey(text: str, place: bytes, cell: float, robots: Robots, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
+def _survey(text: str, place: bytes, cell: float, kinds: str, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
     """What can be explored of the world with boxes standing in it; a room that they cut off is left out."""
-    ground = _open(text, place, cell, robots, sensor)
+    ground = _open(text, place, cell, kinds, sensor)
+    robots = msgspec.json.decode(kinds, type=Robots)
     arena, reachable, domain = ground.arena, ground.reachable, ground.domain
     home = arena.spawn_cells(robots.spawn)
     if boxes:
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
-        observed = _observable(msgspec.json.decode(sensor), arena, robots, reachable)
+        observed = _observed(_tables_of_sensors(robots, sensor), arena, robots, reachable)
         domain = reachable if observed is None else arena.domain_left(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
@@ -180,8 +207,14 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
     Raises InputError if 100 % is unattainable.
     """
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
-    found = _survey(text, place, scenario.grid.cell, msgspec.structs.replace(scenario.robots, count=1), sensor, ())
+    found = _survey(text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor, ())
     return found.domain, found.entrance
+
+
+def _of_each_kind(robots: Robots) -> str:
+    """One robot of each kind, in JSON: what can be reached and observed depends on no more."""
+    groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
+    return msgspec.json.encode(msgspec.structs.replace(robots, count=1, groups=groups)).decode()
 
 
 def _walls_alone(arena: Arena) -> Building:
@@ -203,10 +236,20 @@ def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
         raise InputError(f"{place}.{problem}") from problem
 
 
+def _observed(
+    sensors: list[Table], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
+) -> NDArray[np.bool_] | None:
+    """The cells (rows, columns) that a robot of any of these sensors can observe; None without tiles."""
+    found = [_observable(table, arena, robots, reachable) for table in sensors]
+    seen = [one for one in found if one is not None]
+    return np.asarray(np.logical_or.reduce(seen)) if seen else None
+
+
 def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
-    setting = Setting(robots, lattice, 1.0, Streams(0), _walls_alone(arena))
+    alone = msgspec.structs.replace(robots, groups=(), count=1)
+    setting = Setting(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     part = registry.part("sensor", table)
     if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
         table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})

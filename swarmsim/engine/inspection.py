@@ -70,9 +70,10 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
 
     `name` is the scenario's in messages. Raises InputError for what cannot be read at all.
     """
-    sensor = registry.part("sensor", scenario.sensor)
+    tables = [group.sensor or scenario.sensor for group in scenario.robots.groups] or [scenario.sensor]
+    margin = max(margin_of(registry.part("sensor", table)) for table in tables)
     plan = floor_plan(text, scenario.world)
-    arena = Arena.open(plan, scenario.grid.cell, margin_of(sensor) + 1, scenario.world.title)
+    arena = Arena.open(plan, scenario.grid.cell, margin + 1, scenario.world.title)
     floor = domain = seconds = problem = None
     rooms: list[Room] = []
     doors: list[Door] = []

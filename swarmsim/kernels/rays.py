@@ -207,7 +207,7 @@ def sense(
     movers,
     coarse,
     lattice,
-    radius,
+    radii,
     occlude,
     obstacle,
     tiles,
@@ -219,7 +219,7 @@ def sense(
     `pose` (n, 3), `alive` (n,), `ring` (b, 2) cosine and sine of each beam's angle to the heading, `reach`
     in m, `walls` (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is
     `coarse` = (x0, y0, side, rows, columns); `movers` (p, 3), discs as x, y, radius, are obstacles as walls are;
-    `lattice` = (x0, y0, cell). Robots, discs of `radius`, stop beams if `occlude`, and count as occupied cells if
+    `lattice` = (x0, y0, cell). Robots, discs of `radii` (n,), stop beams if `occlude`, and count as occupied cells if
     `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2), and into `ranges` (n, b), unless it has no rows,
     how far beams go that something stops.
 
@@ -255,10 +255,10 @@ def sense(
         if occlude:
             for j in range(robots):
                 apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
-                if j != i and alive[j] and apart <= reach + radius:
+                if j != i and alive[j] and apart <= reach + radii[j]:
                     discs[others, 0] = pose[j, 0]
                     discs[others, 1] = pose[j, 1]
-                    discs[others, 2] = radius
+                    discs[others, 2] = radii[j]
                     others += 1
         cos = math.cos(pose[i, 2])
         sin = math.sin(pose[i, 2])

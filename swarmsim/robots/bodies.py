@@ -45,13 +45,14 @@ class DifferentialDrive:
     """
 
     def __init__(self, robots: Robots, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
-        self._robots = robots
         self._substep = physics.substep
-        self._moment = pymunk.moment_for_circle(robots.mass, 0.0, robots.radius)
-        self._grip = 0.5 * robots.traction * robots.mass * GRAVITY  # N, one wheel
+        mass, radii = robots.each("mass"), robots.each("radius")
+        moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
+        grip = 0.5 * robots.each("traction") * mass * GRAVITY  # N, one wheel
+        self._limits = (robots.each("wheel_base"), mass, np.array(moments), robots.each("acceleration"), grip)
         self.space = pymunk.Space()
         self.space.iterations = 10
-        self.space.collision_slop = 0.001 * robots.radius  # Chipmunk's default is made for pixels
+        self.space.collision_slop = 0.001 * float(radii.min())  # Chipmunk's default is made for pixels
         self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
         self._friction = physics.friction
         self._building = building
@@ -59,10 +60,10 @@ class DifferentialDrive:
         self._walkers: list[list[pymunk.Body]] = []  # by crowd
         self._discs: list[pymunk.Shape] = []
         self._robot_ids: list[int] = []
-        for x, y, yaw in pose:
-            body = pymunk.Body(robots.mass, self._moment)
+        for (x, y, yaw), kilograms, moment, radius in zip(pose, mass.tolist(), moments, radii.tolist(), strict=True):
+            body = pymunk.Body(kilograms, moment)
             body.position, body.angle = (x, y), yaw
-            disc = pymunk.Circle(body, robots.radius)
+            disc = pymunk.Circle(body, radius)
             disc.friction = physics.friction
             self.space.add(body, disc)
             self._discs.append(disc)
@@ -185,8 +186,8 @@ class DifferentialDrive:
         crowds = self._meet_crowds()
         substeps = math.ceil(period / self._substep - 1e-9)
         dt = period / substeps
-        robots, space, clear = self._robots, self.space, self._reading.clear
-        limits = (dt, robots.wheel_base, robots.mass, self._moment, robots.acceleration, self._grip)
+        space, clear = self.space, self._reading.clear
+        limits = (dt, *self._limits)
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
         for _ in range(substeps):

@@ -31,7 +31,8 @@ class WaypointFollower:
 
     def __init__(self, parameters: PurePursuit, setting: Setting) -> None:
         robots = setting.robots
-        self._limits = (parameters.look_ahead, robots.speed, robots.wheel_base, 0.5 * robots.acceleration)
+        speed, base, braking = robots.each("speed"), robots.each("wheel_base"), 0.5 * robots.each("acceleration")
+        self._limits = (parameters.look_ahead, speed, base, braking)
         self._cursor = np.zeros(robots.count, np.int64)
         self._wanted = np.zeros((robots.count, 2))
         self._waypoints = np.empty((robots.count, 0, 2))
@@ -46,12 +47,12 @@ class WaypointFollower:
         self._turning = None
         if intents.twists is not None:
             self._turning = np.asarray(~np.isnan(intents.twists).any(axis=1))
-            self._twisting = self._wheels(intents.twists[self._turning])
+            self._twisting = self._wheels(intents.twists)[self._turning]
 
     def _wheels(self, twists: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds of velocities (t, 2) in m/s and rad/s; slower, on the same arc, where one is too fast."""
+        """The wheel speeds of velocities (n, 2) in m/s and rad/s; slower, on the same arc, where one is too fast."""
         _, top, base, _ = self._limits
-        wheels = twists[:, :1] + 0.5 * base * twists[:, 1:] * np.array([-1.0, 1.0])
+        wheels = twists[:, :1] + 0.5 * base[:, None] * twists[:, 1:] * np.array([-1.0, 1.0])
         slower = np.minimum(1.0, top / np.maximum(np.abs(wheels).max(axis=1, initial=1e-12), 1e-12))
         return np.asarray(wheels * slower[:, None])
 

@@ -31,7 +31,8 @@ class PointBodies:
     """Unicycles, integrated exactly."""
 
     def __init__(self, parameters: Particles, setting: Setting) -> None:
-        self._parameters, self._base, self._page = parameters, setting.robots.wheel_base, setting.building.bounds
+        self._parameters, self._page = parameters, setting.building.bounds
+        self._base = setting.robots.each("wheel_base")
         count = len(setting.start)
         self._pose, self._velocity = setting.start.copy(), np.zeros((count, 3))
         self._wheels = np.zeros((count, 2))

@@ -50,7 +50,7 @@ class RangefinderSensor:
         self._noise = np.array([math.hypot(spread[0], rounding), *spread[1:]])
         self._drawn = np.array(spread)
         self._salt = int(setting.streams.open("sensor").integers(0, 2**64, dtype=np.uint64))
-        self._building, self._radius = setting.building, setting.robots.radius
+        self._building, self._radii = setting.building, setting.robots.each("radius")
         self._prepare()
 
     def _prepare(self) -> None:
@@ -96,7 +96,7 @@ class RangefinderSensor:
         found = np.full((state.robots, len(ring)), np.inf)
         rays.sense(
             state.pose, state.alive, ring, self._parameters.reach, self._walls, *self._near,
-            self._building.walkers(), self._coarse, self._lattice, self._radius, occlude, occlude, values, origins,
+            self._building.walkers(), self._coarse, self._lattice, self._radii, occlude, occlude, values, origins,
             found,
         )  # fmt: skip
         return found.reshape(state.robots, *self._rays.shape[:2]).min(axis=2), origins

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Annotated, Any, Final, Literal
@@ -157,7 +157,7 @@ class IrRingSensor:
         self._working = np.arange(len(angles))
         self._bearings = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
-        self._radius = setting.robots.radius
+        self._radii = setting.robots.each("radius")
         self._parameters = parameters
 
     def without(self, beams: Iterable[int]) -> IrRingSensor:
@@ -194,7 +194,7 @@ class IrRingSensor:
             self._building.walkers(),
             self._coarse,
             self._lattice,
-            self._radius,
+            self._radii,
             parameters.robots != "ignored",
             parameters.robots == "occupied",
             values,
@@ -205,6 +205,34 @@ class IrRingSensor:
             values[~held(state.pose, origins, parameters.tile, parameters.shape, self._lattice)] = UNKNOWN
         beams = Beams(self._bearings[self._working], ranges) if parameters.ranges else None
         return Readings(Tiles(values, origins), beams)
+
+
+class MixedSensor:
+    """The sensors of a mixed swarm: each group of robots has its own, whose tile lies in the middle of the largest."""
+
+    def __init__(self, sensors: Sequence[tuple[Sensor, NDArray[np.int64]]]) -> None:
+        """Each sensor with the robots (r,) that have it."""
+        self._sensors = sensors
+
+    def sense(self, state: State) -> Readings:
+        """Everybody's readings; None of what some have no sensor for, NaN where a sensor says nothing of its worth."""
+        found = [(sensor.sense(state), robots) for sensor, robots in self._sensors]
+        tiles = [(one.tiles, robots) for one, robots in found if one.tiles is not None]
+        if not tiles:
+            return Readings()
+        rows, columns = np.max([one.values.shape[1:] for one, _ in tiles], axis=0).tolist()
+        values = np.full((state.robots, rows, columns), UNKNOWN, np.uint8)
+        origins = np.zeros((state.robots, 2), np.int32)
+        said = np.full(values.shape, np.nan, np.float32)
+        for one, robots in tiles:
+            height, width = one.values.shape[1:]
+            first = (rows - height) // 2, (columns - width) // 2
+            part = np.s_[first[0] : first[0] + height, first[1] : first[1] + width]
+            values[(robots, *part)] = one.values[robots]
+            origins[robots] = one.origins[robots] - np.array(first)
+            if one.evidence is not None:
+                said[(robots, *part)] = one.evidence[robots]
+        return Readings(Tiles(values, origins, None if np.isnan(said).all() else said))
 
 
 class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

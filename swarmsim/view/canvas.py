@@ -35,6 +35,7 @@ class Canvas:
         self._line = max(1, round(2 * unit))
         legible = max(8.0 * unit, 5.0)
         self.radius = max(self._scale * scene.radius, legible)
+        self._radii = np.maximum(self._scale * scene.radii, legible).tolist()
         self._letters = letters = Lettering()
         self._small = max(12, round(19 * unit))
         self._ids = _ids(scene.robots, self.radius, letters)
@@ -169,19 +170,21 @@ class Canvas:
             symbols.link(surface, places[sender], places[receiver], self._line, self.radius)
         for robot in np.flatnonzero(~np.isnan(shot.goals[:, 0])).tolist():
             at = self.pixels(shot.goals[robot])
-            symbols.goal(surface, (at[0], at[1]), 0.6 * self.radius, symbols.colour_of(robot))
+            symbols.goal(surface, (at[0], at[1]), 0.6 * self._radii[robot], symbols.colour_of(robot))
         for robot in np.flatnonzero(~shot.alive).tolist():
             if shot.marks[robot] == "removed":
-                symbols.removed(surface, places[robot], self.radius)
+                symbols.removed(surface, places[robot], self._radii[robot])
             elif shot.marks[robot] != "late":
-                symbols.dead(surface, places[robot], self.radius)
+                symbols.dead(surface, places[robot], self._radii[robot])
         for robot in np.flatnonzero(shot.alive).tolist():
             if shot.marks[robot] == "fault":
-                symbols.fault(surface, places[robot], self.radius)
+                symbols.fault(surface, places[robot], self._radii[robot])
             colour, yaw = symbols.colour_of(robot), float(shot.pose[robot, 2])
             if shot.headings is not None and np.isfinite(shot.headings[robot]):
-                symbols.heading(surface, places[robot], float(shot.headings[robot]), 4.0 * self.radius, self._line)
-            symbols.robot(surface, places[robot], yaw, self.radius, colour, self._ids[robot])
+                symbols.heading(
+                    surface, places[robot], float(shot.headings[robot]), 4.0 * self._radii[robot], self._line
+                )
+            symbols.robot(surface, places[robot], yaw, self._radii[robot], colour, self._ids[robot])
 
 
 def _sheet(size: tuple[int, int], colour: Colour) -> pygame.Surface:

@@ -77,7 +77,8 @@ class Scene:
         self.bounds = (left - margin, right + margin, low - margin, high + margin)  # m: left, right, lower, upper
         self.iterations = recording.iterations
         self.robots = scenario.robots.count
-        self.radius = scenario.robots.radius  # m
+        self.radius = scenario.robots.radius  # m, of the largest
+        self.radii = scenario.robots.each("radius")  # m, (n,)
         #: Rows and columns of a tile; 0, 0 if robots have none.
         self.tile: tuple[int, int] = recording["tiles"].shape[2:] if "tiles" in recording else (0, 0)
         self.has_maps = "changes" in recording

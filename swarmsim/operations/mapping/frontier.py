@@ -55,7 +55,8 @@ class FrontierStrategy:
         )
         patrolled = lattice.shape if parameters.idle == "patrol" else (0, 0)
         self._patrol = search.Patrol(np.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
-        per_iteration = robots.speed * setting.period / lattice.cell  # cells
+        per_iteration = robots.speed * setting.period / lattice.cell  # cells, of the fastest
+        slowest = float(robots.each("speed").min()) * setting.period / lattice.cell
         footprint = search.footprint(robots.radius / lattice.cell)
         self._rules = search.Rules(
             lattice.x0,
@@ -65,7 +66,7 @@ class FrontierStrategy:
             int(np.abs(footprint).max()),
             parameters.neighbours,
             parameters.replan == "on-arrival",
-            parameters.patience or max(4, math.ceil(4.0 / per_iteration)),
+            parameters.patience or max(4, math.ceil(4.0 / slowest)),
             math.ceil(per_iteration) + 3,
         )
         self._scratch = search.scratch(cells)
