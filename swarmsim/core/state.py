@@ -248,3 +248,4 @@ class Moment:
     knowledge: Any  # of the kind that the computation gives, after this iteration
     intents: Intents
     measured: Measured = Measured({})
+    believed: NDArray[np.float64] | None = None  # (n, 3): where robots estimate to be; None: as it is

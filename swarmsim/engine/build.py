@@ -25,6 +25,7 @@ from swarmsim.engine.foreign import blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
 from swarmsim.engine.simulation import Simulation
 from swarmsim.recording.recorder import Recorder
+from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
 from swarmsim.world.arena import Arena
 from swarmsim.world.source import floor_plan, read_world
@@ -85,17 +86,17 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     def make(seam: str) -> Any:
         return _make(seam, tables[seam], setting)
 
-    bodies = make("physics")
+    bodies, localisation = make("physics"), make("localisation")
     parts = Parts(
         sensor=with_field(
             _sensors(robots, tables["sensor"], setting), setting, float(tables.get("field", {}).get("noise", 0.0))
         ),
-        localisation=make("localisation"),
+        localisation=localisation,
         computation=make("computation"),
         strategy=make("strategy"),
         topology=make("topology"),
         channel=make("channel"),
-        motion=make("motion"),
+        motion=misled(make("motion"), localisation),
         bodies=bodies,
         task=make("task"),
         building=building,

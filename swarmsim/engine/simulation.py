@@ -84,7 +84,7 @@ class Simulation:
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
         moment = Moment(state, events, parts.building, readings, links, delivery, inbox, knowledge, intents)
-        moment = replace(moment, measured=parts.task.measure(moment))
+        moment = replace(moment, measured=parts.task.measure(moment), believed=pose)
         if moment.measured.finished and not self.finished:
             self.finished_after = self.state.iteration
         self._now = Now(self.state.iteration, state, self.state, moment.measured.progress)

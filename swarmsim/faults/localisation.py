@@ -16,10 +16,11 @@ from swarmsim.core.building import Building
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Localisation as LocalisationPart
-from swarmsim.core.parts import Motion, Parts, Setting, WheelSpeeds
-from swarmsim.core.state import Intents, Readings, State
+from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.state import Readings, State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
+from swarmsim.robots.localisation import Belief, MisledMotion, moved
 
 TOUCH = 1e-9  # m: how far into a wall a disc may reach that touches it, by rounding
 
@@ -174,26 +175,6 @@ def landing_places(building: Building, lattice: Lattice, radius: float) -> NDArr
     return lattice.centres(np.argwhere(fits & np.isin(pieces, entrance)))
 
 
-class Belief:
-    """Where robots believe to be: their poses with their errors, but never off the lattice of their maps."""
-
-    def __init__(self, error: NDArray[np.float64], active: NDArray[np.bool_], lattice: Lattice) -> None:
-        """`error` (n, 3) and `active` (n,) are live views; rows that are not active pass unchanged."""
-        self._error, self.active = error, active
-        left, right, low, high = lattice.extent
-        # By a millionth of a cell inside, so that rounding never finds the cell beyond the edge.
-        inset = 1e-6 * lattice.cell
-        self._low, self._high = np.array([left, low]) + inset, np.array([right, high]) - inset
-
-    def of(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The poses (n, 3) believed of these true ones."""
-        if not self.active.any():
-            return pose
-        believed = pose + self._error
-        believed[:, :2] = np.clip(believed[:, :2], self._low, self._high)
-        return np.where(self.active[:, None], believed, pose)
-
-
 class WrongLocalisation:
     """Localisation whose estimates err; each tile is moved by as many cells as its robot errs."""
 
@@ -207,23 +188,4 @@ class WrongLocalisation:
             return pose, readings
         self._source.grow(state.iteration, np.flatnonzero(self._belief.active))
         believed = self._belief.of(pose)
-        tiles = readings.tiles
-        if tiles is not None:
-            aside = self._lattice.cells(believed[:, :2]) - self._lattice.cells(pose[:, :2])
-            readings = replace(readings, tiles=replace(tiles, origins=(tiles.origins + aside).astype(np.int32)))
-        return believed, readings
-
-
-class MisledMotion:
-    """Motion that steers by where robots believe to be."""
-
-    def __init__(self, inner: Motion, belief: Belief) -> None:
-        self._inner, self._belief = inner, belief
-
-    def follow(self, intents: Intents) -> None:
-        """Take up new intents."""
-        self._inner.follow(intents)
-
-    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds wanted at the poses believed of these."""
-        return self._inner.command(self._belief.of(pose))
+        return believed, moved(readings, pose, believed, self._lattice)

@@ -53,6 +53,8 @@ class Recorder:
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
+        astray = any(fault.get("use") == "localisation" for fault in scenario.faults)
+        self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
         self._file = h5py.File(path, "x", libver="latest")
         self._file.attrs.update(
             {
@@ -73,7 +75,7 @@ class Recorder:
 
     def _open(self, moment: Moment) -> None:
         """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
-        for name, row in _rows(moment).items():
+        for name, row in self._rows(moment).items():
             self._table(name, np.shape(row), np.asarray(row).dtype)
         for name, rows in _lists(moment).items():
             self._table(name, rows.shape[1:], rows.dtype, MANY)
@@ -91,6 +93,18 @@ class Recorder:
         self._file.attrs["rows"] = json.dumps([n for n in self._tables if n not in (*once, *self._totals)])
         self._file.attrs["measures"] = json.dumps(list(moment.measured.values))
         self._file.swmr_mode = True
+
+    def _rows(self, moment: Moment) -> dict[str, Any]:
+        """What has one row of the same shape in every iteration, by the name of its table."""
+        parts = (moment.readings, moment.knowledge, moment.intents, moment.measured)
+        return {
+            "pose": moment.state.pose,
+            **({"believed": moment.believed} if self._errs else {}),
+            "alive": moment.state.alive,
+            "messages": len(moment.delivery.heard),
+            "progress": moment.measured.progress,
+            **{name: row for part in parts for name, row in part.record().rows.items()},
+        }
 
     def _table(self, name: str, row: tuple[int, ...], kind: Any, chunk: int = BLOCK) -> None:
         self._tables[name] = self._file.create_dataset(
@@ -112,7 +126,7 @@ class Recorder:
         held, self._held = self._held, []
         if not held:
             return
-        rows, lists = [_rows(moment) for moment in held], [_lists(moment) for moment in held]
+        rows, lists = [self._rows(moment) for moment in held], [_lists(moment) for moment in held]
         for name in rows[0]:
             self._append(name, [row[name] for row in rows])
         for name in lists[0]:
@@ -176,18 +190,6 @@ class Recorder:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _rows(moment: Moment) -> dict[str, Any]:
-    """What has one row of the same shape in every iteration, by the name of its table."""
-    parts = (moment.readings, moment.knowledge, moment.intents, moment.measured)
-    return {
-        "pose": moment.state.pose,
-        "alive": moment.state.alive,
-        "messages": len(moment.delivery.heard),
-        "progress": moment.measured.progress,
-        **{name: row for part in parts for name, row in part.record().rows.items()},
-    }
 
 
 def _lists(moment: Moment) -> dict[str, NDArray[Any]]:

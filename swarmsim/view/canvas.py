@@ -176,6 +176,10 @@ class Canvas:
                 symbols.removed(surface, places[robot], self._radii[robot])
             elif shot.marks[robot] != "late":
                 symbols.dead(surface, places[robot], self._radii[robot])
+        believed = [] if shot.believed is None else self.pixels(shot.believed).tolist()
+        for robot in np.flatnonzero(shot.alive).tolist() if believed else ():
+            ring = (self._radii[robot], symbols.colour_of(robot), self._line)
+            symbols.belief(surface, places[robot], believed[robot], *ring)
         for robot in np.flatnonzero(shot.alive).tolist():
             if shot.marks[robot] == "fault":
                 symbols.fault(surface, places[robot], self._radii[robot])

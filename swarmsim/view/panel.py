@@ -178,6 +178,7 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
         ("mutual", "link: each hears the other"),
         ("one way", "link: the one at the arrow hears"),
         ("heading", "the heading it estimates"),
+        ("belief", "where a robot believes to be"),
         ("fault", "robot with a fault"),
         ("dead", "dead robot"),
         ("removed", "where a robot was removed"),
@@ -194,7 +195,7 @@ def _legend(scene: Scene, enlarged: bool) -> list[tuple[str, str]]:
     ]
     rare = {kind: kind in scene.signs for kind in ("fault", "dead", "removed", "box")}
     rare |= {"mark": bool(scene.marks), "tile": rows > 0, "aim": scene.walks, "heading": scene.has_headings}
-    rare["field"] = scene.has_field
+    rare["field"], rare["belief"] = scene.has_field, scene.has_beliefs
     rare |= dict.fromkeys(("free", "seen", "unexplored"), scene.has_maps)
     return [(kind, text) for kind, text in signs if rare.get(kind, True)]
 
@@ -226,6 +227,9 @@ def _sign(surface: pygame.Surface, kind: str, at: tuple[int, int], unit: float) 
         case "fault":
             symbols.fault(surface, at, 3.5 * unit)
             symbols.robot(surface, at, 0.5, 3.5 * unit, colour, pygame.Surface((0, 0)))
+        case "belief":
+            symbols.robot(surface, ends[0], 0.5, 3.5 * unit, colour, pygame.Surface((0, 0)))
+            symbols.belief(surface, ends[0], ends[1], 5 * unit, colour, broad)
         case "removed":
             symbols.removed(surface, at, 6 * unit)
         case "box":

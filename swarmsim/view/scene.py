@@ -48,6 +48,7 @@ class Shot:
     value: float  # of the measure that the task is about
     headings: NDArray[np.float64] | None  # (n,): rad, which way each robot estimates to have to go, if it does
     messages: int  # heard so far
+    believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +90,7 @@ class Scene:
         around = bool(scenario.physics.get("periodic"))
         self._around = np.array([plan.width, plan.height] if around else [np.inf, np.inf])
         self.has_headings = "heading" in recording
+        self.has_beliefs = "believed" in recording
         #: Whether there are ways and goals to show.
         self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
         self.curve = recording.curve
@@ -141,6 +143,7 @@ class Scene:
             value=float(self.curves.union[row]),
             headings=recording["heading"][row] if self.has_headings else None,
             messages=int(self._messages[row]),
+            believed=recording["believed"][row][:, :2] if self.has_beliefs else None,
         )
 
     def estimate(self, row: int) -> NDArray[np.float64]:

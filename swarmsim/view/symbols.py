@@ -106,6 +106,15 @@ def removed(surface: pygame.Surface, at: Pixel, radius: float) -> None:
     pygame.draw.aacircle(surface, DEAD, at, radius, max(2, round(0.45 * radius)))
 
 
+def belief(surface: pygame.Surface, at: Pixel, there: Pixel, radius: float, colour: Colour, width: int) -> None:
+    """A ring where a robot believes to be, and a line to it from where it is."""
+    if math.hypot(there[0] - at[0], there[1] - at[1]) > 0.5 * radius:
+        pygame.draw.aaline(surface, EDGE, at, there, width + 2)
+        pygame.draw.aaline(surface, colour, at, there, width)
+        pygame.draw.aacircle(surface, EDGE, there, 0.75 * radius + 1.3, width + 3)
+        pygame.draw.aacircle(surface, colour, there, 0.75 * radius, width + 1)
+
+
 def fault(surface: pygame.Surface, at: Pixel, radius: float) -> None:
     """A ring around a robot of this radius, which is drawn over it, with a dark edge on either side."""
     width = max(2, round(0.3 * radius))

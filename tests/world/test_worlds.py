@@ -130,3 +130,20 @@ def test_room() -> None:
     assert set(arena.plan.spawns) == {"room"}
     assert inside.area == pytest.approx(4.5 * 3.3 - 2.4 * 0.15 - 0.2827, abs=0.01)
     assert arena.reachable("room", ROBOT).sum() == 628
+
+
+OWN = (
+    "basilica",
+    "room",
+    *(f"worlds/{path.stem}" for path in sorted((WORLDS.parent / "scenarios/worlds").glob("*.toml"))),
+)
+
+
+def test_every_world_has_a_scenario_of_its_own() -> None:
+    assert {path.stem for path in WORLDS.glob("*.svg")} == {name.rpartition("/")[2] for name in OWN}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OWN)
+def test_every_world_is_finished_with_twenty_seeds(name: str) -> None:
+    assert all(made(f"seed={seed}", scenario=name).simulation.run() for seed in range(1, 21))

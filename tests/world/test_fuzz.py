@@ -1,0 +1,224 @@
+"""Whatever stands in a file: it is read, or refused with a message, within seconds and without much memory."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import World, load
+from swarmsim.world.source import floor_plan, read_world
+
+ROOT = Path(__file__).parents[2]
+SHORT, LONG = 60, 2900  # inputs of each kind, of which there are seven
+LONGEST = 5.0  # s
+MOST = 1 << 30  # bytes more than before
+QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True, "database": None}
+
+numbers = st.one_of(st.floats(), st.integers(-(10**12), 10**12), st.sampled_from(["1e999", "50%", "3cm", "", "x", "-"]))
+tags = st.sampled_from(
+    [
+        "svg",
+        "g",
+        "path",
+        "rect",
+        "circle",
+        "ellipse",
+        "line",
+        "polyline",
+        "polygon",
+        "use",
+        "symbol",
+        "defs",
+        "clipPath",
+        "mask",
+        "style",
+        "text",
+        "switch",
+        "a",
+        "image",
+    ]
+)
+keys = st.sampled_from(
+    [
+        "id",
+        "class",
+        "style",
+        "transform",
+        "x",
+        "y",
+        "width",
+        "height",
+        "r",
+        "rx",
+        "ry",
+        "cx",
+        "cy",
+        "x1",
+        "y2",
+        "d",
+        "points",
+        "href",
+        "fill",
+        "stroke",
+        "stroke-width",
+        "viewBox",
+        "clip-path",
+        "mask",
+        "preserveAspectRatio",
+        "display",
+        "visibility",
+        "opacity",
+        "transform-origin",
+        "data-name",
+    ]
+)
+values = st.one_of(
+    st.text("MmLlHhVvCcSsQqTtAaZz0123456789.,- eE", max_size=30),
+    st.sampled_from(
+        ["walls", "spawn", "#walls", "#a", "a", "url(#a)", "none", "evenodd", "0 0 9 6", "rotate(45)", "scale(0)"]
+        + ["matrix(1e300 0 0 1e300 0 0)", "fill:none", "fill:red;stroke:#000", "M0 0H9V6Z", "0,0 9,0 9,6", "1e9", "4"]
+    ),
+    st.text(max_size=12),
+    numbers.map(str),
+)
+
+
+@st.composite
+def elements(draw: st.DrawFn, depth: int = 3) -> str:
+    tag = draw(tags)
+    attributes = draw(st.dictionaries(keys, values, max_size=5))
+    inside = "".join(draw(st.lists(elements(depth - 1), max_size=3))) if depth else ""
+    if tag == "style":
+        inside = draw(
+            st.sampled_from(["*{fill:none}", "@media print{", "g > rect{stroke:red}}", "a:not(b){d:e}", "/*"])
+        )
+    return f"<{tag}{_attributes(attributes)}>{inside}</{tag}>"
+
+
+def _attributes(table: dict[str, str]) -> str:
+    plain = {key: "".join(c for c in value if c.isprintable() and c not in '<&"') for key, value in table.items()}
+    return "".join(f' {key}="{value}"' for key, value in plain.items())
+
+
+json_values = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=8), st.sampled_from(["Polygon", "walls"])),
+    lambda inner: st.one_of(
+        st.lists(inner, max_size=5),
+        st.dictionaries(st.sampled_from(["type", "features", "geometry", "coordinates", "bbox", "properties"]), inner),
+    ),
+    max_leaves=25,
+)
+rings = st.lists(st.lists(st.floats(-50, 50), min_size=1, max_size=3), max_size=8)
+polygons_ = st.builds(lambda ring: {"type": "Polygon", "coordinates": [ring]}, rings)
+
+
+def damaged(paths: list[Path]) -> st.SearchStrategy[bytes]:
+    """The bytes of one of these files with some of them changed, cut out, doubled or put in."""
+    cuts = st.tuples(st.floats(0, 1), st.integers(0, 40), st.binary(max_size=6))
+
+    def spoilt(path: Path, places: list[tuple[float, int, bytes]]) -> bytes:
+        content = path.read_bytes()
+        for share, gone, put in places:
+            at = int(share * len(content))
+            content = content[:at] + put + content[at + gone :]
+        return content
+
+    return st.builds(spoilt, st.sampled_from(paths), st.lists(cuts, min_size=1, max_size=5))
+
+
+def opened(path: Path, **more: object) -> None:
+    """Reads a world; a refusal is as good as a success."""
+    begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    world = World(file=str(path), **more)
+    _refusing(lambda: floor_plan(read_world(world, 0.15), world))
+    assert time.perf_counter() - begun < LONGEST
+    assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MOST
+
+
+def _refusing(work: Callable[[], object]) -> None:
+    """Does something that may be refused, with a message, but not fail otherwise."""
+    told = "nothing"
+    try:
+        work()
+    except InputError as problem:
+        told = str(problem)
+    assert told
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a map_server pair of each kind in it."""
+    folder = tmp_path_factory.mktemp("fuzz")
+    levels = np.random.default_rng(2).choice([0, 205, 254], (24, 30)).astype(np.uint8)
+    (folder / "m.pgm").write_bytes(b"P5\n30 24\n255\n" + levels.tobytes())
+    (folder / "p.pgm").write_text("P2\n# plain\n30 24\n255\n" + " ".join(map(str, levels.ravel())))
+    from PIL import Image
+
+    Image.fromarray(levels).save(folder / "m.png")
+    (folder / "m.yaml").write_text("image: m.pgm\nresolution: 0.1\norigin: [-1.5, 2, 0.3]\nnegate: 0\nmode: scale\n")
+    return folder
+
+
+def _fuzzed(kind: str, folder: Path, count: int) -> Callable[[], None]:
+    """A function that tries so many inputs of a kind."""
+    drawings = sorted((ROOT / "worlds").glob("*.svg")) + sorted((ROOT / "tests" / "worlds").glob("*.svg"))
+    small = [path for path in drawings if path.stat().st_size < 40_000]
+    scenarios = sorted((ROOT / "scenarios").rglob("*.toml"))
+    root = 'xmlns="http://www.w3.org/2000/svg" viewBox="0 0 12 8"'
+
+    def tried(strategy: st.SearchStrategy, name: str, **more: object) -> Callable[[], None]:
+        @settings(max_examples=count, **QUIET)
+        @given(strategy)
+        def attempt(content: bytes | str) -> None:
+            raw = content if isinstance(content, bytes) else content.encode(errors="replace")
+            (folder / name).write_bytes(raw)
+            if name.endswith(".toml"):
+                _refusing(lambda: load(folder / name))
+            else:
+                opened(folder / name, **more)
+
+        return attempt
+
+    made = st.lists(elements(), max_size=5).map(lambda parts: f"<svg {root}>{''.join(parts)}</svg>")
+    written = st.one_of(json_values, polygons_).map(lambda value: msgspec.json.encode(_finite(value)))
+    return {
+        "svg made": tried(made, "a.svg"),
+        "svg damaged": tried(damaged(small), "b.svg"),
+        "pgm": tried(damaged([folder / "m.pgm", folder / "p.pgm"]), "c.pgm", resolution=0.1),
+        "png": tried(damaged([folder / "m.png"]), "d.png", resolution=0.1),
+        "yaml": tried(damaged([folder / "m.yaml"]), "e.yaml"),
+        "geojson": tried(written, "f.geojson"),
+        "scenario": tried(damaged(scenarios), "g.toml"),
+    }[kind]
+
+
+def _finite(value: object) -> object:
+    """The same with 1e308 for what JSON cannot hold."""
+    if isinstance(value, float):
+        return value if np.isfinite(value) else 1e308
+    if isinstance(value, list):
+        return [_finite(one) for one in value]
+    return {key: _finite(one) for key, one in value.items()} if isinstance(value, dict) else value
+
+
+KINDS = ("svg made", "svg damaged", "pgm", "png", "yaml", "geojson", "scenario")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_any_input_is_read_or_refused(kind: str, folder: Path) -> None:
+    _fuzzed(kind, folder, SHORT)()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_twenty_thousand_inputs_are_read_or_refused(kind: str, folder: Path) -> None:
+    _fuzzed(kind, folder, LONG)()
