@@ -106,10 +106,10 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def surveying(self) -> IrRing:
-        """The ring that finds out what can be observed at all: as far, but without gaps or errors, and unturned."""
+        """The ring that finds out what can be observed at all: as far, without gaps, errors or others, and unturned."""
         dense = max(72, math.ceil(2.0 * math.pi * max(self.shape) / 0.8))
         ideal = self.bearings is None and not self.errs and self.frame == "map"
-        return self if ideal else IrRing(tile=self.tile, reach=self.reach, beams=dense, robots=self.robots)
+        return IrRing(tile=self.tile, reach=self.reach, beams=self.beams if ideal else dense)
 
     def angles(self) -> NDArray[np.float64]:
         """The bearings (b,) of the beams in rad, counter-clockwise from straight ahead, 0 to a whole turn."""

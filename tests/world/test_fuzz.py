@@ -24,69 +24,19 @@ MOST = 1 << 30  # bytes more than before
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True, "database": None}
 
 numbers = st.one_of(st.floats(), st.integers(-(10**12), 10**12), st.sampled_from(["1e999", "50%", "3cm", "", "x", "-"]))
-tags = st.sampled_from(
-    [
-        "svg",
-        "g",
-        "path",
-        "rect",
-        "circle",
-        "ellipse",
-        "line",
-        "polyline",
-        "polygon",
-        "use",
-        "symbol",
-        "defs",
-        "clipPath",
-        "mask",
-        "style",
-        "text",
-        "switch",
-        "a",
-        "image",
-    ]
+TAGS = "svg g path rect circle ellipse line polyline polygon use symbol defs clipPath mask style text switch a image"
+KEYS = (
+    "id class style transform x y width height r rx ry cx cy x1 y2 d points href fill stroke stroke-width viewBox "
+    "clip-path mask preserveAspectRatio display visibility opacity transform-origin data-name"
 )
-keys = st.sampled_from(
-    [
-        "id",
-        "class",
-        "style",
-        "transform",
-        "x",
-        "y",
-        "width",
-        "height",
-        "r",
-        "rx",
-        "ry",
-        "cx",
-        "cy",
-        "x1",
-        "y2",
-        "d",
-        "points",
-        "href",
-        "fill",
-        "stroke",
-        "stroke-width",
-        "viewBox",
-        "clip-path",
-        "mask",
-        "preserveAspectRatio",
-        "display",
-        "visibility",
-        "opacity",
-        "transform-origin",
-        "data-name",
-    ]
+VALUES = (
+    "walls;spawn;#walls;#a;a;url(#a);none;evenodd;0 0 9 6;rotate(45);scale(0);matrix(1e300 0 0 1e300 0 0);fill:none;"
+    "M0 0H9V6Z;0,0 9,0 9,6;1e9;4"
 )
+tags, keys = st.sampled_from(TAGS.split()), st.sampled_from(KEYS.split())
 values = st.one_of(
     st.text("MmLlHhVvCcSsQqTtAaZz0123456789.,- eE", max_size=30),
-    st.sampled_from(
-        ["walls", "spawn", "#walls", "#a", "a", "url(#a)", "none", "evenodd", "0 0 9 6", "rotate(45)", "scale(0)"]
-        + ["matrix(1e300 0 0 1e300 0 0)", "fill:none", "fill:red;stroke:#000", "M0 0H9V6Z", "0,0 9,0 9,6", "1e9", "4"]
-    ),
+    st.sampled_from(VALUES.split(";")),
     st.text(max_size=12),
     numbers.map(str),
 )

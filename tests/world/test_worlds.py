@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from conftest import ROOT
+from conftest import ROOT, made
 
 from swarmsim.world.arena import Arena
 from swarmsim.world.svg import read_floor_plan
