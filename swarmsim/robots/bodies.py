@@ -17,6 +17,7 @@ from swarmsim.core.scenario import Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
 
+STRIDE = 0.25  # of its radius, the farthest that a robot may drive in a sub-step: more would let it pass thin walls
 GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
 READ = (
     batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
@@ -27,7 +28,7 @@ WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
 class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Discs on two wheels with mass, traction and friction, which push, slip and block each other (Chipmunk)."""
 
-    substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; rounded down to a whole fraction of the period
+    substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; shorter for fast robots, which might pass walls
     friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
 
     def build(self, setting: Setting) -> DifferentialDrive:
@@ -40,12 +41,14 @@ class DifferentialDrive:
 
     Walls stand still, but are others when the building changes; people are moved by their crowd, not by contacts.
 
-    Sub-steps are at most `physics.substep` long. Contacts are found after the overlap, which therefore
+    Sub-steps are at most `physics.substep` long, and so short that no robot drives farther than STRIDE of its radius
+    in one. Contacts are found after the overlap, which therefore
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
     """
 
     def __init__(self, robots: Robots, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
-        self._substep = physics.substep
+        stride = STRIDE * float((robots.each("radius") / robots.each("speed")).min())  # s
+        self._substep = min(physics.substep, stride)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
         grip = 0.5 * robots.each("traction") * mass * GRAVITY  # N, one wheel

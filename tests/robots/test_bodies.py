@@ -9,7 +9,8 @@ from numpy.testing import assert_array_equal
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
-from swarmsim.core.scenario import Robots
+from swarmsim.core.scenario import Robots, load
+from swarmsim.engine.build import build
 from swarmsim.robots.bodies import DifferentialDrive, Pymunk
 
 OPEN = np.empty((0, 4))
@@ -372,3 +373,21 @@ def test_the_substep_is_rounded_down_to_a_whole_fraction_of_the_period():
     asked = []
     bodies([0.0, 0.0, 0.0], substep=0.03).drive(Spy([(0.0, 0.0)], asked.append), 0.1)
     assert len(asked) == 4
+
+
+@pytest.mark.parametrize(("speed", "substep"), [(2.0, 0.125), (20.0, 1 / 64)])
+def test_fast_robots_do_not_pass_thin_walls(tmp_path, speed, substep):
+    """Walls 2 cm thin, sub-steps in which a robot would drive 25 cm or more."""
+    (tmp_path / "w.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 3.6 2.4"><g id="walls"><path fill="none" stroke="#000" '
+        'stroke-width="0.02" d="M.15 .15H3.45V2.25H.15Z M2.1 .15V1.2"/></g></svg>'
+    )
+    (tmp_path / "s.toml").write_text(
+        f'world = "w.svg"\n[robots]\ncount = 8\nspeed = {speed}\nacceleration = {10 * speed}\ntraction = 9.0\n'
+        f'[physics]\nsubstep = {substep}\n[network.topology]\nuse = "none"\n'
+        '[stop]\niterations = 40\nwhen_done = "go-on"\n'
+    )
+    run = build(load(tmp_path / "s.toml"), "s.toml")
+    while not run.simulation.over:
+        x, y, _ = run.simulation.tick().state.pose.T
+        assert ((x > 0.15) & (x < 3.45) & (y > 0.15) & (y < 2.25)).all()

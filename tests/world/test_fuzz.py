@@ -59,14 +59,19 @@ def _attributes(table: dict[str, str]) -> str:
     return "".join(f' {key}="{value}"' for key, value in plain.items())
 
 
-json_values = st.recursive(
-    st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=8), st.sampled_from(["Polygon", "walls"])),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=5),
-        st.dictionaries(st.sampled_from(["type", "features", "geometry", "coordinates", "bbox", "properties"]), inner),
-    ),
-    max_leaves=25,
-)
+GEOJSON = st.sampled_from(["type", "features", "geometry", "coordinates", "bbox", "properties"])
+plain = st.one_of(st.none(), st.booleans(), st.floats(), st.text(max_size=8), st.sampled_from(["Polygon", "walls"]))
+
+
+def nested(depth: int) -> st.SearchStrategy:
+    """Values of JSON, so deep."""
+    if not depth:
+        return plain
+    inner = nested(depth - 1)
+    return st.one_of(plain, st.lists(inner, max_size=5), st.dictionaries(GEOJSON, inner, max_size=5))
+
+
+json_values = nested(4)
 rings = st.lists(st.lists(st.floats(-50, 50), min_size=1, max_size=3), max_size=8)
 polygons_ = st.builds(lambda ring: {"type": "Polygon", "coordinates": [ring]}, rings)
 
