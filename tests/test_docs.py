@@ -41,7 +41,7 @@ def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
     make, *use = blocks("README.md", "sh")
     assert [line.split()[:2] for line in make.splitlines()] == [["make", "demo"], ["make", "test"]]
     commands = [line for block in use for line in block.splitlines() if line.startswith("swarmsim")]
-    assert len(commands) == 15
+    assert len(commands) == 17
     for command in commands:
         done = subprocess.run(
             f"{sys.executable} -m {command}", shell=True, cwd=copy, capture_output=True, text=True, check=False
