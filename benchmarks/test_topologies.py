@@ -10,7 +10,8 @@ import pytest
 
 from swarmsim.core import registry
 from swarmsim.core.parts import Setting, Topology
-from swarmsim.core.scenario import Robots, load
+from swarmsim.core.robots import Robots
+from swarmsim.core.scenario import load
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import build

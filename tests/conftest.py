@@ -10,7 +10,8 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Setting
-from swarmsim.core.scenario import Robots, load
+from swarmsim.core.robots import Robots
+from swarmsim.core.scenario import load
 from swarmsim.core.state import Intents, Moment, Observations, Readings
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build

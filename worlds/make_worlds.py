@@ -17,7 +17,8 @@ from swarmsim.core.parts import Site
 from swarmsim.core.streams import Streams
 from swarmsim.world import drawing, geojson
 from swarmsim.world.areas import polygons
-from swarmsim.world.generated import Cave, Drawn, Maze, Office, Rooms
+from swarmsim.world.generated import Cave, Maze, Office, Rooms
+from swarmsim.world.masonry import Drawn
 from swarmsim.world.plan import FloorPlan
 
 CELL = 0.15  # m; everything lies on multiples of it

@@ -13,7 +13,7 @@ from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Delivery, Said
-from swarmsim.core.scenario import Robots
+from swarmsim.core.robots import Robots
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
 from swarmsim.core.streams import Streams
 

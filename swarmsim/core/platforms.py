@@ -10,13 +10,14 @@ from swarmsim.core.errors import InputError
 PLAIN: Final = "paper"  # the robot that stands where none is named
 _EIGHT: Final = [0, 45, 90, 135, 180, -135, -90, -45]
 
-#: What is known of each robot, in SI units. docs/robots.md names the data sheets, and what is assumed.
+#: What is known of each robot, in SI units; sensors on the rim reach by its radius farther from the middle.
+#: docs/robots.md names the data sheets, and what is assumed.
 PLATFORMS: Final[dict[str, dict[str, Any]]] = {
     "paper": {},
     "e-puck": {
         "radius": 0.035, "wheel_base": 0.053, "speed": 0.13, "acceleration": 0.4, "mass": 0.15,
         "sensor": {
-            "bearings": [-17, -49, -90, -150, 150, 90, 49, 17], "reach": 0.07, "blind": 0.005, "cone": 15.0,
+            "bearings": [-17, -49, -90, -150, 150, 90, 49, 17], "reach": 0.105, "blind": 0.036, "cone": 15.0,
             "error_share": 0.04,
         },
     },
@@ -31,13 +32,13 @@ PLATFORMS: Final[dict[str, dict[str, Any]]] = {
     "thymio": {
         "radius": 0.08, "wheel_base": 0.0935, "speed": 0.14, "acceleration": 0.5, "mass": 0.27,
         "sensor": {
-            "bearings": [40, 20, 0, -20, -40, 160, -160], "reach": 0.12, "blind": 0.01, "cone": 10.0,
+            "bearings": [40, 20, 0, -20, -40, 160, -160], "reach": 0.2, "blind": 0.081, "cone": 10.0,
             "error_share": 0.05,
         },
     },
     "khepera-iv": {
         "radius": 0.0704, "wheel_base": 0.1054, "speed": 0.813, "acceleration": 1.0, "mass": 0.54,
-        "sensor": {"bearings": _EIGHT, "reach": 0.25, "blind": 0.02, "cone": 15.0, "error_share": 0.05},
+        "sensor": {"bearings": _EIGHT, "reach": 0.32, "blind": 0.0724, "cone": 15.0, "error_share": 0.05},
     },
     "gternal": {
         "radius": 0.055, "wheel_base": 0.105, "speed": 0.2, "acceleration": 1.0, "mass": 0.3,

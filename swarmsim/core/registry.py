@@ -188,6 +188,9 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
             raise InputError(f"{place}{key}: {value} is not a number to compute with; expected a finite one")
         if inner is not None and isinstance(value, dict):
             missing += _faults_of(value, inner, f"{place}{key}.")
+        elif inner is not None and isinstance(value, list):
+            for i, one in enumerate(value):
+                missing += _faults_of(one, inner, f"{place}{key}[{i}].") if isinstance(one, dict) else []
         elif field.required and key not in given:
             missing.append(f"{place}{key}")
     return missing

@@ -10,20 +10,16 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import msgspec
-import numpy as np
 from msgspec import Meta, Struct
 from msgspec import field as of
-from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table, outside, with_files
-from swarmsim.core.platforms import PLAIN, with_platforms
+from swarmsim.core.platforms import with_platforms
+from swarmsim.core.robots import Count, Positive, Robots
 
 _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
-
-Positive = Annotated[float, Meta(gt=0.0)]
-Count = Annotated[int, Meta(ge=1, le=100_000)]
 
 
 Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
@@ -65,45 +61,6 @@ class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The cells of truth, tiles and maps."""
 
     cell: Positive = 0.15  # m
-
-
-class Group(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots of one kind in a mixed swarm; keys as in `Robots`."""
-
-    count: Count
-    use: str = PLAIN
-    radius: Positive = 0.055  # m
-    wheel_base: Positive = 0.10  # m
-    speed: Positive = 0.15  # m/s, at a wheel's rim
-    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
-    mass: Positive = 0.25  # kg
-    traction: Positive = 0.6  # friction coefficient of wheel on floor
-    sensor: Table = of(default_factory=dict)  # the kind's own; none: the scenario's
-
-
-class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """How many robots there are, where they start and what they are made of.
-
-    `use` names a robot that people have, whose numbers stand where none are given; its sensor is that of a scenario
-    without one. Of a swarm of several `[[robots]]` groups, radius and speed are those of the largest and the fastest.
-    """
-
-    count: Count
-    use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
-    spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
-    radius: Positive = 0.055  # m
-    wheel_base: Positive = 0.10  # m
-    speed: Positive = 0.15  # m/s, at a wheel's rim
-    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
-    mass: Positive = 0.25  # kg
-    traction: Positive = 0.6  # friction coefficient of wheel on floor
-    groups: tuple[Group, ...] = ()  # of a mixed swarm, in the order of its robots
-
-    def each(self, key: str) -> NDArray[np.float64]:
-        """A number of every robot (n,), by its key."""
-        if not self.groups:
-            return np.full(self.count, getattr(self, key), np.float64)
-        return np.repeat([float(getattr(g, key)) for g in self.groups], [g.count for g in self.groups])
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -16,6 +16,9 @@ def schema() -> dict[str, Any]:
     root: dict[str, Any] = parts.pop("Scenario")
     defs: dict[str, Any] = dict(parts)
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
+    group = {key: value for key, value in defs["Group"]["properties"].items() if key != "sensor"}
+    of_a_kind = {**defs["Group"], "properties": {**group, "spawn": {"type": "string"}, "sensor": {"type": "object"}}}
+    root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}
     for seam in registry.SEAMS:
         choices: list[dict[str, Any]] = []
         for name, kind in registry.known(seam).items():

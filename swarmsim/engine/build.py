@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +19,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Sensor, Setting, Strategy, Task
-from swarmsim.core.scenario import PLACES, Robots, Scenario, World
+from swarmsim.core.robots import Robots
+from swarmsim.core.scenario import PLACES, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
@@ -28,10 +31,25 @@ from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
 from swarmsim.world.arena import Arena
+from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 
 MANY = 20_000  # places from which is looked at once
 TINY = 3.0  # m: smaller pages are often drawn at a scale
+
+
+@contextmanager
+def told_to_scale(plan: FloorPlan, world: World) -> Iterator[None]:
+    """What is wrong with a tiny floor plan may be its scale: then its InputError says how to tell."""
+    try:
+        yield
+    except InputError as problem:
+        if max(plan.width, plan.height) >= TINY or not world.file:
+            raise
+        raise InputError(
+            f"{problem}; the page is {plan.width:g} m x {plan.height:g} m: if it is drawn at a scale, say so: "
+            f"world = {{file = {world.file!r}, scale = 100}}, or width = METRES"
+        ) from problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,16 +185,10 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
     world = msgspec.json.decode(place, type=World)
     sensors = _tables_of_sensors(robots, sensor)
     plan = floor_plan(text, world)
-    try:
-        arena = Arena.open(plan, cell, max(margin_of(registry.part("sensor", one)) for one in sensors) + 1, world.title)
+    with told_to_scale(plan, world):
+        margin = max(margin_of(registry.part("sensor", one)) for one in sensors) + 1
+        arena = Arena.open(plan, cell, margin, world.title)
         reachable = arena.reachable(robots.spawn, robots.radius)
-    except InputError as problem:
-        if max(plan.width, plan.height) < TINY:
-            raise InputError(
-                f"{problem}; the page is {plan.width:g} m x {plan.height:g} m: if it is drawn at a scale, say so: "
-                f"world = {{file = {world.file!r}, scale = 100}}, or width = METRES"
-            ) from problem
-        raise
     observed = _observed(sensors, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     for shared in (reachable, domain):

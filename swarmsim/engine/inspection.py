@@ -15,7 +15,7 @@ from scipy import ndimage
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import Scenario
-from swarmsim.engine.build import build, explored
+from swarmsim.engine.build import build, explored, told_to_scale
 from swarmsim.engine.foreign import margin_of
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import rim
@@ -79,7 +79,8 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
     doors: list[Door] = []
     seats = 0
     try:
-        floor = arena.floor(scenario.robots.spawn)
+        with told_to_scale(plan, scenario.world):
+            floor = arena.floor(scenario.robots.spawn)
         rooms, doors = rooms_and_doors(floor, arena.lattice, plan.walls, widest)
         domain, entrance = explored(text, scenario)
         seats = _seats(entrance, scenario.robots.radius, scenario.grid.cell)

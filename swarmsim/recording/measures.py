@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.events import Ended
-from swarmsim.core.scenario import Robots
+from swarmsim.core.robots import Robots
 from swarmsim.core.state import Moment, State
 
 SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of the task whose times are measured

@@ -13,7 +13,7 @@ from pymunk import batch
 
 from swarmsim.core.building import Building, Crowd
 from swarmsim.core.parts import Motion, Setting
-from swarmsim.core.scenario import Robots
+from swarmsim.core.robots import Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
 

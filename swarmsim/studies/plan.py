@@ -66,6 +66,7 @@ class Condition:
     curve: Curve  # what is drawn of its task
     x: float | None = None  # where it stands on the study's axis
     series: str = ""
+    notices: tuple[str, ...] = ()  # how its floor plan was taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,10 +144,11 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
                 worlds[key] = read_world(scenario.world, scenario.grid.cell)
             except InputError as problem:
                 raise InputError(f"{place}: {problem}") from problem
-        curve = build(scenario, place, worlds[key]).simulation.parts.task.curve
+        made = build(scenario, place, worlds[key])
+        curve, notices = made.simulation.parts.task.curve, made.arena.plan.notices
         if name in named:
-            return Condition(name, change, scenario, curve, named[name].x, named[name].series)
-        return Condition(name, change, scenario, curve, *_place(study, change))
+            return Condition(name, change, scenario, curve, named[name].x, named[name].series, notices)
+        return Condition(name, change, scenario, curve, *_place(study, change), notices)
 
     conditions = tuple(condition(name, change) for name, change in changes.items())
     return Plan(path, study, conditions, numbers, worlds)

@@ -3,36 +3,18 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Protocol
+from typing import Annotated
 
 import numpy as np
-import shapely
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 from scipy import ndimage
-from shapely import MultiPolygon, affinity
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Site
-from swarmsim.world import geojson
-from swarmsim.world.areas import polygons, united
-from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
-from swarmsim.world.tracing import traced
+from swarmsim.world.masonry import Drawn, Grid, open_between, pierce, strip
 
 Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-Mask = NDArray[np.bool_]  # (rows, columns) of cells
-
-_MOST_CELLS = 25_000_000
-
-
-class _Sized(Protocol):
-    """The size of a building."""
-
-    @property
-    def width(self) -> float: ...
-    @property
-    def height(self) -> float: ...
 
 
 class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,7 +32,7 @@ class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: Site) -> Drawn:
         """The building. Raises InputError for sizes that contradict each other."""
-        grid = _Grid(self, site)
+        grid = Grid(self, site)
         room, door, wall = (grid.count(key, getattr(self, key)) for key in ("room", "door", "wall"))
         if door + 2 > room:
             raise InputError(f"door: {self.door:g} m does not fit into walls of {self.room:g} m; expected it narrower")
@@ -68,7 +50,7 @@ class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 continue
             at = (low, left)[along] + int(grid.random.integers(room, size - room - wall + 1))
             span = (left, right) if along == 0 else (low, high)
-            _strip(solid, along, at, wall, span)[:] = True
+            strip(solid, along, at, wall, span)[:] = True
             cuts.append((along, at, span))
             box = [low, left, high, right]
             first, second = box.copy(), box.copy()
@@ -76,7 +58,7 @@ class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             waiting += [(first[0], first[1], first[2], first[3]), (second[0], second[1], second[2], second[3])]
         for along, at, span in cuts:
             for _ in range(1 + (grid.random.random() < self.loops)):
-                _pierce(solid, along, at, wall, span, door, grid.random)
+                pierce(solid, along, at, wall, span, door, grid.random)
         return grid.drawn(solid)
 
 
@@ -92,7 +74,7 @@ class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: Site) -> Drawn:
         """The building. Raises InputError for sizes that contradict each other."""
-        grid = _Grid(self, site)
+        grid = Grid(self, site)
         corridor, room, door, wall = (
             grid.count(key, getattr(self, key)) for key in ("corridor", "room", "door", "wall")
         )
@@ -115,13 +97,13 @@ class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 (low, first - wall, first - wall),
                 (first + corridor + wall, top, first + corridor),
             ):
-                _strip(solid, 0, at, wall, (wall, right))[:] = True
+                strip(solid, 0, at, wall, (wall, right))[:] = True
                 left = wall
                 while left < right:
                     size = int(grid.random.integers(max(door + 2, room * 3 // 4), room * 5 // 4 + 1))
                     end = right if right - left - size < door + 2 + wall else left + size
-                    _strip(solid, 1, end, wall, (base, ceiling))[:] = True
-                    _pierce(solid, 0, at, wall, (left, end), door, grid.random)
+                    strip(solid, 1, end, wall, (base, ceiling))[:] = True
+                    pierce(solid, 0, at, wall, (left, end), door, grid.random)
                     left = end + wall
             if count > 1:
                 solid[low:top, right : right + wall] = True
@@ -149,7 +131,7 @@ class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: Site) -> Drawn:
         """The building. Raises InputError for a size without two passages each way."""
-        grid = _Grid(self, site)
+        grid = Grid(self, site)
         passage, wall = (grid.count(key, getattr(self, key)) for key in ("passage", "wall"))
         pitch = passage + wall
         down, across = (grid.rows - wall) // pitch, (grid.columns - wall) // pitch
@@ -175,12 +157,12 @@ class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 continue
             chosen = ahead[int(grid.random.integers(len(ahead)))]
             visited[chosen] = True
-            _open_between(solid, way[-1], chosen, wall, passage)
+            open_between(solid, way[-1], chosen, wall, passage)
             way.append(chosen)
         for row, column in zip(rows, columns, strict=True):
             for other in ((row, column + 1), (row + 1, column)):
                 if other[0] < down and other[1] < across and grid.random.random() < self.loops:
-                    _open_between(solid, (row, column), other, wall, passage)
+                    open_between(solid, (row, column), other, wall, passage)
         start = np.zeros_like(solid)
         start[: solid.shape[0] // 3, : solid.shape[1] // 3] = True
         return grid.drawn(solid, start & ~solid)
@@ -200,7 +182,7 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: Site) -> Drawn:
         """The building. Raises InputError if no hall is left in it."""
-        grid = _Grid(self, site)
+        grid = Grid(self, site)
         grain = grid.count("grain", self.grain)
         shape = -(-grid.rows // grain), -(-grid.columns // grain)
         rock = grid.random.random(shape) < self.filled
@@ -219,88 +201,3 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             raise InputError("filled: rock alone is left; expected less of it, or a larger building")
         largest = int(np.bincount(pieces.ravel())[1:].argmax()) + 1
         return grid.drawn(pieces != largest)
-
-
-class Drawn:
-    """A building that is finished."""
-
-    def __init__(self, plan: FloorPlan) -> None:
-        self._plan = plan
-
-    def draw(self) -> str:
-        """Its floor plan as GeoJSON."""
-        return geojson.written(self._plan)
-
-
-class _Grid:
-    """The cells that a building is made of."""
-
-    def __init__(self, size: _Sized, site: Site) -> None:
-        self._cell = site.cell
-        self.rows, self.columns = self.count("height", size.height), self.count("width", size.width)
-        if self.rows * self.columns > _MOST_CELLS:
-            raise InputError(f"width: more than {_MOST_CELLS} cells; expected a smaller building")
-        self.random = site.streams.open("building")
-
-    def count(self, key: str, metres: float) -> int:
-        """A length in whole cells. Raises InputError if it is less than one."""
-        cells = round(metres / self._cell)
-        if cells < 1:
-            raise InputError(f"{key}: {metres:g} m is less than a cell of {self._cell:g} m; expected more")
-        return cells
-
-    def framed(self, wall: int) -> Mask:
-        """An empty building with a wall around it. Raises InputError if it has no room."""
-        if min(self.rows, self.columns) <= 2 * wall + 2:
-            raise InputError("width: nothing but walls fits in; expected a larger building")
-        solid = np.ones((self.rows, self.columns), np.bool_)
-        solid[wall:-wall, wall:-wall] = False
-        return solid
-
-    def drawn(self, solid: Mask, start: Mask | None = None) -> Drawn:
-        """The building; robots start on the `start` cells, `spawn`, or anywhere on the `floor`."""
-
-        def metres(mask: Mask) -> MultiPolygon:
-            return united([affinity.scale(traced(mask), self._cell, self._cell, origin=(0.0, 0.0))])
-
-        walls, floor = metres(solid), metres(~solid)
-        spawn = _middle(floor) if start is None else metres(start)
-        layers = {"walls": walls, "pillars": MultiPolygon(), "furniture": MultiPolygon()}
-        rows, columns = solid.shape
-        page = (0.0, 0.0, columns * self._cell, rows * self._cell)
-        return Drawn(FloorPlan(walls, layers, {SPAWN_LAYER: spawn, "floor": floor}, page))
-
-
-def _middle(floor: MultiPolygon) -> MultiPolygon:
-    """The floor within a circle of a quarter of the building's breadth about a place that has room around it."""
-    piece = max(floor.geoms, key=lambda one: one.area)
-    left, low, right, high = piece.bounds
-    centre = shapely.maximum_inscribed_circle(piece, tolerance=0.1).coords[0]
-    return polygons(floor.intersection(shapely.Point(centre).buffer(0.25 * min(right - left, high - low) + 0.5)))
-
-
-def _strip(solid: Mask, along: int, at: int, wall: int, span: tuple[int, int]) -> Mask:
-    """The cells of a wall that starts at row (`along` 0) or column (1) `at`, between columns or rows `span`."""
-    across = slice(at, at + wall)
-    return solid[across, slice(*span)] if along == 0 else solid[slice(*span), across]
-
-
-def _pierce(
-    solid: Mask, along: int, at: int, wall: int, span: tuple[int, int], door: int, random: np.random.Generator
-) -> None:
-    """Open a door at a random place of a wall where there is floor on both sides of all of it."""
-    before, behind = (_strip(solid, along, place, 1, span) for place in (at - 1, at + wall))
-    clear = ~(before | behind).ravel()
-    fits = np.flatnonzero(np.convolve(clear, np.ones(door, np.int64), "valid") == door)
-    if len(fits):
-        first = int(fits[int(random.integers(len(fits)))])
-        strip = _strip(solid, along, at, wall, span)
-        (strip if along == 0 else strip.T)[:, first : first + door] = False
-
-
-def _open_between(solid: Mask, one: tuple[int, int], other: tuple[int, int], wall: int, passage: int) -> None:
-    """Take away the wall between two squares of a maze that are neighbours."""
-    pitch = wall + passage
-    low, left = wall + min(one[0], other[0]) * pitch, wall + min(one[1], other[1]) * pitch
-    high = wall + max(one[0], other[0]) * pitch + passage
-    solid[low:high, left : wall + max(one[1], other[1]) * pitch + passage] = False

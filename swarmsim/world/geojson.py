@@ -16,9 +16,9 @@ from swarmsim.core.errors import InputError
 from swarmsim.world.areas import joined, polygons
 from swarmsim.world.layers import normal
 from swarmsim.world.plan import LAYERS, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
+from swarmsim.world.problems import Problems
 from swarmsim.world.viewport import LARGEST
 
-_MOST_TOLD = 10  # problems in one message
 _NAMES = ("layer", "name", "class", "id")  # of a feature's properties, which may name its layer
 
 
@@ -61,10 +61,10 @@ def read(
     unknown = set(layers or {}) - set(LAYERS)
     if unknown:
         raise InputError(f"world.layers.{min(unknown)}: no such layer; expected {', '.join(LAYERS)}")
-    problems: list[str] = []
+    problems = Problems(name)
     notices: list[str] = []
     shapes = list(_shapes(table, {**{one: [one] for one in LAYERS}, **(layers or {})}, problems, notices))
-    _complain(name, problems)
+    problems.complain()
     says_solid = any(layer in SOLID_LAYERS for layer, _, _ in shapes)
     found: defaultdict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)
     for layer, area, shape in shapes:
@@ -77,7 +77,7 @@ def read(
 
 def read_wkt(source: str, name: str, scale: float = 1.0, across: float | None = None) -> FloorPlan:
     """The floor plan in a text of WKT geometries, one or one in each line; all are walls. Raises InputError."""
-    shapes, problems = [], []
+    shapes, problems = [], Problems(name)
     try:
         shapes = [shapely.from_wkt(source)]
     except shapely.errors.GEOSException:
@@ -86,26 +86,16 @@ def read_wkt(source: str, name: str, scale: float = 1.0, across: float | None = 
                 try:
                     shapes.append(shapely.from_wkt(line))
                 except shapely.errors.GEOSException:
-                    problems.append(f"line {number}: not WKT; expected such as POLYGON ((0 0, 4 0, 4 3, 0 0))")
+                    problems.add(f"line {number}: not WKT; expected such as POLYGON ((0 0, 4 0, 4 3, 0 0))")
     walls = []
     for number, shape in enumerate(shapes, start=1):
         wrong = _fault(shape)
         if wrong:
-            problems.append(f"geometry {number}: {wrong}")
+            problems.add(f"geometry {number}: {wrong}")
         else:
             walls.append(polygons(shape))
-    _complain(name, problems)
+    problems.complain()
     return _plan({("walls", ""): walls}, None, name, scale, across, [])
-
-
-def _complain(name: str, problems: Sequence[str]) -> None:
-    """Raises InputError with all problems, if there are any."""
-    if len(problems) == 1:
-        raise InputError(f"{name}: {problems[0]}")
-    if problems:
-        more = f"\n  and {len(problems) - _MOST_TOLD} more" if len(problems) > _MOST_TOLD else ""
-        listed = "".join(f"\n  {one}" for one in problems[:_MOST_TOLD])
-        raise InputError(f"{name}: {len(problems)} problems:{listed}{more}")
 
 
 def _plan(
@@ -138,18 +128,18 @@ def _plan(
 
 
 def _shapes(
-    table: dict[str, Any], layers: Mapping[str, Sequence[str]], problems: list[str], notices: list[str]
+    table: dict[str, Any], layers: Mapping[str, Sequence[str]], problems: Problems, notices: list[str]
 ) -> Iterator[tuple[str, str, shapely.Geometry]]:
-    """Layer, id and shape of each feature; appends what is wrong with them, and what is passed over."""
+    """Layer, id and shape of each feature; tells what is wrong with them, and what is passed over."""
     features = table.get("features") if table.get("type") == "FeatureCollection" else [table]
     if not isinstance(features, list):
-        problems.append("features is no list; expected a list of features")
+        problems.add("features is no list; expected a list of features")
         return
     points = 0
     for number, feature in enumerate(features, start=1):
         place = f"feature {number}"
         if not isinstance(feature, dict):
-            problems.append(f"{place} is no object; expected a feature with a geometry")
+            problems.add(f"{place} is no object; expected a feature with a geometry")
             continue
         properties = feature.get("properties")
         properties = dict(properties) if isinstance(properties, dict) else {}
@@ -163,7 +153,7 @@ def _shapes(
         area = str(properties.get("id") or properties.get("name") or SPAWN_LAYER)
         shape, wrong = _shape(geometry, properties.get("width"))
         if wrong:
-            problems.append(f"{place}: {wrong}")
+            problems.add(f"{place}: {wrong}")
         elif shape is None:
             points += 1
         else:

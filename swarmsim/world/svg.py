@@ -17,12 +17,12 @@ from swarmsim.world.elements import Element, ElementError, parse, quoted
 from swarmsim.world.layers import LayerNames
 from swarmsim.world.outlines import SHAPES
 from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
+from swarmsim.world.problems import Problems
 from swarmsim.world.styles import INITIAL, Style, StyleSheet, fraction, luminance, reference
 from swarmsim.world.viewport import Page, placed, transformed
 
 _DEEPEST = 200  # nested groups, well below Python's own limit
 _MOST_ELEMENTS = 50_000  # in the layers; references may multiply a small file without end
-_MOST_TOLD = 10  # problems in one message
 _HREF = ("href", "{http://www.w3.org/1999/xlink}href")
 _GROUPS = frozenset({"g", "a", "svg", "switch", "symbol"})
 _PASSED_OVER = frozenset({"text", "image", "foreignObject", "video", "canvas", "iframe", "audio"})
@@ -51,14 +51,16 @@ def read_floor_plan(
     with root.named(name):
         page = Page.of(root, scale, across)
     sheet = StyleSheet.of(element for element in root.tree() if element.tag == "style")
-    drawing = _Drawing(name, sheet, {e.attributes["id"]: e for e in root.tree() if "id" in e.attributes})
+    drawing = _Drawing(
+        name, Problems(name), sheet, {e.attributes["id"]: e for e in root.tree() if "id" in e.attributes}
+    )
     names = LayerNames(root, layers or {}, name)
     if misspelt := names.misspelt():
         raise InputError(f"{name}: {misspelt}")
     drawing.names = names
     outside = _Placed(root, "" if names.says_solid else "walls", None, INITIAL, page.matrix, page, None)
     found, shown = _found(drawing, drawing.shapes(root, outside), page, names.says_solid)
-    drawing.complain()
+    drawing.problems.complain()
     empty = f": {drawing.empty[0]} paints nothing that can be seen" if drawing.empty else ""
     for layer, lacks in (("walls", f"wall in it{empty}; draw walls"), (SPAWN_LAYER, "area in it; draw one with an id")):
         if names.has(layer) and not any(key[0] == layer for key in found):
@@ -127,10 +129,10 @@ class _Drawing:
     """Finds the shapes in the layers of a drawing, and what is wrong with it."""
 
     name: str
+    problems: Problems
     sheet: StyleSheet
     ids: dict[str, Element]
     names: LayerNames = field(init=False)
-    problems: list[str] = field(default_factory=list)
     notices: list[str] = field(default_factory=list)
     empty: list[Element] = field(default_factory=list)  # shapes that paint nothing, or nothing that is seen
     passed_over: Counter[str] = field(default_factory=Counter)
@@ -140,23 +142,8 @@ class _Drawing:
     @contextmanager
     def remembered(self, element: Element) -> Iterator[None]:
         """Keeps what is wrong with an element in this block, so that all problems are told at once."""
-        try:
-            with element.named(self.name):
-                yield
-        except InputError as wrong:
-            told = str(wrong).removeprefix(f"{self.name}: ")
-            if told not in self.problems:
-                self.problems.append(told)
-
-    def complain(self) -> None:
-        """Raises InputError with all problems there are."""
-        if len(self.problems) == 1:
-            raise InputError(f"{self.name}: {self.problems[0]}")
-        if self.problems:
-            listed = "".join(f"\n  {problem}" for problem in self.problems[:_MOST_TOLD])
-            more = len(self.problems) - _MOST_TOLD
-            rest = f"\n  and {more} more" if more > 0 else ""
-            raise InputError(f"{self.name}: {len(self.problems)} problems:{listed}{rest}")
+        with self.problems.collected(), element.named(self.name):
+            yield
 
     def told(self, shown: int, says_solid: bool) -> list[str]:
         """What a user should know of how the drawing was taken, each in a sentence."""

@@ -43,7 +43,11 @@ def refusal(path: Path, *overrides: str) -> str:
 
 def test_a_small_file_gets_every_default_written_out(tmp_path: Path) -> None:
     read = load(scenario(tmp_path))
-    ring = {"tile": [6, 7], "beams": 72, "reach": 1.0, "robots": "ignored", "ranges": False}
+    ring = {"preset": "ideal", "tile": [6, 7], "frame": "map", "beams": 72, "reach": 1.0}
+    ring |= {"robots": "ignored", "ranges": False}
+    ring |= dict.fromkeys(
+        ("blind", "cone", "error", "error_share", "error_square", "drop_out", "outliers", "step"), 0.0
+    )
     assert read.sensor == {"use": "ir-ring", **ring}
     assert read.network.channel == {"use": "perfect"}
     assert read.stop.iterations == 5000

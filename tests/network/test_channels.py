@@ -21,7 +21,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Channel, Setting
-from swarmsim.core.scenario import Robots, decode, load
+from swarmsim.core.robots import Robots
+from swarmsim.core.scenario import decode, load
 from swarmsim.core.schema import schema
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams

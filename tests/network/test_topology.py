@@ -12,7 +12,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Setting
-from swarmsim.core.scenario import Robots
+from swarmsim.core.robots import Robots
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.kernels import graph

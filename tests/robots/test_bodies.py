@@ -9,7 +9,8 @@ from numpy.testing import assert_array_equal
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
-from swarmsim.core.scenario import Robots, load
+from swarmsim.core.robots import Robots
+from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
 from swarmsim.robots.bodies import DifferentialDrive, Pymunk
 

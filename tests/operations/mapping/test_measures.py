@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from swarmsim.core.events import Ended
 from swarmsim.core.messages import Delivery
-from swarmsim.core.scenario import Robots
+from swarmsim.core.robots import Robots
 from swarmsim.core.state import Intents, Measured, Moment, Readings, State, Tiles
 from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.grids import OccupancyGrids

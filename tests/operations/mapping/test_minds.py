@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Calendar, Parts, Setting
-from swarmsim.core.scenario import Robots
+from swarmsim.core.robots import Robots
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents, Tiles
 from swarmsim.core.streams import Streams
 from swarmsim.engine.simulation import Simulation

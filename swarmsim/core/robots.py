@@ -1,0 +1,55 @@
+"""The robots of a scenario: how many, where they start, what they are made of."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from msgspec import field as of
+from numpy.typing import NDArray
+
+from swarmsim.core.files import Table
+from swarmsim.core.platforms import PLAIN
+
+Positive = Annotated[float, Meta(gt=0.0)]
+Count = Annotated[int, Meta(ge=1, le=100_000)]
+
+
+class Group(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots of one kind in a mixed swarm; keys as in `Robots`."""
+
+    count: Count
+    use: str = PLAIN
+    radius: Positive = 0.055  # m
+    wheel_base: Positive = 0.10  # m
+    speed: Positive = 0.15  # m/s, at a wheel's rim
+    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
+    mass: Positive = 0.25  # kg
+    traction: Positive = 0.6  # friction coefficient of wheel on floor
+    sensor: Table = of(default_factory=dict)  # the kind's own; none: the scenario's
+
+
+class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """How many robots there are, where they start and what they are made of.
+
+    `use` names a robot that people have, whose numbers stand where none are given; its sensor is that of a scenario
+    without one. Of a swarm of several `[[robots]]` groups, radius and speed are those of the largest and the fastest.
+    """
+
+    count: Count
+    use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
+    spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
+    radius: Positive = 0.055  # m
+    wheel_base: Positive = 0.10  # m
+    speed: Positive = 0.15  # m/s, at a wheel's rim
+    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
+    mass: Positive = 0.25  # kg
+    traction: Positive = 0.6  # friction coefficient of wheel on floor
+    groups: tuple[Group, ...] = ()  # of a mixed swarm, in the order of its robots
+
+    def each(self, key: str) -> NDArray[np.float64]:
+        """A number of every robot (n,), by its key."""
+        if not self.groups:
+            return np.full(self.count, getattr(self, key), np.float64)
+        return np.repeat([float(getattr(g, key)) for g in self.groups], [g.count for g in self.groups])
