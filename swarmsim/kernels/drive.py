@@ -10,52 +10,56 @@ ARRIVED = 0.1  # of the look-ahead distance: nearer than this to its last waypoi
 
 
 @njit(cache=True, error_model="numpy")
-def forces(moving, wheels, wanted, push, dt, base, mass, moment, acceleration, grip):
+def forces(moving, wheels, wanted, push, dt, traits):
     """Traction of the wheels of every robot for one sub-step.
 
-    `base` (m), `mass` (kg), `moment` (kg m^2), `acceleration` (m/s^2) and `grip` (N) are each robot's own (n,).
+    `traits` (n, 5) are each robot's own: wheel base (m), mass (kg), moment of inertia (kg m^2), acceleration (m/s^2)
+    and grip (N).
 
     Each wheel's rim speed in `wheels` (n, 2) first moves towards `wanted` (n, 2) by at most
-    `acceleration` * `dt`. The forces that would make the body roll without slipping are then shared
-    between the two contact points, and each is cut to the friction circle of radius `grip` (N), Coulomb's
+    its acceleration times `dt`. The forces that would make the body roll without slipping are then shared
+    between the two contact points, and each is cut to the friction circle of radius grip, Coulomb's
     limit for half the weight. `moving` (n, 6) is x, y, yaw and their rates in the world frame, and so are the
     force (N) and the torque (N m) written to `push` (n or more, 3). Semi-implicit Euler applies a force to the
     motion of the next sub-step, so it is aimed along the heading that the body will have in the middle of that
     one.
     """
     for i in range(len(wheels)):
+        base, mass, moment, acceleration, grip = traits[i, 0], traits[i, 1], traits[i, 2], traits[i, 3], traits[i, 4]
         for w in range(2):
             change = wanted[i, w] - wheels[i, w]
-            limit = acceleration[i] * dt
+            limit = acceleration * dt
             wheels[i, w] += min(max(change, -limit), limit)
         heading = moving[i, 2] + 1.5 * dt * moving[i, 5]
         cos = math.cos(heading)
         sin = math.sin(heading)
         ahead = moving[i, 3] * cos + moving[i, 4] * sin
         aside = moving[i, 4] * cos - moving[i, 3] * sin
-        thrust = mass[i] * (0.5 * (wheels[i, 0] + wheels[i, 1]) - ahead) / dt
-        spin = moment[i] * ((wheels[i, 1] - wheels[i, 0]) / base[i] - moving[i, 5]) / dt
-        across = -0.5 * mass[i] * aside / dt
-        left = 0.5 * thrust - spin / base[i]
-        right = 0.5 * thrust + spin / base[i]
-        left_share = min(1.0, grip[i] / max(math.hypot(left, across), 1e-12))
-        right_share = min(1.0, grip[i] / max(math.hypot(right, across), 1e-12))
+        thrust = mass * (0.5 * (wheels[i, 0] + wheels[i, 1]) - ahead) / dt
+        spin = moment * ((wheels[i, 1] - wheels[i, 0]) / base - moving[i, 5]) / dt
+        across = -0.5 * mass * aside / dt
+        left = 0.5 * thrust - spin / base
+        right = 0.5 * thrust + spin / base
+        left_share = min(1.0, grip / max(math.hypot(left, across), 1e-12))
+        right_share = min(1.0, grip / max(math.hypot(right, across), 1e-12))
         along = left * left_share + right * right_share
         across *= left_share + right_share
         push[i, 0] = along * cos - across * sin
         push[i, 1] = along * sin + across * cos
-        push[i, 2] = 0.5 * base[i] * (right * right_share - left * left_share)
+        push[i, 2] = 0.5 * base * (right * right_share - left * left_share)
 
 
 @njit(cache=True, error_model="numpy")
-def pursue(pose, waypoints, counts, cursor, ahead, speed, base, braking, wanted):
+def pursue(pose, waypoints, counts, cursor, ahead, traits, wanted):
     """Wheel speeds that follow waypoints by pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
 
     Each robot steers along the arc through its first waypoint at least `ahead` (m) away, remembered in
-    `cursor` (n,); it stops at the last one only. An arc too tight for its `speed` (m/s at either wheel rim) is
-    driven slower, a target behind the robot is turned to on the spot. Writes `wanted` (n, 2).
+    `cursor` (n,); it stops at the last one only. An arc too tight for its speed is driven slower, a target behind
+    the robot is turned to on the spot. `traits` (n, 3) are each robot's own: top speed (m/s at either wheel rim),
+    wheel base (m) and braking (m/s^2). Writes `wanted` (n, 2).
     """
     for i in range(len(counts)):
+        speed, base, braking = traits[i, 0], traits[i, 1], traits[i, 2]
         wanted[i, 0] = 0.0
         wanted[i, 1] = 0.0
         if counts[i] == 0:
@@ -74,9 +78,9 @@ def pursue(pose, waypoints, counts, cursor, ahead, speed, base, braking, wanted)
         sin = math.sin(pose[i, 2])
         forward = dx * cos + dy * sin
         left = dy * cos - dx * sin
-        limit = min(speed[i], math.sqrt(2.0 * braking[i] * distance)) if last else speed[i]
+        limit = min(speed, math.sqrt(2.0 * braking * distance)) if last else speed
         if forward > 0.0:
-            bend = base[i] * left / (distance * distance)  # half the wheel base times the curvature 2 left / d^2
+            bend = base * left / (distance * distance)  # half the wheel base times the curvature 2 left / d^2
             wanted[i, 0] = limit * (1.0 - bend) / (1.0 + abs(bend))
             wanted[i, 1] = limit * (1.0 + bend) / (1.0 + abs(bend))
         else:

@@ -52,7 +52,8 @@ class DifferentialDrive:
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
         grip = 0.5 * robots.each("traction") * mass * GRAVITY  # N, one wheel
-        self._limits = (robots.each("wheel_base"), mass, np.array(moments), robots.each("acceleration"), grip)
+        base, acceleration = robots.each("wheel_base"), robots.each("acceleration")
+        self._traits = np.column_stack([base, mass, moments, acceleration, grip])
         self.space = pymunk.Space()
         self.space.iterations = 10
         self.space.collision_slop = 0.001 * float(radii.min())  # Chipmunk's default is made for pixels
@@ -190,14 +191,13 @@ class DifferentialDrive:
         substeps = math.ceil(period / self._substep - 1e-9)
         dt = period / substeps
         space, clear = self.space, self._reading.clear
-        limits = (dt, *self._limits)
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
         for _ in range(substeps):
             for crowd, walkers, solid in crowds:
                 for body, velocity in zip(walkers, crowd.walk(pose, solid, dt).tolist(), strict=True):
                     body.velocity = velocity
-            drive.forces(moving, wheels, motion.command(pose), push, *limits)
+            drive.forces(moving, wheels, motion.command(pose), push, dt, self._traits)
             batch.set_space_bodies(space, WRITE, self._writing)
             space.step(dt)
             clear()

@@ -32,7 +32,7 @@ class WaypointFollower:
     def __init__(self, parameters: PurePursuit, setting: Setting) -> None:
         robots = setting.robots
         speed, base, braking = robots.each("speed"), robots.each("wheel_base"), 0.5 * robots.each("acceleration")
-        self._limits = (parameters.look_ahead, speed, base, braking)
+        self._ahead, self._traits = parameters.look_ahead, np.column_stack([speed, base, braking])
         self._cursor = np.zeros(robots.count, np.int64)
         self._wanted = np.zeros((robots.count, 2))
         self._waypoints = np.empty((robots.count, 0, 2))
@@ -51,14 +51,14 @@ class WaypointFollower:
 
     def _wheels(self, twists: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds of velocities (n, 2) in m/s and rad/s; slower, on the same arc, where one is too fast."""
-        _, top, base, _ = self._limits
+        top, base, _ = self._traits.T
         wheels = twists[:, :1] + 0.5 * base[:, None] * twists[:, 1:] * np.array([-1.0, 1.0])
         slower = np.minimum(1.0, top / np.maximum(np.abs(wheels).max(axis=1, initial=1e-12), 1e-12))
         return np.asarray(wheels * slower[:, None])
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds wanted at these poses."""
-        drive.pursue(pose, self._waypoints, self._counts, self._cursor, *self._limits, self._wanted)
+        drive.pursue(pose, self._waypoints, self._counts, self._cursor, self._ahead, self._traits, self._wanted)
         if self._turning is not None:
             self._wanted[self._turning] = self._twisting
         return self._wanted

@@ -96,7 +96,7 @@ class RangefinderSensor:
         found = np.full((state.robots, len(ring)), np.inf)
         rays.sense(
             state.pose, state.alive, ring, self._parameters.reach, self._walls, *self._near,
-            self._building.walkers(), self._coarse, self._lattice, self._radii, occlude, occlude, values, origins,
+            self._building.walkers(), self._coarse, self._lattice, radii_of(self._radii, state), occlude, occlude, values, origins,
             found,
         )  # fmt: skip
         return found.reshape(state.robots, *self._rays.shape[:2]).min(axis=2), origins
@@ -124,6 +124,11 @@ class RangefinderSensor:
         if parameters.drop_out:
             lost |= chance.uniform(salt, at, robot, beam, 5) < parameters.drop_out
         return np.where(lost | ~self._working | ~state.alive[:, None], np.nan, readings)
+
+
+def radii_of(radii: NDArray[np.float64], state: State) -> NDArray[np.float64]:
+    """The radii (n,) of the robots of a state; of more robots than a sensor was built for, the largest."""
+    return radii if len(radii) == state.robots else np.full(state.robots, radii.max())
 
 
 def held(

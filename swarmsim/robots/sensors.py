@@ -18,7 +18,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Field, Sensor, Setting
 from swarmsim.core.state import UNKNOWN, Beams, Readings, State, Tiles
 from swarmsim.kernels import rays
-from swarmsim.robots.rangefinders import RangefinderSensor, held
+from swarmsim.robots.rangefinders import RangefinderSensor, held, radii_of
 
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0)]
 Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
@@ -194,7 +194,7 @@ class IrRingSensor:
             self._building.walkers(),
             self._coarse,
             self._lattice,
-            self._radii,
+            radii_of(self._radii, state),
             parameters.robots != "ignored",
             parameters.robots == "occupied",
             values,

@@ -201,3 +201,9 @@ def test_a_title_tells_how_many_robots_there_are_in_the_end() -> None:
     assert load(path).title == "Quick trial: 3 robots in a small room"
     assert load(path, ["robots.count=5"]).title == "Quick trial: 5 robots in a small room"
     assert load(path, ['title="{robots.count} {other}"']).title == "3 {other}"
+
+
+def test_a_byte_order_mark_is_no_key(tmp_path: Path) -> None:
+    path = scenario(tmp_path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
+    assert load(path).robots.count > 0

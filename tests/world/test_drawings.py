@@ -18,6 +18,7 @@ from swarmsim.core.scenario import World
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
+from swarmsim.world.svg import read_floor_plan
 
 WORLDS = Path(__file__).parents[1] / "worlds"
 DRAWINGS = tomllib.loads((WORLDS / "drawings.toml").read_text(encoding="utf-8"))
@@ -74,3 +75,30 @@ def test_a_broken_drawing_is_refused_with_the_reason(name: str) -> None:
         floor_plan(read_world(world, 0.15), world)
     for words in BROKEN[name]["says"]:
         assert words in str(caught.value)
+
+
+def test_what_is_passed_over_is_told_in_one_notice_each() -> None:
+    assert opened("cad-inches.svg").notices == ()
+    (text,) = opened("text.svg").notices
+    assert "1 <image>, 1 <text> are passed over" in text
+    whole, paper = opened("no-layers.svg").notices
+    assert "all 2 visible shapes are walls" in whole
+    assert "<rect> number 1 (line 1) fills the page and is taken for its paper" in paper
+    assert any(
+        "(max-width: 9px)" in notice for notice in _with_style("@media (max-width: 9px) { path { fill: none } }")
+    )
+    assert any("imports another one" in notice for notice in _with_style("@import url(other.css);"))
+    assert any("'path:nonsense(3)'" in notice for notice in _with_style("path:nonsense(3) { fill: none }"))
+
+
+def _with_style(sheet: str) -> tuple[str, ...]:
+    plan = read_floor_plan(f'<svg viewBox="0 0 4 4"><style>{sheet}</style><path d="M0 0H2V2Z"/></svg>', "w.svg")
+    assert plan.walls.area == pytest.approx(2.0)
+    return plan.notices
+
+
+def test_spawn_areas_of_a_drawing_without_them() -> None:
+    largest = opened("fill-rules.svg").spawns["spawn"]
+    assert largest.area == pytest.approx(77 - 9 - 9)
+    world = World(file=str(WORLDS / "fill-rules.svg"), spawn=(1.0, 5.5, 2.0, 1.0))
+    assert floor_plan(read_world(world, 0.15), world).spawns["spawn"].bounds == (1.0, 5.5, 3.0, 6.5)
