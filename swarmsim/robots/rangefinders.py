@@ -95,9 +95,8 @@ class RangefinderSensor:
         origins = np.empty((state.robots, 2), np.int32)
         found = np.full((state.robots, len(ring)), np.inf)
         rays.sense(
-            state.pose, state.alive, ring, self._parameters.reach, self._walls, *self._near,
-            self._building.walkers(), self._coarse, self._lattice, radii_of(self._radii, state), occlude, occlude, values, origins,
-            found,
+            state.pose, state.alive, ring, self._parameters.reach, self._walls, *self._near, self._building.walkers(),
+            self._coarse, self._lattice, radii_of(self._radii, state), occlude, occlude, values, origins, found,
         )  # fmt: skip
         return found.reshape(state.robots, *self._rays.shape[:2]).min(axis=2), origins
 
