@@ -12,7 +12,7 @@ from swarmsim.world.plan import LAYERS, SOLID_LAYERS
 
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _ESCAPED = re.compile(r"_x([0-9a-f]{2,4})_", re.IGNORECASE)  # Illustrator's way to write what an id cannot hold
-_COPY = re.compile(r"([_-]\d+_?)+$")  # what programs append to the names of copies
+_COPY = re.compile(r"([ _-]copy)?([ _-]\d+_?)*$")  # what programs append to the names of copies
 
 
 class LayerNames:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import zlib
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -23,6 +24,7 @@ from swarmsim.world.svg import read_floor_plan
 LARGEST_FILE: Final = 64_000_000  # bytes
 _DECLARED: Final = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _MARKS: Final = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+_GZIP: Final = b"\x1f\x8b"
 _ENDINGS: Final = (".svg", ".geojson", ".json", ".wkt", ".yaml", ".yml", *rosmap.PICTURES)
 
 
@@ -115,6 +117,8 @@ def _text(path: Path) -> str:
         content = path.read_bytes()
     except OSError as problem:
         raise InputError(f"world: {path} cannot be read ({problem.strerror}); expected a drawing") from problem
+    if content.startswith(_GZIP):
+        content = _unpacked(content, path)
     declared = _DECLARED.search(content[:200])
     marked = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), None)
     encoding = marked or (declared[1].decode("ascii") if declared else "utf-8")
@@ -129,3 +133,17 @@ def _text(path: Path) -> str:
             f"world: {path} is not {encoding.upper()} text (byte {problem.start}); expected a drawing in the encoding "
             "that it declares"
         ) from None
+
+
+def _unpacked(content: bytes, path: Path) -> bytes:
+    """What is packed in a compressed drawing (SVGZ). Raises InputError if that is broken, or far too much."""
+    reader = zlib.decompressobj(wbits=31)
+    try:
+        plain = reader.decompress(content, LARGEST_FILE + 1)
+    except zlib.error:
+        raise InputError(f"world: {path} is a broken gzip file; expected a whole SVGZ") from None
+    if len(plain) > LARGEST_FILE:
+        raise InputError(f"world: {path} unpacks to more than {LARGEST_FILE // 1_000_000} MB; expected a drawing")
+    if not reader.eof:
+        raise InputError(f"world: {path} is a broken gzip file; expected a whole SVGZ")
+    return plain

@@ -211,9 +211,8 @@ class _Drawing:
                 return
             shape = opened
         children = element.children
-        if element.tag == "switch":  # the first that can be shown; what needs extensions cannot
-            able = (one for one in children if not ({"requiredExtensions", "requiredFeatures"} & one.attributes.keys()))
-            children = list(able)[:1]
+        if element.tag == "switch":
+            children = [child for child in children if _is_able(child)][:1]
         for child in children:
             yield from self.shapes(child, shape, depth + 1)
 
@@ -325,3 +324,10 @@ class _Drawing:
             raise ElementError("it is clipped by its own size, but has none; release the clip")
         left, top, right, bottom = fill.bounds
         return left, top, right, bottom
+
+
+def _is_able(element: Element) -> bool:
+    """Whether a <switch> may show an element: it needs nothing that is not understood here, and no other language."""
+    languages = element.attributes.get("systemLanguage", "en").replace(",", " ").split()
+    needs = {"requiredExtensions", "requiredFeatures"} & element.attributes.keys()
+    return not needs and any(language.startswith("en") for language in languages)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import re
 import tomllib
@@ -102,3 +103,26 @@ def test_spawn_areas_of_a_drawing_without_them() -> None:
     assert largest.area == pytest.approx(77 - 9 - 9)
     world = World(file=str(WORLDS / "fill-rules.svg"), spawn=(1.0, 5.5, 2.0, 1.0))
     assert floor_plan(read_world(world, 0.15), world).spawns["spawn"].bounds == (1.0, 5.5, 3.0, 6.5)
+
+
+def test_a_compressed_drawing_is_unpacked_within_bounds(tmp_path: Path) -> None:
+    text = (WORLDS / "arcs.svg").read_bytes()
+    (tmp_path / "a.svgz").write_bytes(gzip.compress(text))
+    world = World(file=str(tmp_path / "a.svgz"))
+    assert floor_plan(read_world(world, 0.15), world).walls.equals(opened("arcs.svg").walls)
+    for content, message in (
+        (gzip.compress(bytes(70_000_000)), "unpacks to more than 64 MB"),
+        (gzip.compress(text)[:-20], "broken gzip"),
+        (b"\x1f\x8b nothing", "broken gzip"),
+    ):
+        (tmp_path / "a.svgz").write_bytes(content)
+        with pytest.raises(InputError, match=message):
+            read_world(world, 0.15)
+
+
+@pytest.mark.parametrize(
+    "name", ["walls", "Walls", " WALLS ", "walls_1_", "Walls-2", "walls copy", "Walls_copy_3", "walls_x20_", "_walls_"]
+)
+def test_a_layer_is_known_however_programs_write_its_name(name: str) -> None:
+    plan = read_floor_plan(f'<svg viewBox="0 0 9 9"><g id="{name}"><path d="M0 0H2V2Z"/></g><circle r="4"/></svg>', "w")
+    assert plan.walls.area == pytest.approx(2.0)
