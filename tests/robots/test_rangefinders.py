@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import setting_of
+from conftest import made, setting_of
 from scipy import stats
 
 from swarmsim.core.errors import InputError
@@ -12,6 +12,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.registry import convert
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.kernels import evidence, occupancy
+from swarmsim.recording.digests import Digests
 from swarmsim.robots.rangefinders import held
 from swarmsim.robots.sensors import PRESETS, SIX, IrRing
 
@@ -255,3 +256,30 @@ def test_ghosts_of_robots_are_unlearned_by_free_readings() -> None:
             np.zeros((1, 2), np.int32), *nobody, hit, miss, low, high, np.empty(1, np.int32),
         )  # fmt: skip
     assert maps[0, 0, 0] < 0.0
+
+
+def _summary(*overrides: str) -> tuple[bool, dict, str]:
+    run, digests = made(*overrides, scenario="basilica"), Digests()
+    summaries = run.simulation.parts.task.summaries()
+    finished = run.simulation.run([digests, *summaries])
+    return finished, {key: value for one in summaries for key, value in one.summary().items()}, digests.total()
+
+
+def test_ideal_rings_map_the_basilica_without_a_wrong_cell() -> None:
+    finished, found, _ = _summary()
+    assert finished
+    assert found["union_iou"] >= 0.99
+    assert found["union_false_occupied"] == 0
+
+
+def test_six_beams_finish_the_basilica() -> None:
+    finished, found, _ = _summary("sensor={bearings=[0, 45, 90, 180, -90, -45]}")
+    assert finished
+    assert found["union_iou"] >= 0.99
+    assert found["union_false_occupied"] == 0
+
+
+def test_errors_are_the_same_each_time_and_others_for_another_seed() -> None:
+    noisy = ('sensor={preset="ebot"}', 'localisation={use="odometry"}', "stop.iterations=40")
+    first, again, other = (_summary(*noisy, f"seed={seed}")[2] for seed in (1, 1, 2))
+    assert first == again != other
