@@ -16,21 +16,26 @@ Positive = Annotated[float, Meta(gt=0.0)]
 Count = Annotated[int, Meta(ge=1, le=100_000)]
 
 
-class Group(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots of one kind in a mixed swarm; keys as in `Robots`."""
+class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a robot is made of: a disc on two wheels."""
 
-    count: Count
-    use: str = PLAIN
     radius: Positive = 0.055  # m
     wheel_base: Positive = 0.10  # m
     speed: Positive = 0.15  # m/s, at a wheel's rim
     acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
     mass: Positive = 0.25  # kg
     traction: Positive = 0.6  # friction coefficient of wheel on floor
+
+
+class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots of one kind in a mixed swarm."""
+
+    count: Count
+    use: str = PLAIN
     sensor: Table = of(default_factory=dict)  # the kind's own; none: the scenario's
 
 
-class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """How many robots there are, where they start and what they are made of.
 
     `use` names a robot that people have, whose numbers stand where none are given; its sensor is that of a scenario
@@ -40,12 +45,6 @@ class Robots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit
     count: Count
     use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
     spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
-    radius: Positive = 0.055  # m
-    wheel_base: Positive = 0.10  # m
-    speed: Positive = 0.15  # m/s, at a wheel's rim
-    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
-    mass: Positive = 0.25  # kg
-    traction: Positive = 0.6  # friction coefficient of wheel on floor
     groups: tuple[Group, ...] = ()  # of a mixed swarm, in the order of its robots
 
     def each(self, key: str) -> NDArray[np.float64]:
