@@ -75,15 +75,11 @@ def run(
 
     Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
     """
-    from swarmsim.core.scenario import files_outside
     from swarmsim.studies.plan import open_study
     from swarmsim.studies.results import gather, missing
 
     opened = open_study(study, seeds)
-    base = study.parent / opened.study.scenario
-    for notice in (
-        () if quiet else dict.fromkeys([*files_outside(base), *(n for c in opened.conditions for n in c.notices)])
-    ):
+    for notice in () if quiet else opened.notices:
         print(f"notice: {notice}")
     with _store(store, study) as results:
         perform_all(missing(opened, results, retry), results, workers, scheduler, quiet)

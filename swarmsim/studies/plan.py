@@ -18,7 +18,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, read_toml, spelled_out, tables
+from swarmsim.core.scenario import Scenario, assign, decode, files_outside, read_toml, spelled_out, tables
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import versions
 from swarmsim.world.source import read_world
@@ -66,7 +66,6 @@ class Condition:
     curve: Curve  # what is drawn of its task
     x: float | None = None  # where it stands on the study's axis
     series: str = ""
-    notices: tuple[str, ...] = ()  # how its floor plan was taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +77,7 @@ class Plan:
     conditions: tuple[Condition, ...]
     seeds: tuple[int, ...]
     worlds: dict[bytes, str]  # floor plans' texts, by what `_world_key` says
+    notices: tuple[str, ...] = ()  # how floor plans were taken, and which files lie outside of the scenario's folder
 
     @property
     def runs(self) -> list[tuple[Condition, int]]:
@@ -134,6 +134,7 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
     named = {condition.name: condition for condition in study.condition}
 
     worlds: dict[bytes, str] = {}
+    notices = dict.fromkeys(files_outside(base))
 
     def condition(name: str, change: dict[str, Any]) -> Condition:
         place = f"{path}: condition {name!r}"
@@ -145,13 +146,14 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
             except InputError as problem:
                 raise InputError(f"{place}: {problem}") from problem
         made = build(scenario, place, worlds[key])
-        curve, notices = made.simulation.parts.task.curve, made.arena.plan.notices
+        curve = made.simulation.parts.task.curve
+        notices.update(dict.fromkeys(made.arena.plan.notices))
         if name in named:
-            return Condition(name, change, scenario, curve, named[name].x, named[name].series, notices)
-        return Condition(name, change, scenario, curve, *_place(study, change), notices)
+            return Condition(name, change, scenario, curve, named[name].x, named[name].series)
+        return Condition(name, change, scenario, curve, *_place(study, change))
 
     conditions = tuple(condition(name, change) for name, change in changes.items())
-    return Plan(path, study, conditions, numbers, worlds)
+    return Plan(path, study, conditions, numbers, worlds, tuple(notices))
 
 
 def _changes(path: Path, study: Study) -> dict[str, dict[str, Any]]:
