@@ -73,13 +73,13 @@ def _painted(
     fill = stroke = MultiPolygon()
     if paints[0] and element.tag != "line":
         filled = _filled(lines, style["fill-rule"] == "evenodd")
-        fill = united([affinity.affine_transform(filled, coefficients)])
+        fill = polygons(affinity.affine_transform(filled, coefficients))
     if paints[1] and style["vector-effect"] == _UNSCALED:
         metres = [(points @ linear.T + shift, closed) for points, closed in lines]
-        stroke = united([_stroked(metres, style, page, FLATNESS, page.pen)])
+        stroke = polygons(_stroked(metres, style, page, FLATNESS, page.pen))
     elif paints[1]:
         stroked = _stroked(lines, style, page, FLATNESS / stretch, 1.0)
-        stroke = united([affinity.affine_transform(stroked, coefficients)])
+        stroke = polygons(affinity.affine_transform(stroked, coefficients))
     return fill, stroke
 
 

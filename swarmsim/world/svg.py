@@ -12,7 +12,7 @@ from shapely import MultiPolygon
 from svgelements import Matrix
 
 from swarmsim.core.errors import InputError
-from swarmsim.world.areas import covered, polygons, united
+from swarmsim.world.areas import covered, joined, polygons, united
 from swarmsim.world.elements import Element, ElementError, parse, quoted
 from swarmsim.world.layers import LayerNames
 from swarmsim.world.outlines import SHAPES
@@ -255,7 +255,7 @@ class _Drawing:
         if shape.layer == SPAWN_LAYER:
             paints = [True, False]
         areas = covered(shape.element, shape.style, shape.matrix, shape.page, (paints[0], paints[1]))
-        whole = united(areas)
+        whole = joined(areas)
         return whole if shape.clip is None else polygons(shapely.intersection(whole, shape.clip))
 
     def _clipped(self, shape: _Placed) -> shapely.Geometry | None:
