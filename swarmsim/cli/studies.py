@@ -284,14 +284,14 @@ def _trial(opened: Plan) -> float:
     from swarmsim.engine.build import build
 
     seconds = []
-    for condition in opened.conditions:
-        simulation = build(condition.scenario, condition.name, opened.world_of(condition)).simulation
+    for one in opened.conditions:
+        simulation = build(one.scenario, one.name, opened.world_of(one)).simulation
         simulation.tick()
         begun = time.perf_counter()
         while not simulation.over and simulation.state.iteration < 100:
             simulation.tick()
         each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
-        seconds.append(each * min(condition.scenario.stop.iterations, 700))
+        seconds.append(each * min(one.scenario.stop.iterations, 700))
     return sum(seconds) / len(seconds)
 
 

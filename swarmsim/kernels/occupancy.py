@@ -10,19 +10,24 @@ from numba import njit
 
 
 @njit(cache=True)
+def _learn(log_odds, observed, row, column, gain, low, high):
+    """Let a cell of one map gain log-odds, within bounds; gives 1 if nothing was known of it, else 0."""
+    fresh = not observed[row, column]
+    observed[row, column] = True
+    log_odds[row, column] = min(max(log_odds[row, column] + gain, low), high)
+    return 1 if fresh else 0
+
+
+@njit(cache=True)
 def _fuse_tile(log_odds, observed, tile, row0, column0, hit, miss, low, high):
     rows, columns = tile.shape
     fresh = 0
     for r in range(max(0, -row0), min(rows, observed.shape[0] - row0)):
         for c in range(max(0, -column0), min(columns, observed.shape[1] - column0)):
             seen = tile[r, c]
-            if seen == 0:
-                continue
-            if not observed[row0 + r, column0 + c]:
-                observed[row0 + r, column0 + c] = True
-                fresh += 1
-            changed = log_odds[row0 + r, column0 + c] + (hit if seen == 2 else miss)
-            log_odds[row0 + r, column0 + c] = min(max(changed, low), high)
+            if seen != 0:
+                gain = hit if seen == 2 else miss
+                fresh += _learn(log_odds, observed, row0 + r, column0 + c, gain, low, high)
     return fresh
 
 
@@ -34,15 +39,11 @@ def _fuse_evidence(log_odds, observed, tile, said, row0, column0, hit, miss, low
     for r in range(max(0, -row0), min(rows, observed.shape[0] - row0)):
         for c in range(max(0, -column0), min(columns, observed.shape[1] - column0)):
             seen = tile[r, c]
-            if seen == 0:
-                continue
-            if not observed[row0 + r, column0 + c]:
-                observed[row0 + r, column0 + c] = True
-                fresh += 1
-            gain = hit if seen == 2 else miss
-            if said[r, c] == said[r, c]:
-                gain = said[r, c]
-            log_odds[row0 + r, column0 + c] = min(max(log_odds[row0 + r, column0 + c] + gain, low), high)
+            if seen != 0:
+                gain = hit if seen == 2 else miss
+                if said[r, c] == said[r, c]:
+                    gain = said[r, c]
+                fresh += _learn(log_odds, observed, row0 + r, column0 + c, gain, low, high)
     return fresh
 
 

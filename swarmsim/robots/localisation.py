@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import Annotated
 
@@ -64,7 +65,7 @@ class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return OdometryLocalisation(self, setting)
 
 
-class Erring:
+class Erring(ABC):
     """Localisation with errors: tiles lie, and robots steer, where they believe to be."""
 
     def __init__(self, setting: Setting) -> None:
@@ -80,9 +81,9 @@ class Erring:
         believed = self.belief.of(state.pose)
         return believed, moved(readings, state.pose, believed, self._lattice)
 
+    @abstractmethod
     def err(self, state: State) -> None:
         """Let the errors become those of this iteration."""
-        raise NotImplementedError
 
 
 class NoisyLocalisation(Erring):
