@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test test-slow bench format clean
+.PHONY: demo test test-browser test-slow bench format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -15,6 +15,9 @@ test: .venv/test
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2 --dist worksteal
+
+test-browser: .venv/browser
+	$(BIN)/pytest -m browser
 
 test-slow: .venv/test
 	$(BIN)/pytest -m slow -s
@@ -40,4 +43,9 @@ clean:
 
 .venv/test: pyproject.toml constraints.txt | .venv/bin/pip
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test]'
+	touch $@
+
+.venv/browser: .venv/test
+	@command -v chromium >/dev/null || { echo "the browser tests need chromium; install it, for instance with: apt-get install chromium"; exit 2; }
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test,browser]'
 	touch $@

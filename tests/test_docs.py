@@ -12,9 +12,15 @@ from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.studies.plan import open_study
+from swarmsim.view.video import Film, write_film
 
 SCENARIOS = sorted(
-    [*ROOT.glob("scenarios/*.toml"), *ROOT.glob("scenarios/faults/*"), *ROOT.glob("scenarios/operations/*")]
+    [
+        *ROOT.glob("scenarios/*.toml"),
+        *ROOT.glob("scenarios/faults/*"),
+        *ROOT.glob("scenarios/operations/*"),
+        *ROOT.glob("scenarios/worlds/*"),
+    ]
 )
 
 
@@ -23,10 +29,14 @@ def blocks(document: str, language: str) -> list[str]:
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_every_scenario_runs(path: Path) -> None:
-    simulation = build(load(path, ["stop.iterations=40"]), str(path)).simulation
-    simulation.run()
-    assert simulation.state.iteration == 40 or simulation.finished
+def test_every_scenario_runs_and_is_filmed(path: Path, tmp_path: Path) -> None:
+    run = build(load(path, ["stop.iterations=40"]), str(path))
+    with run.recorder(tmp_path / "recording.h5") as recorder:
+        run.simulation.run([recorder])
+    assert run.simulation.state.iteration == 40 or run.simulation.finished
+    film = Film(fps=2, speed=20.0 * run.scenario.period, size=(480, 270))
+    write_film(Recording(tmp_path), tmp_path / "film.mp4", film)
+    assert (tmp_path / "film.mp4").stat().st_size > 5_000
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +61,9 @@ def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
     assert (copy / "runs" / "ring.gif").exists()
     page = (copy / "runs" / "kit2018" / "report.html").read_text()
     assert "20-15-10-5 units" in page
-    for name in re.findall(r'src="([^"]+)"', page):
-        assert (copy / "runs" / "kit2018" / name).exists()
+    sources = re.findall(r'src="([^"]+)"', page)
+    assert len(sources) == 5
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("scenarios/studies/**/*.toml")), ids=lambda path: path.stem)
@@ -101,8 +112,11 @@ def test_the_python_of_the_pages_runs(room: Path, page: str) -> None:
 
 
 def test_the_tables_of_the_pages_list_every_scenario() -> None:
-    pages = "".join((ROOT / page).read_text() for page in ("README.md", "docs/faults.md", "docs/operations.md"))
+    pages = "".join(
+        (ROOT / page).read_text() for page in ("README.md", "docs/faults.md", "docs/operations.md", "docs/worlds.md")
+    )
     listed = set(re.findall(r"`(scenarios/[\w/-]+\.toml)`", pages))
+    listed |= {f"scenarios/worlds/{name}.toml" for name in re.findall(r"figures/world-(\w+)\.png", pages)}
     assert {str(path.relative_to(ROOT)) for path in SCENARIOS} <= listed
 
 

@@ -154,19 +154,39 @@ class Run:
                             curve=recording.curve)  # fmt: skip
 
     def film(
-        self, path: str | Path, *, fps: int = 30, speed: float = 20.0, size: tuple[int, int] = (1280, 720)
+        self,
+        path: str | Path,
+        *,
+        fps: int = 30,
+        speed: float = 20.0,
+        size: tuple[int, int] = (1280, 720),
+        cards: bool = True,
+        beside: Run | None = None,
+        **look: Any,
     ) -> Path:
-        """Write a film, .mp4 or .gif, and give its path; `speed` in simulated seconds per second. Raises InputError."""
-        from swarmsim.view.video import write_film
+        """Write a film, .mp4, .gif or numbered .png, and give its path.
 
-        write_film(self.recording, Path(path), fps, speed, size)
+        `speed` is in simulated seconds per second; `beside` is a second run to show in step; `look` are the fields of
+        `swarmsim.view.look.Look`: theme, layers, focus, robots. Raises InputError.
+        """
+        from swarmsim.view.look import Look
+        from swarmsim.view.video import Film, write_film
+
+        film = Film(fps, speed, size, Look(**look), cards)
+        write_film(self.recording, Path(path), film, None if beside is None else beside.recording)
         return Path(path)
 
-    def picture(self, iteration: float | None = None, size: tuple[int, int] = (1280, 720)) -> NDArray[np.uint8]:
-        """The picture (height, width, 3) after so many iterations, by default at the end. Raises InputError."""
+    def picture(
+        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Any
+    ) -> NDArray[np.uint8]:
+        """The picture (height, width, 3) after so many iterations, by default at the end. Raises InputError.
+
+        `look` is as for a film.
+        """
+        from swarmsim.view.look import Look
         from swarmsim.view.video import frame
 
-        return frame(self.recording, self.iterations if iteration is None else iteration, size)
+        return frame(self.recording, self.iterations if iteration is None else iteration, size, Look(**look))
 
     def __repr__(self) -> str:
         curve, status = self.recording.curve, self.summary["status"]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli import comparisons, exports, figures, network, parts, runs, studies, worlds
+from swarmsim.cli import comparisons, exports, figures, network, parts, reports, runs, studies, worlds
 
 BAD_INPUT, PART_FAILED = 2, 3  # exit codes
 
@@ -21,6 +21,7 @@ app = typer.Typer(
 for verb in (
     runs.run,
     runs.video,
+    reports.report,
     runs.show,
     runs.verify,
     exports.export,

@@ -28,9 +28,19 @@ def compare(
     for run, recording in zip(runs, opened, strict=True):
         if not recording.iterations:
             raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
-    costs = comparison.costs(dict(zip(map(str, runs), opened, strict=True)))
+    costs = comparison.costs(dict(zip(_names(runs), opened, strict=True)))
     curve = opened[0].curve
-    print_table(f"against {runs[0]}", comparison.head(curve), comparison.lines(costs))
+    print_table(f"against {_names(runs)[0]}", comparison.head(curve), comparison.lines(costs))
     if plot is not None:
         for path in comparison.draw(costs, curve, plot):
             print(path)
+
+
+def _names(runs: list[Path]) -> list[str]:
+    """The last folders of each run's path, as many as tell all runs apart."""
+    paths = [run.absolute().parent if run.suffix == ".h5" else run.absolute() for run in runs]
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-parts:]) for path in paths]
+        if len(set(names)) == len(set(paths)):
+            break
+    return names if len(set(names)) == len(names) else [f"{name} ({place})" for place, name in enumerate(names, 1)]

@@ -7,6 +7,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from swarmsim.cli.interruption import told_if_interrupted
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
@@ -68,8 +70,13 @@ def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, schedu
     with Progress(*columns, TimeRemainingColumn(), console=Console(quiet=quiet)) as progress:
         bar = progress.add_task("", total=len(tasks), text="")
         begun, failed = time.perf_counter(), 0
-        for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
-            store.add(row)
-            failed += row.status == "failed"
-            rate = count / (time.perf_counter() - begun)
-            progress.update(bar, completed=count, text=f"{rate:.1f} runs/s, {failed} failed")
+        count = 0
+        kept = told_if_interrupted(
+            lambda: f"{count} of {len(tasks)} runs are kept; the same command goes on from there"
+        )
+        with kept:
+            for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
+                store.add(row)
+                failed += row.status == "failed"
+                rate = count / (time.perf_counter() - begun)
+                progress.update(bar, completed=count, text=f"{rate:.1f} runs/s, {failed} failed")

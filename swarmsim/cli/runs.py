@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode
 from swarmsim.cli.progress import RunBar, progress_bar
 
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
 
     from swarmsim.engine.build import Run
     from swarmsim.recording.reader import Recording
+    from swarmsim.view.video import Film
 
+DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel")  # layers of pictures, as view.look has them
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
 EVENT_LINES = 12  # shown of a summary's events
 
@@ -62,35 +65,57 @@ def run(
         for notice in (*files_outside(scenario, overrides), *made.arena.plan.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
         folder = _new_folder(out, scenario.stem)
-        finished = _simulate(made, folder / "recording.h5", progress)
+        with told_if_interrupted(lambda: f"{made.simulation.state.iteration} iterations are kept in {folder}"):
+            finished = _simulate(made, folder / "recording.h5", progress)
         recording = Recording(folder)
         summary = recording.summary()
         (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
         if video is not None:
-            _film(recording, video, progress)
+            with told_if_interrupted(lambda: f"no film was written; the run is in {folder}"):
+                _film(recording, video, progress)
     progress.console.print(_table(recording, folder))
     raise typer.Exit(FINISHED if finished else NOT_FINISHED)
 
 
 def video(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
-    out: Annotated[Path, typer.Argument(metavar="OUT.mp4", help="Film to write: .mp4 or .gif.")],
+    out: Annotated[
+        Path, typer.Argument(metavar="OUT.mp4", help="Film to write: .mp4 or .gif; .png for numbered pictures.")
+    ],
     fps: Annotated[int, typer.Option(help="Frames per second of film.")] = 30,
     speed: Annotated[float, typer.Option(help="Simulated seconds per second of film.")] = 20.0,
     size: Annotated[str, typer.Option(help="Width x height in pixels.")] = "1280x720",
+    theme: Annotated[str, typer.Option(help="Colours: dark or light.")] = "dark",
+    show: Annotated[
+        str | None, typer.Option(metavar="LAYER,...", help=f"What is drawn; by default {','.join(DRAWN)}.")
+    ] = None,
+    hide: Annotated[str | None, typer.Option(metavar="LAYER,...", help="What is not drawn.")] = None,
+    focus: Annotated[int | None, typer.Option(metavar="I", help="Show the map of one robot, and magnify it.")] = None,
+    robots: Annotated[
+        str | None, typer.Option(metavar="I,J,...", help="Show tiles, beams and ways of these robots alone.")
+    ] = None,
+    beside: Annotated[
+        Path | None, typer.Option("--side-by-side", metavar="RUN_B", help="A second run to show in step.")
+    ] = None,
+    cards: Annotated[bool, typer.Option(help="Begin with the scenario and end with the result.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Make a film from a recording.
 
     Example: swarmsim video runs/basilica-1 basilica.mp4 --speed 40
+
+    One robot's own map, on paper: swarmsim video runs/basilica-1 three.mp4 --focus 3 --theme light
     """
     from swarmsim.recording.reader import Recording
-    from swarmsim.view.video import check_film
+    from swarmsim.view.look import look
+    from swarmsim.view.video import Film, check_film
 
-    width_height = _size(size)
-    check_film(out, fps, speed, width_height)
+    film = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)
+    check_film(out, film)
     with progress_bar(quiet) as progress:
-        _film(Recording(recording), out, progress, fps, speed, width_height)
+        other = None if beside is None else Recording(beside)
+        with told_if_interrupted(lambda: f"{out} was not written"):
+            _film(Recording(recording), out, progress, film, other)
 
 
 def show(
@@ -134,10 +159,11 @@ def verify(
         digests = Digests()
         task = progress.add_task("verifying", total=recorded.iterations, text="")
         difference = None
-        while difference is None and simulation.state.iteration < recorded.iterations and not simulation.over:
-            simulation.tick([digests])
-            difference = recorded.difference(simulation.state.iteration - 1, digests.rows[-1])
-            progress.update(task, completed=simulation.state.iteration)
+        with told_if_interrupted(lambda: f"{simulation.state.iteration} iterations were equal"):
+            while difference is None and simulation.state.iteration < recorded.iterations and not simulation.over:
+                simulation.tick([digests])
+                difference = recorded.difference(simulation.state.iteration - 1, digests.rows[-1])
+                progress.update(task, completed=simulation.state.iteration)
     if difference is None and simulation.state.iteration < recorded.iterations:
         difference = f"the run is over after {simulation.state.iteration} iterations, not {recorded.iterations}"
     if difference is None:
@@ -218,12 +244,7 @@ def _simulate(made: Run, path: Path, progress: Progress) -> bool:
 
 
 def _film(
-    recording: Recording,
-    out: Path,
-    progress: Progress,
-    fps: int = 30,
-    speed: float = 20.0,
-    size: tuple[int, int] = (1280, 720),
+    recording: Recording, out: Path, progress: Progress, film: Film | None = None, beside: Recording | None = None
 ) -> None:
     from swarmsim.view.video import write_film
 
@@ -232,7 +253,7 @@ def _film(
     def at(frame: int, frames: int) -> None:
         progress.update(task, completed=frame, total=frames, text=f"frame {frame} of {frames}")
 
-    write_film(recording, out, fps, speed, size, at)
+    write_film(recording, out, film, beside, at)
     progress.console.print(f"film: {out}")
 
 
@@ -240,11 +261,11 @@ def _table(recording: Recording, folder: Path) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    from swarmsim.view.wording import line_of
+    from swarmsim.view.occurrences import noted
 
     summary = recording.summary()
     table = Table(title=summary["title"], show_header=False)
-    lines = [line_of(event, recording.scenario) for event in recording.events()]
+    lines = [noted(event, recording.scenario).text for event in recording.events()]
     hidden = len(lines) - EVENT_LINES
     shown: dict[str, Any] = {}
     for name, value in summary.items():

@@ -1,8 +1,9 @@
-"""Tables of numbers, pictures and code that stand in files beside a scenario."""
+"""Files: tables of numbers, pictures and code beside a scenario, and texts that are written whole or not at all."""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,25 @@ def read_rows(path: Path) -> list[list[int | float]]:
                     f"{path}, line {number}: not a row of numbers; expected numbers with commas between them, as in 0,1"
                 ) from problem
     return rows
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Write a text file that appears whole, in place of an older one, or not at all. Raises InputError."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", dir=path.parent, prefix=f".{path.name}.", encoding="utf-8", delete=False
+        ) as file:
+            part = Path(file.name)
+            try:
+                file.write(text)
+                file.close()
+                part.chmod(0o644)
+                part.replace(path)
+            finally:
+                part.unlink(missing_ok=True)
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be written ({problem.strerror}); expected a place for a file") from problem
 
 
 def _grey_levels(path: Path) -> list[list[int | float]]:

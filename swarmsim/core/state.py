@@ -249,3 +249,4 @@ class Moment:
     intents: Intents
     measured: Measured = Measured({})
     believed: NDArray[np.float64] | None = None  # (n, 3): where robots estimate to be; None: as it is
+    people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m of who walks about; None: nobody does

@@ -81,10 +81,11 @@ class Simulation:
         observations = replace(observations, inbox=inbox)
         knowledge = parts.computation.hear(observations)
         intents = parts.strategy.step(replace(observations, knowledge=knowledge))
+        people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
         moment = Moment(state, events, parts.building, readings, links, delivery, inbox, knowledge, intents)
-        moment = replace(moment, measured=parts.task.measure(moment), believed=pose)
+        moment = replace(moment, measured=parts.task.measure(moment), believed=pose, people=people)
         if moment.measured.finished and not self.finished:
             self.finished_after = self.state.iteration
         self._now = Now(self.state.iteration, state, self.state, moment.measured.progress)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; a pair that is there several times counts once
@@ -127,6 +128,15 @@ def snapshots(links: Sequence[Links], alive: Alive) -> list[Snapshot]:
         found.append(_snapshot(heard, alive[row], turnover))
         before = heard
     return found
+
+
+def groups(links: Links, alive: NDArray[np.bool_]) -> int:
+    """How many groups of live robots hear each other, directly or through others: weakly connected components."""
+    robots = len(alive)
+    among = links[alive[links].all(axis=1)]
+    ones = np.ones(len(among), np.int8)
+    count, _ = connected_components(csr_array((ones, (among[:, 0], among[:, 1])), (robots, robots)), connection="weak")
+    return int(count - np.count_nonzero(~alive))
 
 
 def meetings(links: Links) -> Links:

@@ -100,6 +100,7 @@ class Recorder:
         return {
             "pose": moment.state.pose,
             **({"believed": moment.believed} if self._errs else {}),
+            **({} if moment.people is None else {"people": moment.people}),
             "alive": moment.state.alive,
             "messages": len(moment.delivery.heard),
             "progress": moment.measured.progress,

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from base64 import b64encode
 from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markdown_it import MarkdownIt
@@ -17,6 +19,9 @@ from swarmsim.studies.plan import Study
 from swarmsim.studies.reproduction import Reproduction
 from swarmsim.studies.results import HEAD, Result, lines
 from swarmsim.view import plots
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -34,6 +39,20 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path, measur
 
     Raises InputError if there is nothing to draw or no place for it.
     """
+    try:
+        drawn = _drawn(study, results, measures).items()
+        return [path for name, figure in drawn for path in plots.save(figure, folder / name)]
+    except OSError as problem:
+        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+
+
+def study_pictures(study: Study, results: dict[str, Result]) -> dict[str, str]:
+    """The same, but for the table, as addresses of pictures for a page, by caption."""
+    drawn = _drawn(study, results, ())
+    return {name.replace("_", " ").capitalize(): plots.address(drawn[name]) for name in drawn if name != "table"}
+
+
+def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) -> dict[str, Figure]:
     title, there = study.title, {name: result for name, result in results.items() if result.rows}
     if not there:
         raise InputError(f"{title}: no runs yet; do them with: swarmsim study run")
@@ -43,7 +62,7 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path, measur
             {name: result.finished for name, result in there.items()},
             title,
         ),
-        "table": plots.table(HEAD, lines(there), title),
+        "table": plots.table(*_filled(HEAD, lines(there)), title),
     }
     if any(result.condition.x is not None for result in there.values()):
         axis = study.axis or study.vary[0].key
@@ -57,10 +76,13 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path, measur
         for curve in {result.condition.curve.name: result.condition.curve for result in there.values()}.values():
             alike = {name: result.curves for name, result in there.items() if result.condition.curve.name == curve.name}
             figures[curve.name] = plots.curves(alike, title, curve=curve)
-    try:
-        return [path for name, figure in figures.items() for path in plots.save(figure, folder / name)]
-    except OSError as problem:
-        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+    return figures
+
+
+def _filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns in which no row says anything."""
+    kept = [place for place in range(len(head)) if any(row[place] != "-" for row in rows)]
+    return [head[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
 def _series(there: dict[str, Result], measure: str = "") -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
@@ -96,6 +118,9 @@ def write(found: Reproduction, folder: Path) -> list[Path]:
     text = _text(found, figures)
     (folder / "report.md").write_text(text, encoding="utf-8")
     body = MarkdownIt("commonmark").enable("table").render(text)
+    for name in figures:  # so that the page is one file, to be mailed
+        data = b64encode((folder / f"{name}.png").read_bytes()).decode()
+        body = body.replace(f'src="{name}.png"', f'src="data:image/png;base64,{data}"')
     page = PAGE.format(title="Kit, Mateo and Bouffanais (2018), reproduced", body=body)
     (folder / "report.html").write_text(page, encoding="utf-8")
     return [folder / "report.md", folder / "report.html"]

@@ -11,7 +11,7 @@ from swarmsim.core.scenario import Scenario
 from swarmsim.recording.reader import Recording
 from swarmsim.view.wording import cause_of, worded
 
-Mark = Literal["", "fault", "removed", "late"]
+Mark = Literal["", "fault", "removed", "late", "joined"]
 BODIES = ("remove", "crash", "join", "battery")  # faults of bodies, which pictures show by themselves
 NAMED = 8  # robots that a note names; of more it gives the number
 
@@ -26,6 +26,7 @@ class Note:
     robots: tuple[int, ...]  # none for the building or the whole run
     is_box: bool  # whether pictures show where it happened
     ends: bool  # whether something is over with it
+    of_run: bool  # whether it is the run's own end
 
     @property
     def text(self) -> str:
@@ -40,6 +41,11 @@ class Note:
             who = f"robot{'s' if len(self.robots) > 1 else ''} {', '.join(map(str, self.robots))}"
         return f"iteration {self.iteration}: {self.kind}: {who}"
 
+    @property
+    def words(self) -> str:
+        """What happened, without when."""
+        return self.text.partition(": ")[2]
+
 
 def noted(event: Event, scenario: Scenario) -> Note:
     """The event in words."""
@@ -50,6 +56,7 @@ def noted(event: Event, scenario: Scenario) -> Note:
         event.robots if isinstance(event, Begins | Ends) else (),
         isinstance(event, BoxStands | BoxGone | BoxWaits),
         isinstance(event, Ends | BoxGone | Ended),
+        isinstance(event, Ended),
     )
 
 
@@ -65,12 +72,16 @@ class Occurrences:
         self._changed: list[list[int]] = [[0] for _ in range(robots)]  # when each robot's mark changes ...
         self._marks: list[list[Mark]] = [[""] for _ in range(robots)]  # ... and to what
         has: list[set[int]] = [set() for _ in range(robots)]  # the faults that each has now
+        late: set[int] = set()
         for event in events:
             if isinstance(event, Begins | Ends):
                 for robot in event.robots:
                     (has[robot].add if isinstance(event, Begins) else has[robot].discard)(event.fault)
                     self._changed[robot].append(event.iteration)
-                    self._marks[robot].append(_mark([scenario.faults[fault] for fault in has[robot]]))
+                    mark = _mark([scenario.faults[fault] for fault in has[robot]])
+                    if mark == "late":
+                        late.add(robot)
+                    self._marks[robot].append("joined" if mark == "" and robot in late else mark)
         built = {event.iteration for event in events if isinstance(event, BoxStands | BoxGone)}
         self._built = [0, *sorted(built)]  # when the building changes ...
         self._boxes = [tuple(boxes_at(events, iteration)) for iteration in self._built]  # ... and to what

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import PurePath
 from typing import Final
 
 import numpy as np
@@ -13,13 +15,17 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.state import UNKNOWN
+from swarmsim.network.analysis import groups
 from swarmsim.operations.fields.replay import FieldReplay, holds_estimates
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
+from swarmsim.view.beams import BeamReplay
 from swarmsim.view.occurrences import Mark, Note, Occurrences
 from swarmsim.world.source import floor_plan
 
 Points = NDArray[np.float64]  # (p, 2): x, y in m
+Bounds = tuple[float, float, float, float]  # m: left, right, lower, upper
+Pairs = NDArray[np.int32]  # (m, 2): receiver, sender
 MARGIN = 2  # cells of surroundings shown around the walls
 HELD = 60.0  # s of simulated time that a caption stays: three seconds of a film at its usual speed
 CAPTIONS = 3  # at a time, at most
@@ -41,14 +47,19 @@ class Shot:
     boxes: tuple[Box, ...]  # m: what stands in the building besides its plan
     captions: list[str]  # what has just happened, the oldest first
     origins: Points  # (n, 2): the lower left corner of each tile, in m; (0, 2) if robots have none
-    mutual: NDArray[np.int32]  # (a, 2): pairs that hear each other, the lower id first
-    one_way: NDArray[np.int32]  # (b, 2): receiver, sender
+    mutual: Pairs  # who hear each other, the lower id first
+    one_way: Pairs  # receivers who are not heard by the sender
+    lost: Pairs  # whose message was lost
+    waiting: Pairs  # linked, but the message is under way
     goals: Points  # (n, 2): m, NaN for none
     ways: list[Points]  # for each robot the rest of its path, from its own place; empty for none
     value: float  # of the measure that the task is about
     headings: NDArray[np.float64] | None  # (n,): rad, which way each robot estimates to have to go, if it does
+    groups: int  # of live robots that hear each other, directly or through others
+    heard: int  # messages heard in this iteration
     messages: int  # heard so far
     believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
+    people: NDArray[np.float64]  # (p, 3): x, y, radius in m
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +67,8 @@ class Curves:
     """The measure that the task is about, by iteration, each of shape (iterations,)."""
 
     union: NDArray[np.float64]  # of the swarm
-    least: NDArray[np.float64] | None  # the lowest of live robots, if it is measured of single ones
-    most: NDArray[np.float64] | None  # the highest
+    mean: NDArray[np.float64] | None  # of live robots, if it is measured of single ones
+    worst: NDArray[np.float64] | None  # the live robot that is farthest from done
 
 
 class Scene:
@@ -69,14 +80,13 @@ class Scene:
             raise InputError(f"{recording.path}: no whole iteration was recorded; there is nothing to show")
         self._recording = recording
         scenario = recording.scenario
-        plan = floor_plan(recording.world, scenario.world)
+        self._plan = plan = floor_plan(recording.world, scenario.world)
         self.layers = plan.layers
         self.lattice = recording.lattice
         margin = MARGIN * self.lattice.cell
         solid = [layer for layer in plan.layers.values() if not layer.is_empty] or [plan.walls]
         left, low, right, high = shapely.total_bounds(solid)
-        self.bounds = (left - margin, right + margin, low - margin, high + margin)  # m: left, right, lower, upper
-        self.iterations = recording.iterations
+        self.bounds: Bounds = (left - margin, right + margin, low - margin, high + margin)
         self.robots = scenario.robots.count
         self.radius = scenario.robots.radius  # m, of the largest
         self.radii = scenario.robots.each("radius")  # m, (n,)
@@ -91,27 +101,73 @@ class Scene:
         self._around = np.array([plan.width, plan.height] if around else [np.inf, np.inf])
         self.has_headings = "heading" in recording
         self.has_beliefs = "believed" in recording
-        #: Whether there are ways and goals to show.
-        self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
+        self.has_people = "people" in recording
         self.curve = recording.curve
         self.title = scenario.title
         self.seed = scenario.seed
         self.topology = _described(scenario.network.topology)
+        self.channel = _described(scenario.network.channel)
+        self.world = PurePath(scenario.world.title).stem
+        self.period = scenario.period  # s, one iteration
+        self._replay = MapReplay(recording)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Take in what has been recorded since, of a run that still goes on."""
+        recording = self._recording
+        self.iterations = recording.iterations
+        #: Whether there are ways and goals to show.
+        self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
         self.curves = _curves(recording)
         self.limits = _limits(self.curves, recording)
         self._occurrences = Occurrences(recording)
-        notes = self._occurrences.notes
-        self.marks = sorted({note.iteration for note in notes if note.kind != "finished"})
+        self.notes = notes = self._occurrences.notes
+        self.marks = sorted({note.iteration for note in notes if not note.of_run})
         self.names = _names(notes)
         self.signs = _signs(self._occurrences, recording)
-        self._period = scenario.period
         self._messages = np.cumsum(recording["messages"], dtype=np.int64)
         self._starts: list[list[int]] = [[] for _ in range(self.robots)]
-        self._paths: list[list[Points]] = [[] for _ in range(self.robots)]
+        self._paths: list[list[NDArray[np.float32]]] = [[] for _ in range(self.robots)]
         for iteration, robot, waypoints in recording.paths():
             self._starts[robot].append(iteration)
-            self._paths[robot].append(waypoints.astype(np.float64))
-        self._replay = MapReplay(recording)
+            self._paths[robot].append(waypoints)
+
+    @cached_property
+    def _beams(self) -> BeamReplay:
+        return BeamReplay(self._recording, self._plan)
+
+    def beams(self, robot: int, shot: Shot) -> Points:
+        """Where the beams of a robot end (b, 2), in m, at the pose that a shot shows; none without a ring."""
+        return self._beams.ends(robot, shot.pose[robot], shot.boxes, shot.people)
+
+    @cached_property
+    def bearings(self) -> list[list[float]]:
+        """The bearings of each robot's beams in rad, counter-clockwise from straight ahead; none without a ring."""
+        return [self._beams.bearings(robot) for robot in range(self.robots)]
+
+    def beam_reach(self, robot: int) -> float:
+        """How far beams of a robot are drawn at most, in m."""
+        return self._beams.reach(robot)
+
+    def marks_at(self, row: int) -> list[Mark]:
+        """What is wrong with each robot in an iteration."""
+        return [self._occurrences.mark(robot, row) for robot in range(self.robots)]
+
+    def messages(self, row: int) -> tuple[int, int]:
+        """How many messages were heard, and how many lost, in an iteration."""
+        fates = self._recording.letters(row)[:, 4]
+        heard = int(np.count_nonzero(fates == 0))
+        return heard, len(fates) - heard
+
+    def groups(self, row: int) -> int:
+        """How many groups of live robots there are that hear each other in an iteration, directly or through others."""
+        letters = self._recording.letters(row)
+        return groups(letters[letters[:, 4] == 0, :2], self._recording["alive"][row])
+
+    def robot_curve(self, robot: int) -> NDArray[np.float64] | None:
+        """What the task's curve is of one robot (iterations,), if it is measured of single ones."""
+        name = self.curve.robots
+        return None if name is None else np.asarray(self._recording[name][:, robot], np.float64)
 
     def row(self, iteration: float) -> int:
         """The recording's row for a moment from 0, the start, to `iterations`, the end of the last one."""
@@ -123,28 +179,45 @@ class Scene:
         ends = recording["pose"][row], recording["pose"][self.row(row + 1)]
         pose = _between(*ends, min(iteration - row, 1.0), self._around)
         alive = recording["alive"][row]
-        mutual, one_way = (self._short(links, pose) for links in _paired(recording.links(row), self.robots))
+        letters = recording.letters(row)
+        heard, lost = letters[letters[:, 4] == 0, :2], letters[letters[:, 4] > 0, :2]
+        told = _numbered(letters[:, :2], self.robots)
+        links = recording.links(row)
+        waiting = links[~np.isin(_numbered(links, self.robots), told)]
+        mutual, one_way = _paired(np.unique(heard, axis=0), self.robots)
         goals = recording["goals"][row]
         aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
         return Shot(
             iteration=int(iteration),
-            time=iteration * self._period,
+            time=iteration * self.period,
             row=row,
             pose=pose,
             alive=alive,
-            marks=[self._occurrences.mark(robot, row) for robot in range(self.robots)],
+            marks=self.marks_at(row),
             boxes=self._occurrences.boxes(row),
-            captions=[note.text for note in self._occurrences.latest(row, HELD / self._period, CAPTIONS)],
+            captions=[note.text for note in self._occurrences.latest(row, HELD / self.period, CAPTIONS)],
             origins=self._origins(row),
-            mutual=mutual,
-            one_way=one_way,
+            mutual=self._short(mutual, pose),
+            one_way=self._short(one_way, pose),
+            lost=self._short(lost, pose),
+            waiting=self._short(waiting, pose),
             goals=aims,
             ways=[self._way(robot, row, pose[robot, :2], aims[robot]) for robot in range(self.robots)],
             value=float(self.curves.union[row]),
             headings=recording["heading"][row] if self.has_headings else None,
+            groups=groups(heard, alive),
+            heard=len(heard),
             messages=int(self._messages[row]),
             believed=recording["believed"][row][:, :2] if self.has_beliefs else None,
+            people=self._people(row, min(iteration - row, 1.0)),
         )
+
+    def _people(self, row: int, part: float) -> NDArray[np.float64]:
+        if not self.has_people:
+            return np.empty((0, 3))
+        people = self._recording["people"]
+        before, after = people[row], people[self.row(row + 1)]
+        return np.asarray(before + part * (after - before))
 
     def estimate(self, row: int) -> NDArray[np.float64]:
         """The field as robots estimate it in the mean (rows, columns): 0 and 1 are its ends on the floor at the end.
@@ -163,7 +236,7 @@ class Scene:
         low, high = (end / self.curve.scale for end in self.limits)
         return np.nan_to_num(np.clip((values - low) / (high - low), 0.0, 1.0))
 
-    def _short(self, links: NDArray[np.int32], pose: NDArray[np.float64]) -> NDArray[np.int32]:
+    def _short(self, links: Pairs, pose: NDArray[np.float64]) -> Pairs:
         """The links (m, 2) but for those that go round the page."""
         gap = np.abs(pose[links[:, 0], :2] - pose[links[:, 1], :2])
         return links[(gap <= 0.5 * self._around).all(axis=1)]
@@ -177,19 +250,29 @@ class Scene:
 
     def cells(self, row: int) -> NDArray[np.uint8]:
         """The collective map (rows, columns) of the recording's row: UNKNOWN, FREE or OCCUPIED."""
-        if not self.has_maps:
-            return np.full(self.lattice.shape, UNKNOWN, np.uint8)
+        return self._maps(row).collective() if self.has_maps else np.full(self.lattice.shape, UNKNOWN, np.uint8)
+
+    def own_cells(self, robot: int, row: int) -> NDArray[np.uint8]:
+        """The map (rows, columns) of one robot: UNKNOWN, FREE or OCCUPIED; a view."""
+        own: NDArray[np.uint8] = self._maps(row).maps[robot]
+        return own
+
+    def known(self, row: int) -> NDArray[np.int32]:
+        """How many robots, dead ones too, know each cell (rows, columns); a view."""
+        return self._maps(row).known
+
+    def _maps(self, row: int) -> MapReplay:
         if row < self._replay.iteration:
             self._replay = MapReplay(self._recording)
         self._replay.advance(row)
-        return self._replay.collective()
+        return self._replay
 
     def _way(self, robot: int, row: int, here: Points, aim: Points) -> Points:
         """The rest of the newest path, from the robot on; none without a goal."""
         newest = bisect_right(self._starts[robot], row) - 1
         if newest < 0 or np.isnan(aim[0]) or not len(self._paths[robot][newest]):
             return np.empty((0, 2))
-        path = self._paths[robot][newest]
+        path = self._paths[robot][newest].astype(np.float64)
         first = int(np.argmin(np.hypot(*(path - here).T)))
         if first + 1 < len(path) and np.dot(here - path[first], path[first + 1] - path[first]) > 0.0:
             first += 1  # the nearest waypoint is passed
@@ -206,7 +289,7 @@ def _names(notes: list[Note]) -> dict[int, str]:
 
 
 def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
-    """Which of the signs that not every run needs are ever drawn: dead, removed, fault, box."""
+    """Which of the signs that not every run needs are ever drawn: dead, removed, fault, joined, box, lost, waiting."""
     signs: set[str] = set()
     for iteration in {0, *(note.iteration for note in occurrences.notes)}:
         row = min(iteration, recording.iterations - 1)
@@ -215,6 +298,10 @@ def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
             signs.add(mark if not alive and mark in ("removed", "late") else "dead" if not alive else mark)
         if occurrences.boxes(row):
             signs.add("box")
+    if len(recording.fates) > 1:
+        signs.add("lost")
+    if recording.scenario.network.channel.get("use") not in ("perfect", "bernoulli", "range"):
+        signs.add("waiting")
     return signs
 
 
@@ -226,23 +313,21 @@ def _described(table: dict[str, object]) -> str:
 
 
 def _curves(recording: Recording) -> Curves:
-    alive = recording["alive"].copy()
-    alive[~alive.any(axis=1)] = True  # once nobody is left, what the dead knew
     curve = recording.curve
     if curve.robots is None:
         return Curves(recording[curve.name], None, None)
-    share = recording[curve.robots]
-    return Curves(
-        union=recording[curve.name],
-        least=np.where(alive, share, np.inf).min(axis=1),
-        most=np.where(alive, share, -np.inf).max(axis=1),
+    alive = recording["alive"] | ~recording["alive"].any(axis=1, keepdims=True)  # once nobody is left, the dead
+    of_each = recording[curve.robots]
+    worst = (
+        np.where(alive, of_each, np.inf).min(axis=1) if curve.rises else np.where(alive, of_each, -np.inf).max(axis=1)
     )
+    return Curves(recording[curve.name], np.average(of_each, axis=1, weights=alive), worst)
 
 
 def _limits(curves: Curves, recording: Recording) -> tuple[float, float]:
     """The ends of the curve's axis, in its unit."""
     curve = recording.curve
-    drawn = [values for values in (curves.union, curves.least, curves.most) if values is not None]
+    drawn = [values for values in (curves.union, curves.mean, curves.worst) if values is not None]
     values = curve.scale * np.concatenate([values[np.isfinite(values)] for values in drawn])
     low = curve.low if curve.low is not None else float(values.min(initial=0.0))
     high = curve.high if curve.high is not None else _round_above(float(values.max(initial=low)), low)
@@ -277,8 +362,12 @@ def _between(
     return between
 
 
-def _paired(links: NDArray[np.int32], robots: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def _numbered(links: Pairs, robots: int) -> NDArray[np.int64]:
+    """A number for each link, equal for equal ones."""
+    return np.asarray(links[:, 0].astype(np.int64) * robots + links[:, 1])
+
+
+def _paired(links: Pairs, robots: int) -> tuple[Pairs, Pairs]:
     """Links (m, 2) parted into those answered by a link back, one row for the two, and the others."""
-    receivers, senders = links[:, 0].astype(np.int64), links[:, 1]
-    answered = np.isin(receivers * robots + senders, senders * np.int64(robots) + receivers)
+    answered = np.isin(_numbered(links, robots), _numbered(links[:, ::-1], robots))
     return links[answered & (links[:, 0] < links[:, 1])], links[~answered]

@@ -1,14 +1,18 @@
-"""Films and stills of a recorded run: H.264 or an animated GIF, encoded frame by frame."""
+"""Films and stills of a recorded run: H.264, an animated GIF or numbered pictures, drawn frame by frame."""
 
 from __future__ import annotations
 
 import math
 import tempfile
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
-import imageio.v2 as imageio
+import imageio_ffmpeg
 import numpy as np
 import pygame
 from numpy.typing import NDArray
@@ -17,20 +21,43 @@ from PIL import Image
 from swarmsim.core.errors import InputError
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
+from swarmsim.view.cards import draw_card, first_lines, last_lines
+from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene
+from swarmsim.view.symbols import Lettering, opaque
 
-HOLD = 2.0  # s of film, how long the end stays
+HOLD = 2.0  # s of film, how long the end and each card stay
 SMALLEST = (480, 270)  # pixels, below which nothing can be read
 LARGEST = (7680, 4320)  # pixels
-FASTEST = {".mp4": 120, ".gif": 50}  # frames per second; players slow faster GIFs down
+FASTEST = {".mp4": 120, ".gif": 50, ".png": 120}  # frames per second; players slow faster GIFs down
 #: No loss that the eye sees; a fixed number of threads, because x264's bytes depend on it; index at the front.
 ENCODER = ["-crf", "19", "-preset", "veryfast", "-threads", "4", "-movflags", "+faststart", "-fflags", "+bitexact"]
+AHEAD = 8  # frames that may wait for the encoder
 SAMPLES = 5  # frames whose colours make a GIF's palette
 
+T = TypeVar("T")
 Pixels = NDArray[np.uint8]  # (height, width, 3): red, green, blue
 
 
-def frame(recording: Recording, iteration: float, size: tuple[int, int] = (1280, 720)) -> Pixels:
+@dataclass(frozen=True)
+class Film:
+    """How a film is made. Raises InputError for what cannot work."""
+
+    fps: int = 30  # frames per second of film
+    speed: float = 20.0  # simulated seconds per second of film
+    size: tuple[int, int] = (1280, 720)  # width and height in pixels
+    look: Look = field(default_factory=Look)
+    cards: bool = True  # whether it begins with the scenario and ends with the result, for two seconds each
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.speed) and self.speed > 0.0):
+            raise InputError(f"--speed {self.speed:g}: expected more than 0 simulated seconds per second of film")
+        _check_size(self.size)
+
+
+def frame(
+    recording: Recording, iteration: float, size: tuple[int, int] = (1280, 720), look: Look | None = None
+) -> Pixels:
     """The picture (height, width, 3) after so many iterations, from 0 to the recording's `iterations`.
 
     Raises InputError if the moment lies outside of the run or the size is too small or too large.
@@ -38,52 +65,120 @@ def frame(recording: Recording, iteration: float, size: tuple[int, int] = (1280,
     _check_size(size)
     if not 0.0 <= iteration <= recording.iterations:
         raise InputError(f"iteration {iteration:g}: the recording goes from 0 to {recording.iterations}")
-    return _pixels(Canvas(Scene(recording), size).draw(iteration))
+    return _pixels(Canvas(Scene(recording), size, look).draw(iteration))
 
 
 def write_film(
     recording: Recording,
     out: Path,
-    fps: int = 30,
-    speed: float = 20.0,
-    size: tuple[int, int] = (1280, 720),
+    film: Film | None = None,
+    beside: Recording | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write the film of a run to `out`, whose suffix says how: .mp4 for H.264, .gif for an endless GIF.
+    """Write the film of a run to `out`, whose suffix says how: .mp4 for H.264, .gif for an endless GIF, .png for
+    pictures OUT-00000.png and so on.
 
-    `speed` is simulated seconds per second of film, `size` the width and height in pixels; the end is held
-    for two seconds. `progress` is called after every frame with the frames done and all frames. The file
-    appears whole or not at all, in place of an older one. Raises InputError for options that cannot work.
+    The end is held for two seconds. With `beside`, two runs are shown side by side and in step. `progress` is called
+    after every frame with the frames done and all frames. The files appear whole or not at all, in place of older
+    ones. Raises InputError for options that cannot work.
     """
-    check_film(out, fps, speed, size)
-    canvas = Canvas(Scene(recording), size)
-    pictures = _pictures(canvas, _moments(recording, fps, speed), progress)
+    film = film or Film()
+    check_film(out, film)
+    stage = Stage([recording, *([] if beside is None else [beside])], film)
+    suffix = out.suffix.lower()
     with _whole(out) as part:
-        if out.suffix.lower() == ".mp4":
-            _write_mp4(part, pictures, fps)
+        if suffix == ".mp4":
+            _write_mp4(part, stage.pictures(progress, _memory), film.size, film.fps)
+        elif suffix == ".gif":
+            samples = [stage.at(time) for time in np.linspace(0.0, stage.duration, SAMPLES).tolist()]
+            _write_gif(part, stage.pictures(progress, _pixels), film.fps, samples)
         else:
-            samples = np.linspace(0.0, recording.iterations, SAMPLES)
-            _write_gif(part, pictures, fps, [_pixels(canvas.draw(moment)) for moment in samples])
+            for number, picture in enumerate(stage.pictures(progress, _pixels, held=False)):
+                Image.fromarray(picture).save(part.with_name(f"{part.stem}-{number:05d}.png"))
 
 
-def _pictures(canvas: Canvas, moments: list[float], progress: Callable[[int, int], None] | None) -> Iterator[Pixels]:
-    for done, moment in enumerate(moments):
-        if done == 0 or moment != moments[done - 1]:
-            picture = _pixels(canvas.draw(moment))
-        yield picture
-        if progress is not None:
-            progress(done + 1, len(moments))
+class Stage:
+    """One run, or two side by side, to be pictured at any time."""
+
+    def __init__(self, recordings: list[Recording], film: Film) -> None:
+        self._film, self._recordings = film, recordings
+        width, height = film.size
+        self._scenes = [Scene(recording) for recording in recordings]
+        self._canvases = [Canvas(scene, (width // len(recordings), height), film.look) for scene in self._scenes]
+        self._surface = opaque(film.size)
+        self._surface.fill(film.look.colours.rule)
+        self._letters = Lettering()
+        #: s, simulated, of the longest run.
+        self.duration = max(scene.iterations * scene.period for scene in self._scenes)
+
+    def pictures(
+        self,
+        progress: Callable[[int, int], None] | None,
+        taken: Callable[[pygame.Surface], T],
+        held: bool = True,
+    ) -> Iterator[T]:
+        """All frames of the film, in time, as `taken` copies them; `held`: with cards and an end that stays."""
+        film = self._film
+        step = film.speed / film.fps
+        moving = math.ceil(self.duration / step - 1e-9)
+        hold = round(HOLD * film.fps)
+        cards = held and film.cards
+        frames = moving + (hold if held else 1) + 2 * hold * cards
+        done = 0
+
+        def shown(picture: T, times: int = 1) -> Iterator[T]:
+            nonlocal done
+            for _ in range(times):
+                yield picture
+                done += 1
+                if progress is not None:
+                    progress(done, frames)
+
+        if cards:
+            yield from shown(taken(self._card(0.0, first_lines)), hold)
+        for k in range(moving):
+            yield from shown(taken(self._draw(k * step)))
+        yield from shown(taken(self._draw(self.duration)), hold if held else 1)
+        if cards:
+            yield from shown(taken(self._card(self.duration, last_lines)), hold)
+
+    def at(self, time: float) -> Pixels:
+        """The picture (height, width, 3) at a simulated time in s; a run that is over stays as it was at its end."""
+        return _pixels(self._draw(time))
+
+    def _draw(self, time: float) -> pygame.Surface:
+        for place, (scene, canvas) in enumerate(zip(self._scenes, self._canvases, strict=True)):
+            drawn = canvas.draw(min(time / scene.period, float(scene.iterations)))
+            if len(self._canvases) == 1:
+                return drawn
+            gap = 2 * place  # a line between the two
+            self._surface.blit(drawn, (place * (self._film.size[0] // 2) + gap, 0), (gap, 0, *drawn.get_size()))
+        return self._surface
+
+    def _card(self, time: float, lines: Callable[[Recording, Scene], list[str]]) -> pygame.Surface:
+        surface = self._draw(time).copy()
+        width = surface.get_width() // len(self._scenes)
+        for place, (recording, scene) in enumerate(zip(self._recordings, self._scenes, strict=True)):
+            part = surface.subsurface((place * width, 0, width, surface.get_height()))
+            draw_card(part, lines(recording, scene), self._film.look.colours, self._letters)
+        return surface
 
 
-def _write_mp4(part: Path, pictures: Iterable[Pixels], fps: int) -> None:
+def _write_mp4(part: Path, pictures: Iterable[bytes], size: tuple[int, int], fps: int) -> None:
     """H.264 with half the colour resolution, as every player knows it."""
-    film = imageio.get_writer(
-        part, "FFMPEG", fps=fps, codec="libx264", pixelformat="yuv420p", quality=None, macro_block_size=2,
-        ffmpeg_log_level="error", output_params=ENCODER,
+    film = imageio_ffmpeg.write_frames(
+        part, size, pix_fmt_in="bgr0", pix_fmt_out="yuv420p", fps=fps, quality=None, codec="libx264",
+        macro_block_size=2, ffmpeg_log_level="error", output_params=ENCODER,
     )  # fmt: skip
-    with closing(film):  # as a context of its own it would leave ffmpeg running after an exception
-        for picture in pictures:
-            film.append_data(picture)
+    film.send(None)  # starts the encoder
+    with closing(film), ThreadPoolExecutor(1) as writer:
+        writing: deque[Future[None]] = deque()
+        for picture in pictures:  # drawn while the ones before are encoded
+            writing.append(writer.submit(film.send, picture))
+            if len(writing) > AHEAD:
+                writing.popleft().result()
+        for written in writing:
+            written.result()
 
 
 def _write_gif(part: Path, pictures: Iterable[Pixels], fps: int, samples: list[Pixels]) -> None:
@@ -95,11 +190,9 @@ def _write_gif(part: Path, pictures: Iterable[Pixels], fps: int, samples: list[P
     )
 
 
-def _moments(recording: Recording, fps: int, speed: float) -> list[float]:
-    """The moment of every frame, in iterations."""
-    step = speed / (fps * recording.scenario.period)
-    moving = math.ceil(recording.iterations / step - 1e-9)
-    return [k * step for k in range(moving)] + [float(recording.iterations)] * round(HOLD * fps)
+def _memory(surface: pygame.Surface) -> bytes:
+    """A copy of what `opaque` surfaces hold, as the encoder takes it."""
+    return surface.get_view("0").raw
 
 
 def _pixels(surface: pygame.Surface) -> Pixels:
@@ -107,21 +200,19 @@ def _pixels(surface: pygame.Surface) -> Pixels:
     return np.frombuffer(pygame.image.tobytes(surface, "RGB"), np.uint8).reshape(height, width, 3)
 
 
-def check_film(out: Path, fps: int = 30, speed: float = 20.0, size: tuple[int, int] = (1280, 720)) -> None:
-    """Raise InputError if `write_film` would refuse these options: to be known before a long run."""
-    suffix = out.suffix.lower()
+def check_film(out: Path, film: Film | None = None) -> None:
+    """Raise InputError if `write_film` would refuse to write there: to be known before a long run."""
+    film, suffix = film or Film(), out.suffix.lower()
     if suffix not in FASTEST:
-        raise InputError(f"{out}: films end in .mp4 or .gif, not in {out.suffix or 'nothing'!r}")
+        raise InputError(f"{out}: films end in .mp4 or .gif, or in .png for numbered pictures, not in {suffix!r}")
     there = next(folder for folder in out.absolute().parents if folder.exists())
     if not there.is_dir():
         raise InputError(f"{out}: {there} is not a folder; expected a place for a file")
     if out.is_dir():
         raise InputError(f"{out}: this is a folder; expected the name of a file")
-    if not 1 <= fps <= FASTEST[suffix]:
-        raise InputError(f"--fps {fps}: expected 1 to {FASTEST[suffix]} frames per second for {suffix}")
-    if not (math.isfinite(speed) and speed > 0.0):
-        raise InputError(f"--speed {speed:g}: expected more than 0 simulated seconds per second of film")
-    _check_size(size)
+    if not 1 <= film.fps <= FASTEST[suffix]:
+        raise InputError(f"--fps {film.fps}: expected 1 to {FASTEST[suffix]} frames per second for {suffix}")
+    size = film.size
     if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         even = f"{size[0] + size[0] % 2}x{size[1] + size[1] % 2}"
         raise InputError(f"--size {size[0]}x{size[1]}: H.264 wants even numbers; expected for instance {even}")
@@ -136,13 +227,15 @@ def _check_size(size: tuple[int, int]) -> None:
 
 @contextmanager
 def _whole(out: Path) -> Iterator[Path]:
-    """A file in a folder of its own beside `out`, which becomes `out` at the end and vanishes upon any exception."""
+    """A file in a folder of its own beside `out`; what is in there at the end comes out, and vanishes upon any
+    exception.
+    """
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent, ignore_cleanup_errors=True)
     except OSError as problem:
         raise InputError(f"{out}: cannot be written ({problem.strerror})") from problem
     with folder as name:
-        part = Path(name) / out.name
-        yield part
-        part.replace(out)
+        yield Path(name) / out.name
+        for made in sorted(Path(name).iterdir()):
+            made.replace(out.parent / made.name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event
+from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event
 from swarmsim.core.files import Table
 from swarmsim.core.scenario import Scenario
 from swarmsim.faults.in_words import described
@@ -45,15 +45,16 @@ def cause_of(event: Event, scenario: Scenario) -> str:
         if not event.finished:
             return f"limit of {scenario.stop.iterations} iterations"
         name, share = _name(scenario.task), scenario.task.get("share")
-        return f"{name} {share:g} reached" if share is not None else f"{name} done"
+        return f"{100.0 * share:g} % {name} reached" if share is not None else f"{name} done"
     if isinstance(event, Begins | Ends):
         return described(scenario.faults[event.fault])
-    fate = "stands" if isinstance(event, BoxStands) else "gone" if isinstance(event, BoxGone) else "waits"
-    return f"box {' '.join(f'{edge:.10g}' for edge in event.box)} {fate}"
+    left, low, right, high = event.box
+    return f"{left:.10g} to {right:.10g} m across, {low:.10g} to {high:.10g} m up"
 
 
-def line_of(event: Event, scenario: Scenario) -> str:
-    """The event in a line, as in `50: motor off (motor off at=50): robots 3, 7`."""
-    who = ", ".join(map(str, getattr(event, "robots", ())))
-    text = f"{event.iteration}: {worded(event, scenario)} ({cause_of(event, scenario)})"
-    return text + (f": robots {who}" if who else "")
+def fault_line(table: Table) -> str:
+    """A fault of a scenario in a line, as in `motor off, at 50, count 2`."""
+    words = described(table).split()
+    name = [word for word in words if "=" not in word]
+    keys = [" ".join(word.split("=", 1)) for word in words if "=" in word]
+    return ", ".join([" ".join(name), *keys])

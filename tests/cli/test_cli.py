@@ -2,11 +2,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+from conftest import ROOT
+
+from swarmsim.recording.reader import Recording
 
 SMALL_PLAN = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 3 3">
 <g id="walls"><path fill-rule="evenodd" d="M0 0H3V3H0Z M.3 .3V2.7H2.7V.3Z"/>{walls}</g>
@@ -184,3 +190,21 @@ def refused(folder: Path, words: list[str], *arguments: object) -> str:
         assert word in done.stderr, done.stderr
     assert sorted(folder.rglob("*")) == before
     return done.stderr
+
+
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_an_interrupted_run_says_what_is_kept_even_if_quiet(tmp_path: Path, quiet: list[str]) -> None:
+    out = tmp_path / "run"
+    forever = ["--set", "stop.when_done='go-on'", "--set", "stop.iterations=100000"]
+    command = [sys.executable, "-m", "swarmsim", "run", str(ROOT / "scenarios/room.toml"), "--out", str(out)]
+    process = subprocess.Popen([*command, *forever, *quiet], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120.0
+    while not (out / "recording.h5").exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    printed, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert re.fullmatch(rf"swarmsim: interrupted; \d+ iterations are kept in {re.escape(str(out))}\n", said)
+    assert not quiet or printed == ""
+    assert Recording(out).iterations > 0

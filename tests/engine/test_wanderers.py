@@ -23,10 +23,11 @@ from swarmsim.studies.engine import perform
 from swarmsim.studies.plan import open_study
 from swarmsim.studies.report import study_figures
 from swarmsim.studies.store import Store
-from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
-from swarmsim.view.panel import _legend
+from swarmsim.view.legend import signs
+from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene
+from swarmsim.view.theme import DARK
 from swarmsim.view.video import frame
 
 SIZE = (1280, 720)
@@ -55,10 +56,10 @@ def test_a_picture_shows_the_measure_of_the_task_and_no_map(recording: Recording
     scene = Scene(recording)
     shot = scene.at(3)
     assert (scene.curve.label, shot.value) == ("distance, m", recording["distance"][3])
-    assert (scene.curves.least, scene.curves.most) == (None, None)
+    assert (scene.curves.mean, scene.curves.worst) == (None, None)
     assert scene.limits == (0.0, 0.6000000000000001)  # above 0.50, and a quarter of it is round
     assert (scene.cells(3) == UNKNOWN).all()
-    assert not {"free", "seen", "unexplored", "aim"} & {kind for kind, _ in _legend(scene, True)}
+    assert not {"free", "seen", "unexplored", "aim"} & {kind for kind, _ in signs(scene, Look(), 1.0)}
     assert Canvas(scene, SIZE)._panel._worded(0.1234) == "0.123 m"
     ways = [len(way) for way in shot.ways]
     assert ways == [0] * scene.robots
@@ -68,14 +69,14 @@ def test_the_floor_without_a_map_is_bright_and_a_line_shows_the_estimated_headin
     scene = Scene(recording)
     canvas = Canvas(scene, SIZE)
     shot, picture = scene.at(2), frame(recording, 2, SIZE)
-    assert (np.abs(picture.astype(int) - symbols.FREE).max(axis=2) <= 5).mean() > 0.2
+    assert (np.abs(picture.astype(int) - DARK.floor).max(axis=2) <= 5).mean() > 0.2
     robot = scene.robots - 1
     yaw = recording["heading"][2, robot]
     ahead = canvas.pixels(shot.pose[robot, :2]) + 3.0 * canvas.radius * np.array([np.cos(yaw), -np.sin(yaw)])
     column, row = np.rint(ahead).astype(int)
     around = picture[row - 2 : row + 3, column - 2 : column + 3].astype(int)
-    assert np.abs(around - symbols.CURVE).sum(axis=2).min() < 60
-    assert "heading" in {kind for kind, _ in _legend(scene, True)}
+    assert np.abs(around - DARK.curve).sum(axis=2).min() < 60
+    assert "heading" in {kind for kind, _ in signs(scene, Look(), 1.0)}
 
 
 def test_a_comparison_leaves_out_what_only_maps_have(recording: Recording, room: Path, tmp_path: Path) -> None:
@@ -199,5 +200,5 @@ def test_a_fault_in_words_may_be_code_of_ones_own(tmp_path: Path) -> None:
     assert (refused.returncode, "--allow-code" in refused.stderr) == (2, True)
     done = swarmsim(*arguments, "--allow-code", cwd=tmp_path)
     assert done.returncode == 1, done.stderr
-    assert "3: Curse (Curse at=3): robots 0" in done.stdout
+    assert "iteration 3: Curse: robot 0" in done.stdout
     assert Scene(Recording(tmp_path / "run")).at(4).marks == ["fault", "", ""]

@@ -138,7 +138,7 @@ def test_faults_of_the_command_line_come_on_top_of_the_scenario(tmp_path: Path) 
     short = ("--set", "stop.iterations=8")
     done = swarmsim("run", ROOM, *short, "--set", one, *more, "--out", tmp_path / "a")
     assert (done.exit_code, done.stderr) == (1, "")
-    assert "motor off (motor off at=3 lasts=2 robots=[1]): robots 1" in " ".join(done.stdout.replace("│", "").split())
+    assert "iteration 3: motor off: robot 1" in " ".join(done.stdout.replace("│", "").split())
     summary = json.loads((tmp_path / "a" / "summary.json").read_text())
     assert summary["status"] == "not finished"
     told = [

@@ -19,9 +19,9 @@ from swarmsim.operations.fields.estimate import Basis
 from swarmsim.operations.fields.replay import FieldReplay
 from swarmsim.operations.fields.truth import Formula, FormulaField, Picture, PictureField, Source, SourceField, Sources
 from swarmsim.recording.reader import Recording
-from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.scene import Scene
+from swarmsim.view.theme import DARK
 
 FIELD, MOVING = "operations/field", "operations/moving-field"
 PAGE = (0.0, 0.0, 8.0, 4.0)
@@ -199,8 +199,8 @@ def test_a_film_shows_the_field_as_robots_estimate_it(tmp_path: Path) -> None:
     row, column = np.argwhere(shares == 1.0)[0]
     x, y = np.rint(canvas.pixels(recording.lattice.centres(np.array([row, column])))).astype(int)
     seen = np.array([surface.get_at((int(x) + dx, int(y) + dy))[:3] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
-    assert (np.abs(seen - symbols.HOT).max(axis=1) < 12).any()
-    assert symbols.heat(np.array([0.0, 1.0])).tolist() == [list(symbols.FREE), list(symbols.HOT)]
+    assert (np.abs(seen - DARK.hot).max(axis=1) < 12).any()
+    assert DARK.heat(np.array([0.0, 1.0])).tolist() == [list(DARK.floor), list(DARK.hot)]
     assert not Scene(_room(tmp_path)).has_field
 
 

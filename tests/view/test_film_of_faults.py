@@ -10,11 +10,12 @@ from conftest import made
 
 from swarmsim.core.events import Begins
 from swarmsim.recording.reader import Recording
-from swarmsim.view import symbols
 from swarmsim.view.canvas import Canvas
+from swarmsim.view.legend import signs
+from swarmsim.view.look import Look
 from swarmsim.view.occurrences import noted
-from swarmsim.view.panel import _legend
 from swarmsim.view.scene import Scene
+from swarmsim.view.theme import DARK
 from swarmsim.view.video import frame
 
 SIZE = (1280, 720)
@@ -51,7 +52,7 @@ def test_marks_begin_and_end_with_what_they_mark(scene: Scene) -> None:
     assert marks(scene, 5) == ["fault", "", "", "late"]
     assert marks(scene, 14) == ["fault", "", "removed", "late"]  # the crashed are seen to be dead
     assert marks(scene, 15) == ["", "", "removed", "late"]
-    assert marks(scene, 20) == ["", "", "removed", ""]
+    assert marks(scene, 20) == ["", "", "removed", "joined"]
 
 
 def test_boxes_stand_from_their_first_iteration_to_their_last(scene: Scene) -> None:
@@ -86,13 +87,13 @@ def test_a_note_counts_robots_that_are_too_many_to_name() -> None:
 
 def test_marks_on_the_curve_are_named_by_what_begins(scene: Scene) -> None:
     assert scene.names == {0: "late", 5: "motor off", 8: "crashed", 9: "removed", 12: "furniture placed"}
-    assert scene.marks == [0, 5, 8, 9, 12, 15, 18, 20, 21, 29]
+    assert scene.marks == [0, 5, 8, 9, 12, 15, 18, 20, 21]
 
 
 def test_the_legend_explains_what_is_shown_and_nothing_else(scene: Scene, room: Path) -> None:
     rare = {"fault", "dead", "removed", "box", "mark"}
-    assert rare <= {kind for kind, _ in _legend(scene, True)}
-    assert not rare & {kind for kind, _ in _legend(Scene(Recording(room)), True)}
+    assert rare <= {kind for kind, _ in signs(scene, Look(), 1.0)}
+    assert not rare & {kind for kind, _ in signs(Scene(Recording(room)), Look(), 1.0)}
 
 
 def colours(recording: Recording, iteration: int, points: np.ndarray) -> list[tuple[int, ...]]:
@@ -110,9 +111,7 @@ def around(canvas: Canvas, scene: Scene, iteration: int, robot: int, reach: floa
 
 def test_a_ring_is_drawn_around_a_robot_while_it_has_a_fault(recording: Recording, scene: Scene) -> None:
     canvas = Canvas(scene, SIZE)
-    ringed = [
-        colours(recording, t, around(canvas, scene, t, OFF, 1.97)).count(symbols.MARK) for t in (4, 5, 10, 14, 15)
-    ]
+    ringed = [colours(recording, t, around(canvas, scene, t, OFF, 1.97)).count(DARK.mark) for t in (4, 5, 10, 14, 15)]
     assert ringed[0] == ringed[-1] == 0
     assert min(ringed[1:-1]) > 5  # a link or another robot may hide a part
 
@@ -123,11 +122,11 @@ def test_the_crashed_are_crossed_out_the_removed_are_rings_and_the_late_are_not_
     canvas = Canvas(scene, SIZE)
     half = {robot: colours(recording, 14, around(canvas, scene, 14, robot, 0.75)) for robot in (CRASHED, REMOVED, LATE)}
     centre = {robot: colours(recording, 14, around(canvas, scene, 14, robot, 0.0))[0] for robot in half}
-    assert half[CRASHED].count(symbols.DEAD) > 6
-    assert half[REMOVED].count(symbols.DEAD) > 6
-    assert half[LATE].count(symbols.DEAD) == 0
-    assert centre[CRASHED] not in (symbols.DEAD, symbols.FREE)  # the cross
-    assert centre[REMOVED] != symbols.DEAD
+    assert half[CRASHED].count(DARK.dead) > 6
+    assert half[REMOVED].count(DARK.dead) > 6
+    assert half[LATE].count(DARK.dead) == 0
+    assert centre[CRASHED] not in (DARK.dead, DARK.floor)  # the cross
+    assert centre[REMOVED] != DARK.dead
     assert colours(recording, 14, around(canvas, scene, 14, REMOVED, 0.75)) != colours(
         recording, 8, around(canvas, scene, 14, REMOVED, 0.75)
     )
@@ -136,11 +135,11 @@ def test_the_crashed_are_crossed_out_the_removed_are_rings_and_the_late_are_not_
 def test_a_box_is_drawn_where_it_stands(recording: Recording, scene: Scene) -> None:
     canvas = Canvas(scene, SIZE)
     inside = canvas.pixels(np.array([[4.0, 1.0], [4.1, 1.2], [4.2, 1.05]]))
-    assert colours(recording, 15, inside) == [symbols.SOLIDS["walls"]] * 3
-    assert symbols.SOLIDS["walls"] not in colours(recording, 11, inside) + colours(recording, 21, inside)
+    assert colours(recording, 15, inside) == [DARK.solids["walls"]] * 3
+    assert DARK.solids["walls"] not in colours(recording, 11, inside) + colours(recording, 21, inside)
 
 
 def test_a_caption_is_written_below_the_map(recording: Recording) -> None:
     with_, without = (frame(recording, t, SIZE)[600:, :900] for t in (9, 0))
-    bars = (with_ == symbols.MARK).all(axis=2).sum()
-    assert bars > 2.5 * (without == symbols.MARK).all(axis=2).sum() > 0
+    bars = (with_ == DARK.mark).all(axis=2).sum()
+    assert bars > 2.5 * (without == DARK.mark).all(axis=2).sum() > 0

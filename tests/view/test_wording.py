@@ -9,7 +9,8 @@ import pytest
 from conftest import made
 
 from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends
-from swarmsim.view.wording import line_of, worded
+from swarmsim.view.occurrences import noted
+from swarmsim.view.wording import worded
 
 BOX = (3.9, 0.9, 4.3, 1.3)
 FAULTS = """faults=[
@@ -55,14 +56,14 @@ def test_an_event_is_called_as_people_call_it(scenario, event, words: str) -> No
 @pytest.mark.parametrize(
     ("event", "line"),
     [
-        (Begins(5, MOTOR, (3, 4)), "5: motor off (motor off at=5): robots 3, 4"),
-        (BoxStands(5, DOOR, BOX), "5: door closed (box 3.9 0.9 4.3 1.3 stands)"),
-        (Ended(9, True), "9: finished (coverage 1 reached)"),
-        (Ended(499, False), "499: not finished (limit of 500 iterations)"),
+        (Begins(5, MOTOR, (3, 4)), "iteration 5: motor off: robots 3, 4"),
+        (BoxStands(5, DOOR, BOX), "iteration 5: door closed"),
+        (Ended(9, True), "iteration 9: finished: 100 % coverage reached"),
+        (Ended(499, False), "iteration 499: not finished: limit of 500 iterations"),
     ],
 )
-def test_a_line_names_the_cause_and_the_robots(scenario, event, line: str) -> None:
-    assert line_of(event, scenario) == line
+def test_a_line_names_when_what_and_whom(scenario, event, line: str) -> None:
+    assert noted(event, scenario).text == line
 
 
 def test_words_need_no_pictures() -> None:

@@ -7,11 +7,12 @@ from swarmsim.view.plots.local_maps import local_maps
 from swarmsim.view.plots.network import contact_times, degrees, network_course, who_heard_whom
 from swarmsim.view.plots.over_time import curves, padded
 from swarmsim.view.plots.rewiring import rewiring
-from swarmsim.view.plots.sheet import save
+from swarmsim.view.plots.sheet import address, save
 from swarmsim.view.plots.style import COLOURS, FINEST
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "Steps", "building", "comparison", "contact_times", "curves", "degrees", "distributions",
-    "local_maps", "network_course", "padded", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
+    "COLOURS", "FINEST", "Steps", "address", "building", "comparison", "contact_times", "curves", "degrees",
+    "distributions", "local_maps", "network_course", "padded", "rewiring", "save", "scaling", "sweep", "table",
+    "who_heard_whom",
 ]  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, MaxNLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, FormatStrFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from swarmsim.network.analysis import Reach, Snapshot, Spells
@@ -55,7 +55,8 @@ def network_course(graphs: Mapping[str, Sequence[Snapshot]], first: int, title: 
                 axes.plot(at[kept], values[kept], color=colour, linewidth=0.6, alpha=0.35)
             axes.plot(at[kept], _running_mean(values, width)[kept], color=colour, linestyle=dash, linewidth=1.6)
         axes.set(ylabel=label, xlim=(first - 0.5, first + length - 0.5))
-        axes.set_ylim((0.0, 1.05) if measure in SHARES else (0.0, 1.08 * axes.get_ylim()[1]))
+        top = 1.0 if measure in SHARES else max(axes.get_ylim()[1], 1.0)
+        axes.set_ylim(-0.04 * top, 1.06 * top)  # a line at 0 is seen above the axis
         axes.yaxis.set_major_locator(MaxNLocator(5, integer=measure not in SHARES))
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     for axes in panels[-2:]:
@@ -113,7 +114,7 @@ def who_heard_whom(found: Reach, title: str) -> Figure:
         figure.colorbar(picture, ax=axes, shrink=0.8, label="first heard in iteration")
     axes.set(xlabel="robot heard", ylabel="robot that hears")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(min(max(robots - 1, 1), 20), integer=True))
+        axis.set_major_locator(FixedLocator(range(robots)) if robots <= 24 else MaxNLocator(20, integer=True))
     pairs = int(found.present.sum()) * (int(found.present.sum()) - 1)
     heard = int(found.union.sum())
     return settled(

@@ -8,12 +8,14 @@ from typing import Final
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter
 
 from swarmsim.core.parts import Curve
 from swarmsim.view.plots.fault_marks import area_key, described, fault_marks
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import COLOURS, DASHES, FINEST, GREY, MARKERS, Reals, styled
 
+FAR: Final = 5.0  # times as long as most runs: from here on iterations stand on a logarithmic scale
 COVERAGE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0)
 
 
@@ -39,16 +41,22 @@ def curves(
         kept = np.unique(np.linspace(0, filled.shape[1] - 1, FINEST).round().astype(int))
         low, high = np.percentile(filled[:, kept], (2.5, 97.5), axis=0)
         colour, step = COLOURS[row % len(COLOURS)], max(1, len(kept) // 8)
-        axes.fill_between(kept + 1, low, high, color=colour, alpha=0.16 if len(names) < 5 else 0.06, linewidth=0)
+        if len(runs) > 1:
+            axes.fill_between(kept + 1, low, high, color=colour, alpha=0.16 if len(names) < 5 else 0.06, linewidth=0)
         handles += axes.plot(
             kept + 1, filled[:, kept].mean(axis=0), color=colour, linestyle=DASHES[row % len(DASHES)], linewidth=1.6,
             marker=MARKERS[row % len(MARKERS)], markersize=5, markevery=(step * row // len(names), step),
             label=names[row],
         )  # fmt: skip
-    handles += [area_key("95 % of the runs", GREY, "none", 0.25)]
+    if any(len(runs) > 1 for runs in values.values()):
+        handles += [area_key("95 % of the runs", GREY, "none", 0.25)]
     handles += fault_marks(axes, list(values), marks)
     ends = [*(len(run) for runs in values.values() for run in runs), *(at for times in marks.values() for at in times)]
     axes.set(xlabel="iteration", ylabel=curve.label, xlim=(0.0, 1.02 * max(ends)))
+    lengths = [float(np.median([len(run) for run in runs])) for runs in values.values()]
+    if max(lengths) > FAR * float(np.median(lengths)):  # else most curves would share a corner
+        axes.set(xscale="log", xlim=(1.0, 1.02 * max(ends)))
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
     if curve.low is not None and curve.high is not None:
         axes.set_ylim(curve.low, curve.high + 0.02 * (curve.high - curve.low))
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swarmsim.view.plots.fault_marks import line_key
 from swarmsim.view.plots.floor_plan import dead_key, draw_robot, draw_solids, measure_in_metres, solid_keys
 from swarmsim.view.plots.sheet import settled, sheet
-from swarmsim.view.plots.style import BLACK, COLOURS, GREY, styled
+from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, VERMILLION, styled
 from swarmsim.view.scene import Scene
 
 DISC: Final = 8.5  # points across
@@ -23,18 +23,19 @@ APART: Final = 1.4  # discs, between the middles of two, so that an arrow betwee
 WIDTH: Final = 4.2  # inches, of one floor plan
 PLAIN: Final = "#E5E7EB"
 SPREADING: Final = 300  # steps
-NAMED: Final = 12  # as many changed robots are named; a legend of more is not read
+ORANGE: Final = COLOURS[4]
 
 
 @styled
 def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -> Figure:
-    """The swarm at two iterations, with who hears whom; robots whose set of heard neighbours differs are coloured.
+    """The swarm at two iterations, with who hears whom: links that are there at one of them alone
+    are coloured, and robots whose set of heard neighbours differs.
 
     `heard` gives, for each of the two iterations in order, the messages (m, 2) that were heard: receiver, sender.
     """
+    pairs = [{(int(receiver), int(sender)) for receiver, sender in links} for links in heard.values()]
     changed = changes(*(_neighbours(links, scene.robots) for links in heard.values()))
-    lasting = [robot for robot in changed if all(scene.at(at).alive[robot] for at in heard)]
-    colours = {robot: COLOURS[row % (len(COLOURS) - 1)] for row, robot in enumerate(lasting)}  # but for black
+    lasting = {robot for robot in changed if all(scene.at(at).alive[robot] for at in heard)}
     left, right, low, high = scene.bounds
     shots = {iteration: scene.at(iteration) for iteration in heard}
     places = {iteration: shot.pose[:, :2].copy() for iteration, shot in shots.items()}
@@ -42,19 +43,26 @@ def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -
         crowd = places[iteration][shot.alive]
         places[iteration][shot.alive] = spread(crowd, APART * DISC * (right - left) / (72.0 * WIDTH))
     moved = any(not np.array_equal(places[at], shot.pose[:, :2]) for at, shot in shots.items())
-    handles: list[Artist] = [line_key("heard, from sender to receiver", GREY, ">", "-", size=5, width=1.0)]
+    handles: list[Artist] = [
+        line_key("heard at both iterations", GREY, ">", "-", size=5, width=1.0),
+        line_key("only at the first", VERMILLION, ">", "-", size=5, width=1.4),
+        line_key("only at the second", BLUE, ">", "-", size=5, width=1.4),
+        line_key(f"robot that hears others than before ({len(lasting)})", ORANGE, "o", edge=BLACK),
+    ]
     handles += [line_key("drawn apart where too close", PLAIN, "o", edge=BLACK)] if moved else []
     handles += [] if all(shot.alive.all() for shot in shots.values()) else [dead_key()]
-    handles += [*solid_keys(scene.layers), *_named(changed, colours)]
+    handles += solid_keys(scene.layers)
     height = WIDTH * min((high - low) / (right - left), 2.0) + _legend_height(handles, 2 * WIDTH)
     figure = sheet(2 * WIDTH + 0.9, height + 1.25, title)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    for axes, (iteration, links) in zip(panels, heard.items(), strict=True):
+    for axes, (iteration, links), mine, other, own in zip(
+        panels, heard.items(), pairs, pairs[::-1], (VERMILLION, BLUE), strict=True
+    ):
         alive = shots[iteration].alive
         draw_solids(axes, scene.layers)
-        _arrows(axes, links, places[iteration], colours)
+        _arrows(axes, mine, other, places[iteration], own)
         for robot, (x, y) in enumerate(places[iteration].tolist()):
-            draw_robot(axes, x, y, robot, colours.get(robot, PLAIN), DISC, bool(alive[robot]))
+            draw_robot(axes, x, y, robot, ORANGE if robot in lasting else PLAIN, DISC, bool(alive[robot]))
         count = len(np.unique(links, axis=0))
         axes.set_title(f"iteration {iteration}: n = {alive.sum()} robots, {count} links", size=10, loc="left")
     measure_in_metres(panels, scene.bounds)
@@ -95,28 +103,22 @@ def _neighbours(links: NDArray[np.int32], robots: int) -> list[set[int]]:
     return [set(links[links[:, 0] == robot, 1].tolist()) for robot in range(robots)]
 
 
-def _named(changed: Mapping[int, tuple[list[int], list[int]]], colours: Mapping[int, str]) -> list[Artist]:
-    """What each changed robot lost and found, for the legend, as far as it can be read."""
-    handles: list[Artist] = []
-    for robot, colour in list(colours.items())[:NAMED]:
-        lost, found = (", ".join(map(str, ids)) or "nobody" for ids in changed[robot])
-        handles.append(line_key(f"robot {robot}: no longer {lost}, now {found}", colour, "o", edge=BLACK))
-    if len(colours) > NAMED:
-        handles.append(line_key(f"and {len(colours) - NAMED} robots more", PLAIN, "", ""))
-    return handles
+def _arrows(
+    axes: Axes, pairs: set[tuple[int, int]], other: set[tuple[int, int]], places: NDArray[np.float64], own: str
+) -> None:
+    """An arrow from each sender to its receiver, in a colour of their `own` for those that are not there at the other.
 
-
-def _arrows(axes: Axes, links: NDArray[np.int32], places: NDArray[np.float64], colours: Mapping[int, str]) -> None:
-    """An arrow from each sender to its receiver, with two heads where both hear each other."""
-    pairs = {(int(receiver), int(sender)) for receiver, sender in links}
+    It has two heads where both hear each other, then and now.
+    """
     for receiver, sender in sorted(pairs):
-        mutual = (sender, receiver) in pairs
+        kept = (receiver, sender) in other
+        mutual = (sender, receiver) in pairs and ((sender, receiver) in other) == kept
         if mutual and sender < receiver:
             continue
-        colour = colours.get(receiver, colours.get(sender, GREY) if mutual else GREY)
         axes.add_patch(
             FancyArrowPatch(
                 places[sender], places[receiver], arrowstyle="<|-|>" if mutual else "-|>", mutation_scale=6.0,
-                shrinkA=0.5 * DISC, shrinkB=0.5 * DISC, linewidth=0.8, color=colour, zorder=2,
+                shrinkA=0.5 * DISC, shrinkB=0.5 * DISC, linewidth=0.8 if kept else 1.3, color=GREY if kept else own,
+                zorder=2,
             )
         )  # fmt: skip

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 
 from matplotlib.artist import Artist
@@ -23,6 +25,14 @@ def save(figure: Figure, path: Path, dpi: int = DPI) -> tuple[Path, Path]:
     figure.savefig(png, format="png", dpi=dpi, metadata={"Software": None})
     figure.savefig(svg, format="svg", metadata={"Date": None, "Creator": None})
     return png, svg
+
+
+@styled
+def address(figure: Figure, dpi: int = DPI) -> str:
+    """The figure as the address of a picture inside a page."""
+    file = BytesIO()
+    figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
+    return f"data:image/png;base64,{b64encode(file.getvalue()).decode()}"
 
 
 def sheet(width: float, height: float, title: str) -> Figure:

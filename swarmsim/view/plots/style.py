@@ -15,12 +15,15 @@ Line = Literal["", "-", "--", ":"]
 DPI: Final = 150  # of a saved PNG
 FINEST: Final = 900  # points along a curve: more than a picture has pixels only make its file larger
 TIME: Final = "iterations until done"
-#: Okabe and Ito's colours, as on the map, without yellow, which is lost on white paper.
-COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-BLUE, VERMILLION, GREEN, PURPLE, _, _, BLACK = COLOURS
+#: Okabe and Ito's colours, as on the map, without yellow, which is lost on white paper, and four of Tol's muted ones.
+COLOURS: Final = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000",
+    "#882255", "#999933", "#332288", "#44AA99",
+)  # fmt: skip
+BLUE, VERMILLION, GREEN, PURPLE, _, _, BLACK = COLOURS[:7]
 GREY: Final = "#6B7280"
 PALE: Final = "#DCEBF5"
-#: With seven colours and nine markers no two of the first 63 curves look alike.
+#: With eleven colours and nine markers no two of the first 99 curves look alike.
 MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
 DASHES: Final[Sequence[Any]] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)))
 STYLE: Final[dict[Any, Any]] = {

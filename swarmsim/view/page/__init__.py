@@ -1,0 +1,1 @@
+"""A run as one page that anybody's browser replays: no server, no network."""

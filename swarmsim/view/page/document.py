@@ -1,0 +1,147 @@
+"""The page itself: HTML around the numbers of one run or two, or the tables and figures of a study."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Final
+
+from swarmsim.recording.reader import Recording
+from swarmsim.view.page.payload import payload
+
+LAYERS: Final = (
+    ("map", "map", True), ("links", "links", True), ("ways", "ways and goals", True), ("tiles", "tiles", True),
+    ("beams", "beams", False), ("faults", "faults", True),
+)  # fmt: skip
+SPEEDS: Final = (1, 5, 20, 60, 200)
+
+
+def replay_page(recording: Recording, beside: Recording | None = None) -> str:
+    """One HTML page that replays a run, or two in step; it needs nothing besides itself."""
+    runs = [recording, *([] if beside is None else [beside])]
+    packed = [payload(run) for run in runs]
+    title = html.escape(recording.scenario.title)
+    names = [""] if len(runs) == 1 else ["A: ", "B: "]
+    views = "".join(
+        f'<div class="view" id="view-{k}">'
+        + (f"<h2>{names[k]}{html.escape(run.scenario.title)}</h2>" if beside else "")
+        + '<canvas role="img" aria-label="The building with its robots; numbers are beside it"></canvas>'
+        '<div class="tip" role="status"></div></div>'
+        for k, run in enumerate(runs)
+    )
+    data = "".join(
+        f'<script type="application/json" data-words="{k}">{one["words"]}</script>'
+        f'<script type="text/plain" id="numbers-{k}">{one["numbers"]}</script>'
+        for k, one in enumerate(packed)
+    )
+    told = [_below(json.loads(one["words"]), name) for one, name in zip(packed, names, strict=True)]
+    below = "".join(f"<section>{one}</section>" for one in told)
+    curve = recording.curve.label.partition(", ")[0]
+    body = f"""<header><h1>{title}</h1><button id="theme" type="button" aria-label="Change colours">Dark</button></header>
+<main><div class="stage"><div>
+<div class="views">{views}</div><div class="key" id="key"></div>
+<div class="scrub"><canvas id="curve" aria-hidden="true"></canvas>
+<input id="scrubber" type="range" min="0" max="1" step="1" value="0"
+ aria-label="Time, on the curve of {html.escape(curve)}"></div>
+<div class="bar"><button class="play" id="play" type="button">Play</button>
+<button id="back" type="button" aria-label="One iteration back">&lsaquo;</button>
+<button id="ahead" type="button" aria-label="One iteration ahead">&rsaquo;</button>
+<label>speed <select id="speed">{_speeds()}</select></label><output id="note"></output></div>
+</div><div>
+<output class="big" id="value"></output> <span>{html.escape(curve)}</span>
+<dl id="numbers" style="margin-top:10px"></dl>
+<p><label>look at <select id="robot"><option value="-1">all robots</option></select></label></p>
+<dl id="about"></dl>
+<fieldset id="layers"><legend>show</legend>{_boxes()}</fieldset>
+<p class="hint">Space plays; arrows step; Home and End; click a robot to see its map; Escape shows all.
+Robots are drawn larger than they are where there is room.</p>
+</div></div>
+<div class="below">{below}</div></main>
+{data}<script>{_text("page.js")}</script>"""
+    return _page(recording.scenario.title, body)
+
+
+def study_page(
+    title: str, tables: Mapping[str, tuple[Sequence[str], Sequence[Sequence[str]]]], figures: Mapping[str, str],
+    links: Mapping[str, str],
+) -> str:  # fmt: skip
+    """A study's tables (head and rows, by heading) and figures (addresses of pictures, by caption).
+
+    `links` gives the page of a run for the text of a cell, such as `k=2, seed 7`.
+    """
+
+    def cell(text: str) -> str:
+        shown = html.escape(text)
+        return f'<a href="{html.escape(links[text])}">{shown}</a>' if text in links else shown
+
+    parts = [f"<header><h1>{html.escape(title)}</h1></header><main>"]
+    for heading, (head, rows) in tables.items():
+        lines = "".join(f"<tr>{''.join(f'<td>{cell(str(text))}</td>' for text in row)}</tr>" for row in rows)
+        columns = "".join(f'<th scope="col">{html.escape(name)}</th>' for name in head)
+        table = f'<div class="wide"><table><thead><tr>{columns}</tr></thead><tbody>{lines}</tbody></table></div>'
+        many = len(rows) > 40
+        parts.append(
+            f"<h2>{html.escape(heading)}</h2>"
+            + (f"<details><summary>{len(rows)} lines</summary>{table}</details>" if many else table)
+        )
+        if heading == next(iter(tables)):
+            parts += [
+                f'<h2>{html.escape(caption)}</h2><img alt="{html.escape(caption)}" src="{source}">'
+                for caption, source in figures.items()
+            ]
+    parts.append(
+        "</main><script>document.documentElement.dataset.theme = "
+        'matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"</script>'
+    )
+    return _page(title, "\n".join(parts))
+
+
+def _page(title: str, body: str) -> str:
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{html.escape(title)}</title><link rel="icon" href="data:,"><style>{_text("page.css")}</style></head>
+<body>{body}</body></html>
+"""
+
+
+def _text(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _speeds() -> str:
+    return "".join(
+        f'<option value="{speed}"{" selected" if speed == 20 else ""}>{speed} iterations a second</option>'
+        for speed in SPEEDS
+    )
+
+
+def _boxes() -> str:
+    return "".join(
+        f'<label><input type="checkbox" name="{name}"{" checked" if on else ""}>{text}</label>'
+        for name, text, on in LAYERS
+    )
+
+
+def _below(words: dict[str, object], name: str) -> str:
+    """Summary, events, scenario and provenance of a run."""
+    summary, provenance, notes = words["summary"], words["provenance"], words["notes"]
+    assert isinstance(summary, dict)
+    assert isinstance(provenance, dict)
+    assert isinstance(notes, list)
+    events = "".join(
+        f'<li><button type="button" data-at="{at}"><b>{at}</b>{html.escape(text)}</button></li>' for at, text in notes
+    )
+    return (
+        f"<h2>{name}Summary</h2>{_pairs(summary)}"
+        + (f'<h2>{name}Events</h2><ul class="events">{events}</ul>' if events else "")
+        + f"<h2>{name}Scenario</h2><details><summary>with every default written out</summary>"
+        f"<pre>{html.escape(str(words['scenario']))}</pre></details><h2>{name}Provenance</h2>{_pairs(provenance)}"
+    )
+
+
+def _pairs(pairs: dict[str, object]) -> str:
+    return (
+        "<dl>" + "".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(str(v))}</dd>" for k, v in pairs.items()) + "</dl>"
+    )
