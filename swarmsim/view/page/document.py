@@ -15,6 +15,7 @@ LAYERS: Final = (
     ("map", "map", True), ("links", "links", True), ("ways", "ways and goals", True), ("tiles", "tiles", True),
     ("beams", "beams", False), ("faults", "faults", True),
 )  # fmt: skip
+CANVAS: Final = "The building with its robots; numbers are beside it"
 SPEEDS: Final = (1, 5, 20, 60, 200)
 
 
@@ -27,8 +28,7 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
     views = "".join(
         f'<div class="view" id="view-{k}">'
         + (f"<h2>{names[k]}{html.escape(run.scenario.title)}</h2>" if beside else "")
-        + '<canvas role="img" aria-label="The building with its robots; numbers are beside it"></canvas>'
-        '<div class="tip" role="status"></div></div>'
+        + f'<canvas role="img" aria-label="{CANVAS}"></canvas><div class="tip" role="status"></div></div>'
         for k, run in enumerate(runs)
     )
     data = "".join(
