@@ -28,7 +28,8 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
     views = "".join(
         f'<div class="view" id="view-{k}">'
         + (f"<h2>{names[k]}{html.escape(run.scenario.title)}</h2>" if beside else "")
-        + f'<canvas role="img" aria-label="{CANVAS}"></canvas><div class="tip" role="status"></div></div>'
+        + f'<canvas role="img" aria-label="{CANVAS}"></canvas>'
+        '<div class="tip" role="status"></div></div>'
         for k, run in enumerate(runs)
     )
     data = "".join(
@@ -39,7 +40,8 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
     told = [_below(json.loads(one["words"]), name) for one, name in zip(packed, names, strict=True)]
     below = "".join(f"<section>{one}</section>" for one in told)
     curve = recording.curve.label.partition(", ")[0]
-    body = f"""<header><h1>{title}</h1><button id="theme" type="button" aria-label="Change colours">Dark</button></header>
+    body = f"""<header><h1>{title}</h1>
+<button id="theme" type="button" aria-label="Change colours">Dark</button></header>
 <main><div class="stage"><div>
 <div class="views">{views}</div><div class="key" id="key"></div>
 <div class="scrub"><canvas id="curve" aria-hidden="true"></canvas>
