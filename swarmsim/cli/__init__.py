@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli import comparisons, exports, figures, network, parts, reports, runs, studies, worlds
+from swarmsim.cli import comparisons, exports, figures, network, parts, reports, runs, studies, views, worlds
 
 BAD_INPUT, PART_FAILED = 2, 3  # exit codes
 
@@ -22,6 +22,7 @@ for verb in (
     runs.run,
     runs.video,
     reports.report,
+    views.view,
     runs.show,
     runs.verify,
     exports.export,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
+    from swarmsim.core.scenario import Scenario
     from swarmsim.engine.build import Run
     from swarmsim.recording.reader import Recording
     from swarmsim.view.video import Film
@@ -64,7 +65,7 @@ def run(
         made = _made(scenario, overrides, faults or [])
         for notice in (*files_outside(scenario, overrides), *made.arena.plan.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
-        folder = _new_folder(out, scenario.stem)
+        folder = new_folder(out, scenario.stem)
         with told_if_interrupted(lambda: f"{made.simulation.state.iteration} iterations are kept in {folder}"):
             finished = _simulate(made, folder / "recording.h5", progress)
         recording = Recording(folder)
@@ -189,32 +190,39 @@ def schema() -> None:
 
 def _made(path: Path, overrides: list[str], faults: list[str]) -> Run:
     """The run of a scenario file with these faults besides. Raises InputError, which names the option at fault."""
-    import msgspec
-
     from swarmsim.core.errors import InputError
-    from swarmsim.core.scenario import load
     from swarmsim.engine.build import build
-    from swarmsim.faults.in_words import fault_in_words
 
-    scenario = load(path, overrides)
-    given = len(scenario.faults)
-    for text in faults:
-        try:
-            more = fault_in_words(text)
-        except InputError as problem:
-            raise InputError(f"--fault {text!r}: {problem}") from problem
-        scenario = msgspec.structs.replace(scenario, faults=(*scenario.faults, more))
+    scenario = scenario_of(path, overrides, faults)
     try:
         return build(scenario, str(path))
     except InputError as problem:
-        for number, text in enumerate(faults, given):
+        for number, text in enumerate(faults, len(scenario.faults) - len(faults)):
             place = f"{path}: faults[{number}]."
             if str(problem).startswith(place):
                 raise InputError(f"--fault {text!r}: {str(problem).removeprefix(place)}") from problem
         raise
 
 
-def _new_folder(asked: Path | None, stem: str) -> Path:
+def scenario_of(path: Path, overrides: list[str], faults: list[str]) -> Scenario:
+    """A scenario file with faults in words besides its own. Raises InputError, which names the option at fault."""
+    import msgspec
+
+    from swarmsim.core.errors import InputError
+    from swarmsim.core.scenario import load
+    from swarmsim.faults.in_words import fault_in_words
+
+    scenario = load(path, overrides)
+    for text in faults:
+        try:
+            more = fault_in_words(text)
+        except InputError as problem:
+            raise InputError(f"--fault {text!r}: {problem}") from problem
+        scenario = msgspec.structs.replace(scenario, faults=(*scenario.faults, more))
+    return scenario
+
+
+def new_folder(asked: Path | None, stem: str) -> Path:
     """Make the run's folder: the one asked for, or the first unused runs/STEM-N."""
     from swarmsim.core.errors import InputError
 

@@ -231,6 +231,10 @@ class Bodies(Protocol):
         """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again, but for those retired."""
         ...
 
+    def push(self, robots: NDArray[np.int64], velocity: tuple[float, float]) -> None:
+        """Give the bodies of robots (r,) a velocity (m/s), as a blow does. Raises InputError if they have no mass."""
+        ...
+
     def retire(self, robots: NDArray[np.int64]) -> None:
         """Let nothing bring these robots (r,) back that are out, or will be."""
         ...

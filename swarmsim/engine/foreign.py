@@ -19,7 +19,7 @@ _PACKAGE: Final = Path(__file__).parents[1]
 #: What the part of each seam has to have, besides what is found out when it is used.
 VERBS: Final = {
     "generator": ("draw",),
-    "physics": ("drive", "state", "solid", "remove", "crash", "place", "retire"),
+    "physics": ("drive", "state", "solid", "remove", "crash", "place", "push", "retire"),
     "sensor": ("sense",),
     "field": ("value",),
     "localisation": ("locate",),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Computation, Parts, Setting
 from swarmsim.core.state import State
-from swarmsim.faults.effect import TimedFault
+from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline
 from swarmsim.operations.mapping.maps import Maps
 
@@ -35,6 +35,36 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def build(self, setting: Setting) -> TimedFault:
         """The fault."""
         return TimedFault(Timeline(self, setting), Crashing(self.map), setting.number)
+
+
+class Push(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots get a blow that gives them a velocity; friction of their wheels brakes it."""
+
+    velocity: tuple[float, float]  # m/s, to the right and up
+    lasts: Duration | None = 1  # iterations until it can strike the same robot again
+
+    def build(self, setting: Setting) -> TimedFault:
+        """The fault. Raises InputError for a velocity that no blow gives."""
+        if not all(-10.0 <= one <= 10.0 for one in self.velocity):
+            raise InputError(f"velocity: {list(self.velocity)} m/s; expected at most 10 m/s either way")
+        return TimedFault(Timeline(self, setting), Blow(self.velocity), setting.number)
+
+
+class Blow(Lasting):
+    """Pushes bodies once."""
+
+    def __init__(self, velocity: tuple[float, float]) -> None:
+        self._velocity = velocity
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The same parts. Raises InputError for bodies that cannot be pushed."""
+        self._bodies = parts.bodies
+        self._bodies.push(np.empty(0, np.int64), self._velocity)
+        return parts
+
+    def begin(self, robots: Robots, state: State) -> None:
+        """Push them."""
+        self._bodies.push(robots, self._velocity)
 
 
 class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

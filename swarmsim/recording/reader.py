@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
+import h5py
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -28,36 +29,54 @@ SHARES: Final = (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)  # of the task, whose times a 
 class Recording:
     """A recorded run, read back; row t of every array is iteration t, row i of that robot i."""
 
-    def __init__(self, path: Path) -> None:
-        """Open a recording, or the folder of a run that holds one. Raises InputError."""
+    def __init__(self, path: Path, file: h5py.File | None = None) -> None:
+        """Open a recording, or the folder of a run that holds one; `file` is one that this process still writes.
+
+        Raises InputError.
+        """
         self.path = path / "recording.h5" if path.is_dir() else path
         if not self.path.is_file():
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
+        self._growing = file
         try:
-            with hdf5.open_for_reading(self.path) as file:
-                found = file.attrs.get("swarmsim-recording")
-                if found != FORMAT:
-                    raise InputError(
-                        f"{self.path}: format {found if found is not None else 'unknown'}, but this swarmsim "
-                        f"{version('swarmsim-lab')} reads format {FORMAT}; run the scenario again, or read it with the "
-                        f"version that wrote it"
-                    )
-                self.versions: dict[str, str] = json.loads(file.attrs["versions"])
-                table = tomllib.loads(file.attrs["scenario"])
-                x0, y0, cell, rows, columns = file.attrs["lattice"]
-                self.digested: list[str] = file.attrs["digested"].split()
-                #: The names of what the task measured of the swarm.
-                self.measures: list[str] = json.loads(file.attrs["measures"])
-                #: What the task is about, and how it is drawn.
-                self.curve: Curve = msgspec.json.decode(file.attrs["curve"], type=Curve)
-                self._rows: set[str] = set(json.loads(file.attrs["rows"]))  # tables with one row for each iteration
-                self._arrays: dict[str, NDArray[Any]] = {name: file[name][()] for name in file}
+            if file is not None:
+                self._read(file)
+            else:
+                with hdf5.open_for_reading(self.path) as opened:
+                    self._read(opened)
         except (OSError, KeyError, ValueError, RuntimeError) as problem:
             raise InputError(
                 f"{self.path}: not a whole recording ({problem}); expected an HDF5 file written by 'swarmsim run'"
             ) from problem
-        self.scenario: Scenario = shape(table, str(self.path))
+
+    def _read(self, file: h5py.File) -> None:
+        found = file.attrs.get("swarmsim-recording")
+        if found != FORMAT:
+            raise InputError(
+                f"{self.path}: format {found if found is not None else 'unknown'}, but this swarmsim "
+                f"{version('swarmsim-lab')} reads format {FORMAT}; run the scenario again, or read it with the "
+                f"version that wrote it"
+            )
+        self.versions: dict[str, str] = json.loads(file.attrs["versions"])
+        self.scenario: Scenario = shape(tomllib.loads(file.attrs["scenario"]), str(self.path))
+        x0, y0, cell, rows, columns = file.attrs["lattice"]
         self.lattice = Lattice(float(x0), float(y0), float(cell), int(rows), int(columns))
+        self.digested: list[str] = file.attrs["digested"].split()
+        #: The names of what the task measured of the swarm.
+        self.measures: list[str] = json.loads(file.attrs["measures"])
+        #: What the task is about, and how it is drawn.
+        self.curve: Curve = msgspec.json.decode(file.attrs["curve"], type=Curve)
+        self._rows: set[str] = set(json.loads(file.attrs["rows"]))  # tables with one row for each iteration
+        self._arrays: dict[str, NDArray[Any]] = {name: file[name][()] for name in file}
+        self.iterations = len(self._arrays["digests"])
+
+    def refresh(self) -> None:
+        """Take in what has been flushed since, of a recording that this process still writes."""
+        assert self._growing is not None
+        for name, array in self._arrays.items():
+            table = self._growing[name]
+            if len(table) > len(array):
+                self._arrays[name] = np.concatenate([array, table[len(array) :]])
         self.iterations = len(self._arrays["digests"])
 
     def __getitem__(self, name: str) -> NDArray[Any]:
@@ -91,7 +110,7 @@ class Recording:
         """What became of cells of the robots' maps in one iteration (c, 3): robot, row-major cell, new state."""
         return self._of("changes", iteration)
 
-    @cached_property
+    @property
     def fates(self) -> list[str]:
         """What the numbers of fates mean: 0 is heard, all others why a message was lost."""
         return [name.decode() for name in self._arrays["fates"]]

@@ -55,8 +55,9 @@ class Recorder:
         self._fates = ["heard"]
         astray = any(fault.get("use") == "localisation" for fault in scenario.faults)
         self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
-        self._file = h5py.File(path, "x", libver="latest")
-        self._file.attrs.update(
+        #: The HDF5 file, which the same process may read while it grows.
+        self.file = h5py.File(path, "x", libver="latest")
+        self.file.attrs.update(
             {
                 "swarmsim-recording": FORMAT,
                 "scenario": tomli_w.dumps(_without_none(msgspec.to_builtins(scenario))),
@@ -68,9 +69,9 @@ class Recorder:
                 "rows": "[]",
             }
         )
-        self._file["world"] = np.frombuffer(world.encode(), np.uint8)
+        self.file["world"] = np.frombuffer(world.encode(), np.uint8)
         for name, mask in (("domain", domain), ("truth", truth)):
-            self._file.create_dataset(name, data=mask, compression="gzip")
+            self.file.create_dataset(name, data=mask, compression="gzip")
         self._table("digests", (len(DIGESTED), 8), np.uint8)
 
     def _open(self, moment: Moment) -> None:
@@ -90,9 +91,9 @@ class Recorder:
         self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
         self._table("events", (), np.uint8, MANY)  # text: an event in JSON a line
         once = ("fates", "waypoints", "paths", "events")
-        self._file.attrs["rows"] = json.dumps([n for n in self._tables if n not in (*once, *self._totals)])
-        self._file.attrs["measures"] = json.dumps(list(moment.measured.values))
-        self._file.swmr_mode = True
+        self.file.attrs["rows"] = json.dumps([n for n in self._tables if n not in (*once, *self._totals)])
+        self.file.attrs["measures"] = json.dumps(list(moment.measured.values))
+        self.file.swmr_mode = True
 
     def _rows(self, moment: Moment) -> dict[str, Any]:
         """What has one row of the same shape in every iteration, by the name of its table."""
@@ -108,7 +109,7 @@ class Recorder:
         }
 
     def _table(self, name: str, row: tuple[int, ...], kind: Any, chunk: int = BLOCK) -> None:
-        self._tables[name] = self._file.create_dataset(
+        self._tables[name] = self.file.create_dataset(
             name, (0, *row), kind, chunks=(chunk, *row), maxshape=(None, *row), compression="gzip", compression_opts=1,
             shuffle=True,
         )  # fmt: skip
@@ -180,9 +181,9 @@ class Recorder:
 
     def close(self) -> None:
         """Write the rest and close the file."""
-        if self._file:
+        if self.file:
             self.flush()
-            self._file.close()
+            self.file.close()
 
     def __enter__(self) -> Recorder:
         return self

@@ -169,6 +169,12 @@ class DifferentialDrive:
         self._wheels[robots] = 0.0
         self._alive[robots] = True
 
+    def push(self, robots: NDArray[np.int64], velocity: tuple[float, float]) -> None:
+        """Give the bodies of robots (r,) a velocity (m/s), as a blow does; their wheels brake it."""
+        for robot in robots:
+            self._discs[robot].body.velocity = velocity
+        self._moving[robots, 3:5] = velocity
+
     def retire(self, robots: NDArray[np.int64]) -> None:
         """Let nothing bring these robots (r,) back that are out, or will be."""
         self._retired[robots] = True

@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion, Setting
 from swarmsim.core.state import State
 
@@ -65,6 +66,10 @@ class PointBodies:
         robots, pose = robots[~self._retired[robots]], pose[~self._retired[robots]]
         self._pose[robots], self._wheels[robots], self._velocity[robots] = pose, 0.0, 0.0
         self._alive[robots], self._there[robots] = True, True
+
+    def push(self, robots: NDArray[np.int64], velocity: tuple[float, float]) -> None:
+        """Particles cannot be pushed. Raises InputError."""
+        raise InputError("use: particles have no mass, and cannot be pushed; expected physics.use = 'pymunk'")
 
     def retire(self, robots: NDArray[np.int64]) -> None:
         """Let nothing bring these robots (r,) back."""

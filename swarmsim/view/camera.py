@@ -33,7 +33,7 @@ class Camera:
 
     def metres(self, x: float, y: float) -> tuple[float, float]:
         """The place in the building at a pixel."""
-        return (x - self.left) / self.scale, (self.low - y) / self.scale
+        return float((x - self.left) / self.scale), float((self.low - y) / self.scale)
 
     def moved(self, right: float, down: float) -> Camera:
         """The picture moved by so many pixels."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarmsim.view.actors import Actors
 from swarmsim.view.camera import Camera
-from swarmsim.view.ground import Ground
+from swarmsim.view.ground import FINEST, Ground
 from swarmsim.view.look import Look
 from swarmsim.view.panel import Panel
 from swarmsim.view.scene import Scene, Shot
@@ -25,9 +25,16 @@ class Canvas:
     """The picture of a scene, of one size in pixels; wide ones have their panel on the right, others below."""
 
     def __init__(
-        self, scene: Scene, size: tuple[int, int], look: Look | None = None, camera: Camera | None = None
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        look: Look | None = None,
+        camera: Camera | None = None,
+        finest: int = FINEST,
     ) -> None:
-        """`camera` is what the map is seen by, if not all of it is to be seen. Raises InputError for a `look`."""
+        """`camera` is what the map is seen by, if not all of it is to be seen; what stands still is drawn at most
+        `finest` pixels wide before it is reduced. Raises InputError for a `look`.
+        """
         self._scene, self._look = scene, look or Look()
         self._look.check(scene)
         theme = self._look.colours
@@ -41,15 +48,27 @@ class Canvas:
         self._letters = letters = Lettering()
         strip = pygame.Rect(self.area.left, self.area.bottom - 2 * self._small, self.area.width, 2 * self._small)
         room = pygame.Rect(self.area.left, self.area.top, self.area.width, self.area.height - strip.height)
+        self._zoomed = camera is not None
         self.camera = camera or Camera.fitting(scene.bounds, (room.left, room.top, room.width, room.height))
         self._pen = Pen(theme)
         self._actors = Actors(scene, self._look, self.camera, max(8.0 * unit, 5.0), self._line, letters)
         self.radius = self._actors.radius
-        self._ground = Ground(scene, self._look, self.camera, size, max(1, round(2 * unit)))
+        self._ground = Ground(scene, self._look, self.camera, size, max(1, round(2 * unit)), finest)
         self._overlay = self._headline(size[0] - 2 * pad if not wide else panel.left - 2 * pad)
+        self._room, self._columns = panel, 1 if wide else 2
+        self.renew()
+
+    @property
+    def outdated(self) -> bool:
+        """Whether more has been recorded than the panel shows."""
+        return self._shown < self._scene.iterations
+
+    def renew(self) -> None:
+        """Draw the panel for all that has been recorded by now."""
+        self._shown = self._scene.iterations
         self._panel = (
-            Panel(scene, self._look, panel, unit, letters, self._actors.enlarged, 1 if wide else 2)
-            if panel.width
+            Panel(self._scene, self._look, self._room, self._unit, self._letters, self._actors.enlarged, self._columns)
+            if self._room.width
             else None
         )
 
@@ -57,8 +76,12 @@ class Canvas:
         """The picture after so many iterations; the surface is overwritten by the next call."""
         shot = self._scene.at(iteration)
         self._ground.show(shot.row)
+        if self._zoomed:
+            self._surface.fill(self._look.colours.background)
+            self._surface.set_clip(self.area)
         self._surface.blit(self._ground.surface, (0, 0))
         self._actors.draw(self._surface, shot)
+        self._surface.set_clip(None)
         if self._look.focus is not None:
             self._magnify(shot)
         for sheet, at in self._overlay:

@@ -24,10 +24,12 @@ NOTHING, SEEN, OF_OTHERS = 0, -1, -2
 class Ground:
     """A picture of the building, kept up with the map of one moment after the other."""
 
-    def __init__(self, scene: Scene, look: Look, camera: Camera, size: tuple[int, int], line: int) -> None:
-        """`size` and the width of a `line` are in pixels."""
+    def __init__(
+        self, scene: Scene, look: Look, camera: Camera, size: tuple[int, int], line: int, finest: int = FINEST
+    ) -> None:
+        """`size`, the width of a `line` and what still life is drawn at, `finest`, are in pixels."""
         self._scene, self._look, self._theme, self._camera = scene, look, look.colours, camera
-        still, self._edges = self._building(size, line, min(3, max(1, FINEST // size[0])))
+        still, self._edges = self._building(size, line, min(3, max(1, finest // size[0])))
         lattice = scene.lattice
         lines = lattice.centres(np.arange(max(lattice.shape) + 1)[:, None].repeat(2, axis=1)) - 0.5 * lattice.cell
         # Whole pixels, so that neighbouring cells neither overlap nor leave a gap.

@@ -14,6 +14,7 @@ WORDS: Final = {
     "remove": ("removed", "returned"),
     "crash": ("crashed", "repaired"),
     "join": ("late", "joined"),
+    "push": ("pushed", "steady again"),
     "battery": ("battery empty", "battery full"),
     "door": ("door closed", "door opened"),
     "furniture": ("furniture placed", "furniture taken"),

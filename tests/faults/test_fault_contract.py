@@ -84,6 +84,7 @@ CASES = [
     Case('use="crash", rate=0.2, lasts=5', onset=0, words=CRASHED, scenario="basilica", **OUT),
     Case('use="join", at=8, every=5, times=2', onset=0, words=LATE, **OUT),
     Case('use="join", at=8, count=3, map="copied"', onset=0, words=LATE, scenario="basilica", **OUT),
+    Case('use="push", at=8, velocity=[0.3, 0.1], count=2', words=("pushed", "steady again")),
     wheels("off"),
     wheels("off", ', wheel="right"'),
     wheels("slow"),

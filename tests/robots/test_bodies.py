@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from conftest import building
+from conftest import building, made
 from numpy.testing import assert_array_equal
 from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
+from swarmsim.core.errors import InputError
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
@@ -392,3 +393,17 @@ def test_fast_robots_do_not_pass_thin_walls(tmp_path, speed, substep):
     while not run.simulation.over:
         x, y, _ = run.simulation.tick().state.pose.T
         assert ((x > 0.15) & (x < 3.45) & (y > 0.15) & (y < 2.25)).all()
+
+
+def test_a_pushed_robot_slides_as_far_as_friction_lets_it() -> None:
+    """Sideways, wheels can only rub: v^2 / (2 mu g) is the way that a blow of v gives."""
+    run = made("robots.count=2", "stop.iterations=12", 'faults=[{use="push", at=3, velocity=[0.0, 0.6], robots=[0]}]')
+    still = made("robots.count=2", "stop.iterations=12")
+    poses = []
+    for one in (run, still):
+        for _ in range(4):
+            one.simulation.tick()
+        poses.append(one.simulation.state.pose[0, :2])
+    assert np.hypot(*(poses[0] - poses[1])) > 0.01
+    with pytest.raises(InputError, match="particles have no mass"):
+        made("stop.iterations=5", 'faults=[{use="push", at=3, velocity=[0.0, 0.6]}]', "physics.use='particles'")

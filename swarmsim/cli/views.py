@@ -1,0 +1,64 @@
+"""The verb that opens a window."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swarmsim.cli.options import AllowCode
+
+
+def view(
+    what: Annotated[Path, typer.Argument(metavar="SCENARIO.toml|RUN", help="A scenario to run, or a recorded run.")],
+    seed: Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key; the value is TOML.")
+    ] = None,
+    faults: Annotated[
+        list[str] | None, typer.Option("--fault", metavar="'KIND KEY=VALUE ...'", help="One more fault, in words.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
+    theme: Annotated[str, typer.Option(help="Colours: dark or light.")] = "dark",
+    speed: Annotated[int, typer.Option(help="Iterations a second at the start.", min=1)] = 20,
+    allow_code: AllowCode = False,
+) -> None:
+    """Open a window on a run: watch it, go back in time, kill, blind, mute or push robots, close doors.
+
+    What you do is recorded as faults of the scenario, so that `swarmsim verify` repeats it. Press h for the keys.
+
+    Example: swarmsim view scenarios/basilica.toml
+
+    A recorded run: swarmsim view runs/basilica-1
+    """
+    from swarmsim.cli.runs import new_folder, scenario_of
+    from swarmsim.core.errors import InputError
+    from swarmsim.live.session import Replay, Session
+    from swarmsim.recording.reader import Recording
+    from swarmsim.view.look import Look
+    from swarmsim.view.window import Window
+
+    look = Look(theme)
+    if what.suffix != ".toml":
+        recording = Recording(what)
+        Window(Replay(recording), recording.path.parent, look=look, speed=speed).run()
+        return
+    overrides = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
+    scenario = scenario_of(what, overrides, faults or [])
+    folder = new_folder(out, what.stem)
+    try:
+        session = Session(scenario, str(what), folder)
+        window = Window(session, folder, look=look, speed=speed)
+    except InputError:
+        shutil.rmtree(folder)
+        raise
+    try:
+        window.run()
+    finally:
+        kept = session.close()
+    summary = Recording(kept).summary()
+    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    print(f"{folder}: {summary['iterations']} iterations; repeat them with: swarmsim verify {folder}")

@@ -1,0 +1,356 @@
+"""A window on a run: look at it from everywhere and at any time, and let faults strike while it goes on."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+import pygame
+
+from swarmsim.core.errors import InputError
+from swarmsim.recording.reader import Recording
+from swarmsim.view.camera import Camera
+from swarmsim.view.canvas import Canvas
+from swarmsim.view.look import LAYERS, Look
+from swarmsim.view.scene import Scene
+from swarmsim.view.symbols import Lettering
+from swarmsim.view.video import Film, write_film
+
+BAR: Final = 64  # pixels below the picture: the time line and a line of words
+SMALLEST: Final = (640, 360)
+FRAMES: Final = 60  # a second
+BUDGET: Final = 0.03  # s of simulating for one frame, at most
+RENEWED: Final = 0.5  # s from one drawing of the panel to the next, of a run that goes on
+SPEEDS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # iterations a second
+PUSH: Final = 0.5  # m/s
+#: What strikes the picked robot, by key: a name and the fault's table.
+STRIKES: Final[dict[int, tuple[str, dict[str, Any]]]] = {
+    pygame.K_k: ("killed", {"use": "crash"}),
+    pygame.K_r: ("removed", {"use": "remove"}),
+    pygame.K_b: ("blinded", {"use": "sensor", "failure": "off"}),
+    pygame.K_m: ("muted", {"use": "radio", "failure": "transmit"}),
+}
+LAYER_KEYS: Final = dict(
+    zip((pygame.K_1, pygame.K_2, pygame.K_3, pygame.K_4, pygame.K_5, pygame.K_6), LAYERS, strict=False)
+)
+HELP: Final = (
+    "space  run, pause          left, right  one iteration      + -  speed",
+    "click  pick a robot        o  its own map                  escape  nobody",
+    "wheel  zoom                drag  move                      0  all of the building",
+    "k  kill the picked robot   b  blind   m  mute   r  remove   p  push it towards the pointer",
+    "right button, drag  close a door, or put a box there        backspace  take that back",
+    "1 to 6  " + ", ".join(LAYER_KEYS.values()),
+    "t  light or dark           f  save a film                  h  this help       q  close",
+)
+
+
+class Show(Protocol):
+    """What a window shows: a run that goes on, or one that is over."""
+
+    recording: Recording
+
+    @property
+    def live(self) -> bool:
+        """Whether faults can strike it."""
+        ...
+
+    @property
+    def over(self) -> bool:
+        """Whether there is no iteration to come."""
+        ...
+
+    def advance(self) -> None:
+        """Do one more iteration."""
+        ...
+
+    def strike(self, fault: dict[str, Any], iteration: int) -> None:
+        """Let a fault strike at an iteration. Raises InputError."""
+        ...
+
+    def undo(self) -> None:
+        """Take the latest strike back."""
+        ...
+
+
+class Window:
+    """The window; `handle` takes one event of pygame's, `frame` draws one picture."""
+
+    def __init__(
+        self, show: Show, folder: Path, size: tuple[int, int] = (1280, 784), look: Look | None = None, speed: int = 20
+    ) -> None:
+        """Films are saved into `folder`. Raises InputError where there is no display."""
+        try:
+            pygame.display.init()
+            self._screen = pygame.display.set_mode(size, pygame.RESIZABLE)
+        except pygame.error as problem:
+            raise InputError(
+                f"no window can be opened ({problem}); without a display use swarmsim video or swarmsim report"
+            ) from problem
+        pygame.display.set_caption("swarmsim")
+        self._show, self._folder, self._look = show, folder, look or Look()
+        self._speed = min(range(len(SPEEDS)), key=lambda place: abs(SPEEDS[place] - speed))
+        self._letters = Lettering()
+        self.time = 0.0  # iterations
+        self.playing = True
+        self.open = True
+        self.picked: int | None = None
+        self.words = "h for help"
+        self._helps = False
+        self._camera: Camera | None = None
+        self._dragged: tuple[int, int] | None = None  # where the left button went down
+        self._moved = False
+        self._box: tuple[int, int] | None = None  # where the right button went down
+        self._films = 0
+        self._renewed = 0.0
+        self._scene = Scene(show.recording)
+        self._canvas = self._drawn()
+
+    def run(self) -> None:
+        """Show the run until the window is closed."""
+        clock = pygame.time.Clock()
+        while self.open:
+            seconds = clock.tick(FRAMES) / 1000.0
+            for event in pygame.event.get():
+                self.handle(event)
+            self.frame(seconds)
+        pygame.display.quit()
+
+    def frame(self, seconds: float) -> None:
+        """Let time go on by so many seconds, and draw."""
+        if self.playing:
+            self._go_to(self.time + seconds * SPEEDS[self._speed])
+        self._renew()
+        self._screen.fill(self._look.colours.background)
+        self._screen.blit(self._canvas.draw(self.time), (0, 0))
+        self._draw_picked()
+        self._draw_bar()
+        if self._helps:
+            self._draw_help()
+        pygame.display.flip()
+
+    def handle(self, event: pygame.event.Event) -> None:
+        """Do what an event asks for."""
+        if event.type == pygame.QUIT:
+            self.open = False
+        elif event.type == pygame.VIDEORESIZE:
+            self._camera = None
+            self._canvas = self._drawn()
+        elif event.type == pygame.KEYDOWN:
+            self._key(event.key)
+        elif event.type == pygame.MOUSEWHEEL:
+            self._camera = self._canvas.camera.zoomed(1.25**event.y, *pygame.mouse.get_pos())
+            self._canvas = self._drawn()
+        elif event.type in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP, pygame.MOUSEMOTION):
+            self._mouse(event)
+
+    def _key(self, key: int) -> None:
+        if key == pygame.K_q:
+            self.open = False
+        elif key == pygame.K_SPACE:
+            self.playing = not self.playing
+        elif key in (pygame.K_RIGHT, pygame.K_LEFT):
+            self.playing = False
+            self._go_to(float(int(self.time) + (1 if key == pygame.K_RIGHT else -1)))
+        elif key in (pygame.K_PLUS, pygame.K_EQUALS, pygame.K_KP_PLUS, pygame.K_MINUS, pygame.K_KP_MINUS):
+            faster = key not in (pygame.K_MINUS, pygame.K_KP_MINUS)
+            self._speed = min(max(self._speed + (1 if faster else -1), 0), len(SPEEDS) - 1)
+            self.words = f"{SPEEDS[self._speed]} iterations a second"
+        elif key in STRIKES:
+            word, fault = STRIKES[key]
+            self._strike(word, fault)
+        elif key == pygame.K_p:
+            self._push()
+        elif key == pygame.K_BACKSPACE:
+            self._show.undo()
+            self._changed("taken back")
+        elif key in LAYER_KEYS:
+            self._wear(replace(self._look, layers=self._look.layers ^ {LAYER_KEYS[key]}))
+            self.words = f"{LAYER_KEYS[key]} {'shown' if LAYER_KEYS[key] in self._look.layers else 'hidden'}"
+        elif key == pygame.K_t:
+            self._wear(replace(self._look, theme="light" if self._look.theme == "dark" else "dark"))
+        elif key == pygame.K_o:
+            self._wear(replace(self._look, focus=None if self._look.focus is not None else self.picked))
+        elif key == pygame.K_ESCAPE:
+            self.picked = None
+            self._wear(replace(self._look, focus=None))
+        elif key == pygame.K_0:
+            self._camera = None
+            self._canvas = self._drawn()
+        elif key == pygame.K_f:
+            self._film()
+        elif key == pygame.K_h:
+            self._helps = not self._helps
+
+    def _mouse(self, event: pygame.event.Event) -> None:
+        left, right = (
+            getattr(event, "button", 0) == pygame.BUTTON_LEFT,
+            getattr(event, "button", 0) == pygame.BUTTON_RIGHT,
+        )
+        if event.type == pygame.MOUSEMOTION:
+            if self._dragged is not None and event.buttons[0]:
+                self._drag(event)
+        elif event.type == pygame.MOUSEBUTTONDOWN and left:
+            self._dragged, self._moved = event.pos, False
+            if event.pos[1] >= self._screen.get_height() - BAR:
+                self._scrub(event.pos[0])
+        elif event.type == pygame.MOUSEBUTTONUP and left:
+            if not self._moved and event.pos[1] < self._screen.get_height() - BAR:
+                self._pick(event.pos)
+            self._dragged = None
+        elif event.type == pygame.MOUSEBUTTONDOWN and right:
+            self._box = event.pos
+        elif event.type == pygame.MOUSEBUTTONUP and right and self._box is not None:
+            self._close_off(self._box, event.pos)
+            self._box = None
+
+    def _drag(self, event: pygame.event.Event) -> None:
+        assert self._dragged is not None
+        if self._dragged[1] >= self._screen.get_height() - BAR:
+            self._scrub(event.pos[0])
+        elif self._moved or np.hypot(event.pos[0] - self._dragged[0], event.pos[1] - self._dragged[1]) > 4.0:
+            self._camera = self._canvas.camera.moved(*event.rel)
+            self._canvas = self._drawn()
+            self._moved = True
+
+    def _scrub(self, x: int) -> None:
+        share = (x - 12) / (self._screen.get_width() - 24)
+        self.playing = False
+        self._go_to(min(max(share, 0.0), 1.0) * self._scene.iterations)
+
+    def _go_to(self, moment: float) -> None:
+        """Move time, and simulate as far as it needs, but never for longer than a frame may take."""
+        until = time.perf_counter() + BUDGET
+        recording = self._show.recording
+        while moment > recording.iterations and not self._show.over and time.perf_counter() < until:
+            self._show.advance()
+        self.time = min(max(moment, 0.0), float(recording.iterations))
+        if recording.iterations > self._scene.iterations:
+            self._scene.refresh()
+        if self._show.over and self.time >= recording.iterations:
+            self.playing = False
+
+    def _renew(self) -> None:
+        """Draw the panel again, now and then, of a run that goes on."""
+        now = time.perf_counter()
+        if self._canvas.outdated and now - self._renewed > RENEWED:
+            self._canvas.renew()
+            self._renewed = now
+
+    def _strike(self, word: str, fault: dict[str, Any]) -> None:
+        """Let a fault strike the picked robot, from the iteration that comes next."""
+        if self.picked is None:
+            self.words = "pick a robot first: click on it"
+            return
+        keep = {} if "box" in fault else {"robots": [self.picked], "keep": 0}
+        self._try({**fault, **keep}, f"robot {self.picked} {word}")
+
+    def _push(self) -> None:
+        if self.picked is None:
+            self.words = "pick a robot first: click on it"
+            return
+        x, y = self._canvas.camera.metres(*pygame.mouse.get_pos())
+        here = self._scene.at(self.time).pose[self.picked, :2]
+        way = np.array([x, y]) - here
+        velocity = (PUSH * way / max(float(np.hypot(*way)), 1e-9)).round(3).tolist()
+        self._try(
+            {"use": "push", "velocity": velocity, "robots": [self.picked], "keep": 0}, f"robot {self.picked} pushed"
+        )
+
+    def _close_off(self, one: tuple[int, int], other: tuple[int, int]) -> None:
+        """Put a box between two corners of the picture."""
+        (x1, y1), (x2, y2) = (self._canvas.camera.metres(*corner) for corner in (one, other))
+        box = [round(edge, 2) for edge in (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))]
+        self._try({"use": "door", "box": box}, "door closed")
+
+    def _try(self, fault: dict[str, Any], word: str) -> None:
+        moment = min(int(self.time) + 1, self._show.recording.iterations)
+        try:
+            self._show.strike(fault, moment)
+        except InputError as problem:
+            self.words = str(problem)
+            return
+        self._changed(f"iteration {moment}: {word}")
+
+    def _changed(self, word: str) -> None:
+        """Look at a recording that is another one now."""
+        self._scene = Scene(self._show.recording)
+        self.time = min(self.time, float(self._scene.iterations))
+        self._canvas = self._drawn()
+        self.words = word
+
+    def _pick(self, pos: tuple[int, int]) -> None:
+        """Pick the robot at a place of the picture, or nobody."""
+        places = self._canvas.pixels(self._scene.at(self.time).pose[:, :2])
+        apart = np.hypot(*(places - np.array(pos)).T)
+        nearest = int(apart.argmin())
+        self.picked = nearest if apart[nearest] <= max(2.0 * self._canvas.radius, 12.0) else None
+        focus = self.picked if self._look.focus is not None else None
+        if focus != self._look.focus:
+            self._wear(replace(self._look, focus=focus))
+        self.words = "nobody picked" if self.picked is None else f"robot {self.picked} picked"
+
+    def _wear(self, look: Look) -> None:
+        if look != self._look:
+            self._look = look
+            self._canvas = self._drawn()
+
+    def _drawn(self) -> Canvas:
+        width, height = self._screen.get_size()
+        size = (max(width, SMALLEST[0]), max(height - BAR, SMALLEST[1]))
+        self._renewed = time.perf_counter()
+        return Canvas(self._scene, size, self._look, self._camera, finest=size[0])
+
+    def _film(self) -> None:
+        self._films += 1
+        out = self._folder / f"film-{self._films}.mp4"
+
+        def told(done: int, of: int) -> None:
+            if done % 20 == 0:
+                self.words = f"film: frame {done} of {of}"
+                self._draw_bar()
+                pygame.display.flip()
+                pygame.event.pump()
+
+        write_film(self._show.recording, out, Film(look=self._look), None, told)
+        self.words = f"film: {out}"
+
+    def _draw_picked(self) -> None:
+        if self.picked is not None:
+            x, y = self._canvas.pixels(self._scene.at(self.time).pose[self.picked, :2]).tolist()
+            if self._canvas.area.collidepoint(x, y):
+                pygame.draw.aacircle(self._screen, self._look.colours.text, (x, y), 2.2 * self._canvas.radius, 2)
+        if self._box is not None:
+            (x1, y1), (x2, y2) = self._box, pygame.mouse.get_pos()
+            area = pygame.Rect(min(x1, x2), min(y1, y2), abs(x2 - x1), abs(y2 - y1))
+            pygame.draw.rect(self._screen, self._look.colours.mark, area, 2)
+
+    def _draw_bar(self) -> None:
+        """The time line, and what has just been done."""
+        theme, (width, height) = self._look.colours, self._screen.get_size()
+        self._screen.fill(theme.background, (0, height - BAR, width, BAR))
+        line = pygame.Rect(12, height - BAR + 8, width - 24, 10)
+        pygame.draw.rect(self._screen, theme.rule, line, border_radius=5)
+        done = self.time / max(self._scene.iterations, 1)
+        pygame.draw.rect(
+            self._screen, theme.curve, (*line.topleft, round(line.width * done), line.height), border_radius=5
+        )
+        for mark in self._scene.marks:
+            x = line.left + round(line.width * mark / max(self._scene.iterations, 1))
+            pygame.draw.line(self._screen, theme.mark, (x, line.top - 2), (x, line.bottom + 2), 2)
+        state = "running" if self.playing else "over" if self._show.over and done >= 1.0 else "paused"
+        told = f"{state}, {SPEEDS[self._speed]} iterations a second    {self.words}"
+        text = self._letters.fitted(told, 20, theme.text, width - 24)
+        self._screen.blit(text, (12, height - BAR + 30))
+
+    def _draw_help(self) -> None:
+        theme, lines = self._look.colours, [self._letters.render(text, 22, self._look.colours.text) for text in HELP]
+        width, height = max(line.get_width() for line in lines) + 40, 30 * len(lines) + 30
+        area = pygame.Rect(0, 0, width, height)
+        area.center = (self._screen.get_width() // 2, (self._screen.get_height() - BAR) // 2)
+        pygame.draw.rect(self._screen, theme.background, area, border_radius=8)
+        pygame.draw.rect(self._screen, theme.rule, area, 2, border_radius=8)
+        for place, line in enumerate(lines):
+            self._screen.blit(line, (area.left + 20, area.top + 18 + 30 * place))
