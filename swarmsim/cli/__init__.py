@@ -7,7 +7,20 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli import comparisons, exports, figures, network, parts, reports, runs, studies, views, worlds
+from swarmsim.cli import (
+    comparisons,
+    doctor,
+    examples,
+    exports,
+    figures,
+    network,
+    parts,
+    reports,
+    runs,
+    studies,
+    views,
+    worlds,
+)
 
 BAD_INPUT, PART_FAILED = 2, 3  # exit codes
 
@@ -32,11 +45,13 @@ for verb in (
     parts.parts,
     parts.new,
     runs.schema,
+    doctor.doctor,
 ):
     app.command()(verb)
 app.add_typer(studies.app, name="study")
 app.add_typer(figures.app, name="figure")
 app.add_typer(worlds.app, name="world")
+app.add_typer(examples.app, name="examples")
 
 
 def main() -> None:

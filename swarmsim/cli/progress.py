@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from swarmsim.cli.interruption import told_if_interrupted
@@ -29,6 +30,30 @@ def progress_bar(quiet: bool) -> Progress:
         TextColumn("{task.percentage:>3.0f} %  {task.fields[text]}"),
     )
     return Progress(*columns, console=Console(quiet=quiet))
+
+
+KERNELS = 53  # as many are compiled by the first run of a swarm that maps
+
+
+@contextmanager
+def compiling(progress: Progress) -> Iterator[None]:
+    """While kernels are compiled, which the first run on a machine has to wait for, a bar says so."""
+    from swarmsim.kernels.compiling import watched
+
+    task, names = None, 0
+
+    def told(name: str) -> None:
+        nonlocal task, names
+        if task is None:
+            progress.console.print("the first run on a machine compiles its kernels, for about half a minute")
+            task = progress.add_task("compiling", total=KERNELS, text="")
+        names += 1
+        progress.update(task, completed=min(names, KERNELS), text=name)
+
+    with watched(told):
+        yield
+    if task is not None:
+        progress.remove_task(task)
 
 
 class RunBar:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmsim.cli.completion import fault_words, set_keys
 from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode
-from swarmsim.cli.progress import RunBar, progress_bar
+from swarmsim.cli.progress import RunBar, compiling, progress_bar
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -30,10 +31,14 @@ def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
     seed: Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")] = None,
     set_: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override a key; the value is TOML.")
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", autocompletion=set_keys, help="Override a key; the value is TOML."),
     ] = None,
     faults: Annotated[
-        list[str] | None, typer.Option("--fault", metavar="'KIND KEY=VALUE ...'", help="One more fault, in words.")
+        list[str] | None,
+        typer.Option(
+            "--fault", metavar="'KIND KEY=VALUE ...'", autocompletion=fault_words, help="One more fault, in words."
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     video: Annotated[Path | None, typer.Option(help="Film to write: .mp4 or .gif.")] = None,
@@ -59,9 +64,8 @@ def run(
         from swarmsim.view.video import check_film
 
         check_film(video)
-    with progress_bar(quiet) as progress:
-        first = "" if _compiled() else " (this first run compiles, which takes about half a minute)"
-        progress.console.print(f"{scenario}: opening{first}")
+    with progress_bar(quiet) as progress, compiling(progress):
+        progress.console.print(f"{scenario}: opening")
         made = _made(scenario, overrides, faults or [])
         for notice in (*files_outside(scenario, overrides), *made.arena.plan.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
@@ -300,13 +304,6 @@ def _measures(values: dict[str, float], recording: Recording) -> dict[str, str]:
     if "changes" in recording and curve.name == "coverage" and values:
         worded[curve.name] += f" of {int(recording['domain'].sum())} cells"
     return worded
-
-
-def _compiled() -> bool:
-    """Whether numba has kept kernels of this package here, which otherwise have to be compiled first."""
-    from swarmsim.kernels import occupancy
-
-    return any(Path(occupancy.recount.stats.cache_path).glob("*.nbi"))
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
@@ -38,16 +39,19 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Push(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots get a blow that gives them a velocity; friction of their wheels brakes it."""
+    """Robots get one blow that gives them a velocity; friction of their wheels brakes it.
+
+    The fault is over after an iteration unless its keys say otherwise: then it can strike the same robot again.
+    """
 
     velocity: tuple[float, float]  # m/s, to the right and up
-    lasts: Duration | None = 1  # iterations until it can strike the same robot again
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault. Raises InputError for a velocity that no blow gives."""
         if not all(-10.0 <= one <= 10.0 for one in self.velocity):
             raise InputError(f"velocity: {list(self.velocity)} m/s; expected at most 10 m/s either way")
-        return TimedFault(Timeline(self, setting), Blow(self.velocity), setting.number)
+        once = self if self.lasts or self.between else msgspec.structs.replace(self, lasts=1)
+        return TimedFault(Timeline(once, setting), Blow(self.velocity), setting.number)
 
 
 class Blow(Lasting):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from swarmsim.core import shipped
 from swarmsim.core.errors import InputError
 from swarmsim.studies.plan import Plan, open_study
 from swarmsim.studies.results import Result, digest, gather
@@ -96,11 +97,7 @@ def calibration_plan() -> Plan:
 
 
 def _folder() -> Path:
-    package = Path(__file__).parents[1]
-    for root in (package.parent, package):  # a checkout, or an installed package
-        if (root / "scenarios" / "studies" / "kit2018").is_dir():
-            return root / "scenarios" / "studies" / "kit2018"
-    raise InputError(f"{package}: the folder scenarios/studies/kit2018 is missing; install swarmsim again")
+    return shipped.root() / "scenarios" / "studies" / "kit2018"
 
 
 def evaluate(studies: dict[str, Plan], store: Store) -> Reproduction:

@@ -354,3 +354,16 @@ class Window:
         pygame.draw.rect(self._screen, theme.rule, area, 2, border_radius=8)
         for place, line in enumerate(lines):
             self._screen.blit(line, (area.left + 20, area.top + 18 + 30 * place))
+
+
+def driver() -> str:
+    """What draws windows here. Raises InputError where nothing does."""
+    try:
+        pygame.display.init()
+        found = pygame.display.get_driver()
+        pygame.display.quit()
+    except pygame.error as problem:
+        raise InputError(str(problem)) from problem
+    if found in ("dummy", "offscreen"):
+        raise InputError(f"no display, pygame draws {found!r}")
+    return found

@@ -91,6 +91,7 @@ CONSTANT = some(needed={"dx": st.sampled_from([-0.4, 0.02, 0.15])}, dy=metres, d
 OF_ROBOTS = {
     "remove": merged(st.just({"use": "remove"}), MEMORY),
     "crash": merged(st.just({"use": "crash"}), MEMORY),
+    "push": merged(st.just({"use": "push"}), some(needed={"velocity": st.lists(metres, min_size=2, max_size=2)})),
     "motor": failing(
         "motor",
         off=some(wheel=st.sampled_from(["left", "right"])),

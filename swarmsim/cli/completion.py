@@ -1,0 +1,68 @@
+"""What a shell offers to complete: keys and parts for --set, faults for --fault, shipped examples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+
+def set_keys(incomplete: str) -> list[str]:
+    """Keys of scenarios with `=`, and the parts that stand for one: network.topology={use="knn"}."""
+    return [text for text in _settings() if text.startswith(incomplete)]
+
+
+def fault_words(incomplete: str) -> list[str]:
+    """Kinds of faults, then their failures, then keys with `=`, each after the words that are there."""
+    import typing
+
+    import msgspec
+
+    from swarmsim.core import registry
+
+    *before, last = incomplete.split(" ")
+    kinds = registry.known("fault")
+    if not before:
+        return [kind for kind in kinds if kind.startswith(last)]
+    kind = kinds.get(before[0])
+    if kind is None:
+        return []
+    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    words: list[str] = []
+    if "failure" in fields and len(before) == 1:
+        words = list(typing.get_args(fields["failure"].type))
+    given = {word.partition("=")[0] for word in before}
+    words += [f"{key}=" for key in fields if key not in given | {"failure"}]
+    return [" ".join([*before, word]) for word in words if word.startswith(last)]
+
+
+def example_names(incomplete: str) -> list[str]:
+    """The names of shipped scenarios."""
+    from swarmsim.core import shipped
+
+    return [name for name in shipped.examples() if name.startswith(incomplete)]
+
+
+def _settings() -> Iterator[str]:
+    import msgspec
+
+    from swarmsim.core import registry
+    from swarmsim.core.scenario import PLACES, Scenario
+
+    places = {".".join(place): seam for seam, place in PLACES.items()}
+
+    def keys(kind: Any, place: str) -> Iterator[str]:
+        for field in msgspec.structs.fields(kind):
+            path = f"{place}{field.encode_name}"
+            inner = field.type
+            if path in places:
+                seam = places[path]
+                for name, part in registry.known(seam).items():
+                    yield f'{path}={{use="{name}"}}'
+                    if name == registry.SEAMS[seam]:
+                        yield from keys(part, f"{path}.")
+            elif isinstance(inner, type) and issubclass(inner, msgspec.Struct):
+                yield from keys(inner, f"{path}.")
+            elif path != "faults":
+                yield f"{path}="
+
+    return iter(dict.fromkeys(keys(Scenario, "")))
