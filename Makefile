@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test test-browser test-slow bench format clean
+.PHONY: demo test docs test-browser test-slow bench format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -18,6 +18,10 @@ test: .venv/test
 
 test-browser: .venv/browser
 	$(BIN)/pytest -m browser
+
+docs: .venv/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo build/site/index.html
 
 test-slow: .venv/test
 	$(BIN)/pytest -m slow -s
@@ -48,4 +52,8 @@ clean:
 .venv/browser: .venv/test
 	@command -v chromium >/dev/null || { echo "the browser tests need chromium; install it, for instance with: apt-get install chromium"; exit 2; }
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test,browser]'
+	touch $@
+
+.venv/docs: .venv/package
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[docs]'
 	touch $@

@@ -1,14 +1,21 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
+import click
 import pytest
+import tomli_w
+import typer
 from conftest import ROOT
 
-from swarmsim.core.scenario import load
+from swarmsim.cli import app
+from swarmsim.core import registry
+from swarmsim.core.scenario import decode, load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.studies.plan import open_study
@@ -47,43 +54,137 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_commands_of_the_readme_run_in_their_order(copy: Path) -> None:
-    make, *use = blocks("README.md", "sh")
-    assert [line.split()[:2] for line in make.splitlines()] == [["make", "demo"], ["make", "test"]]
-    commands = [line for block in use for line in block.splitlines() if line.startswith("swarmsim")]
-    assert len(commands) == 17
-    for command in commands:
+def commands_of(document: str) -> list[str]:
+    """The lines of a page's shell blocks, without comments."""
+    lines = "\n".join(blocks(document, "sh")).replace("\\\n", " ").splitlines()
+    return [line.partition(" #")[0].strip() for line in lines if line.strip() and not line.startswith("#")]
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md", "docs/looking.md"])
+def test_the_commands_of_a_page_run_in_their_order(copy: Path, tmp_path: Path, document: str) -> None:
+    for name in ("scenarios", "worlds"):
+        (tmp_path / name).symlink_to(copy / name)
+    for text in blocks(document, "toml") if document == "docs/tutorial.md" else ():
+        (tmp_path / "tutorial").mkdir(exist_ok=True)
+        (tmp_path / "tutorial" / "deaths.toml").write_text(text)
+    for command in commands_of(document):
+        if not command.startswith("swarmsim"):
+            continue
         done = subprocess.run(
-            f"{sys.executable} -m {command}", shell=True, cwd=copy, capture_output=True, text=True, check=False
+            f"{sys.executable} -m {command}", shell=True, cwd=tmp_path, capture_output=True, text=True, check=False
         )
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
-    assert (copy / "runs" / "room.mp4").exists()
-    assert (copy / "runs" / "ring.gif").exists()
-    page = (copy / "runs" / "kit2018" / "report.html").read_text()
-    assert "20-15-10-5 units" in page
-    sources = re.findall(r'src="([^"]+)"', page)
-    assert len(sources) == 5
-    assert all(source.startswith("data:image/png;base64,") for source in sources)
+    if document == "README.md":
+        assert (tmp_path / "runs" / "room.mp4").exists()
+        page = (tmp_path / "runs" / "kit2018" / "report.html").read_text()
+        assert "20-15-10-5 units" in page
+        sources = re.findall(r'src="([^"]+)"', page)
+        assert len(sources) == 5
+        assert all(source.startswith("data:image/png;base64,") for source in sources)
+
+
+PAGES = ["README.md", "CONTRIBUTING.md", *(f"docs/{path.name}" for path in sorted(ROOT.glob("docs/*.md")))]
+COMMANDS = [(page, line) for page in PAGES for line in commands_of(page)]
+
+
+@pytest.mark.parametrize(("page", "line"), COMMANDS, ids=[f"{page}: {line}" for page, line in COMMANDS])
+def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) -> None:
+    words = shlex.split(line.removesuffix("|| true"))
+    for word in words:
+        if word.startswith(("scenarios/", "worlds/")):
+            assert (ROOT / word).exists(), f"{page}: {word}"
+    if words[0] in ("make", ".", "cd"):
+        if words[0] == "make":
+            assert f"\n{words[1]}:" in (ROOT / "Makefile").read_text()
+        return
+    if words[:2] == ["pip", "install"]:
+        project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+        name, _, extra = words[2].rstrip("]").partition("[")
+        assert name == project["name"]
+        assert not extra or extra in project["optional-dependencies"]
+        return
+    assert words[0] == "swarmsim", f"{page}: {line}"
+    command, rest, context = typer.main.get_command(app), words[1:], None
+    while isinstance(command, click.Group) and rest:
+        command, context, rest = command.commands[rest[0]], None, rest[1:]
+    with command.make_context("swarmsim", [*rest], parent=context, resilient_parsing=False):
+        pass
+
+
+ROOM = {**tomllib.loads((ROOT / "scenarios" / "basilica.toml").read_text()), "world": "worlds/basilica.svg"}
+FRAGMENTS = [(page, text) for page in PAGES if page != "docs/minds.md" for text in blocks(page, "toml")]
+
+
+@pytest.mark.parametrize(("page", "text"), FRAGMENTS, ids=[page for page, _ in FRAGMENTS])
+def test_every_listing_of_a_scenario_or_study_can_be_read(page: str, text: str, tmp_path: Path) -> None:
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:  # a key a line, to choose from
+        for line in text.splitlines():
+            decode({**ROOM, **tomllib.loads(line)}, page, ROOT)
+        return
+    if "project" in table:
+        assert all(group.removeprefix("swarmsim.") in registry.SEAMS for group in table["project"]["entry-points"])
+        return
+    if "scenario" in table or "vary" in table:
+        given = {"title": "t", "scenario": str(ROOT / "scenarios/room.toml"), "seeds": 1, **table}
+        given["scenario"] = str(ROOT / given["scenario"])
+        (tmp_path / "study.toml").write_text(tomli_w.dumps(given))
+        assert open_study(tmp_path / "study.toml", 1).conditions
+        return
+    whole = dict(ROOM)
+
+    def merge(into: dict, other: dict) -> None:
+        for key, value in other.items():
+            if isinstance(value, dict) and isinstance(into.get(key), dict) and "use" not in value:
+                merge(into[key], value)
+            else:
+                into[key] = value
+
+    merge(whole, table)
+    scenario = decode(whole, page, ROOT / "scenarios" if "../worlds" in text else ROOT)
+    if Path(scenario.world.file).exists():
+        build(scenario, page)
+    else:
+        assert Path(scenario.world.file).name == "plan.svg"
+
+
+CODE = [(page, text) for page in PAGES if page != "docs/minds.md" for text in blocks(page, "python")]
+
+
+@pytest.mark.parametrize(("page", "text"), CODE, ids=[page for page, _ in CODE])
+def test_every_listing_of_python_runs(page: str, text: str, copy: Path, room: Path, tmp_path: Path) -> None:
+    for name in ("scenarios", "worlds"):
+        (tmp_path / name).symlink_to(copy / name)
+    code = text.replace("runs/demo", str(room))
+    if "SLURMCluster" in code:  # there is no Slurm here
+        compile(code, page, "exec")
+        return
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_page_has_a_listing_of_another_kind() -> None:
+    for page in PAGES:
+        text = (ROOT / page).read_text()
+        kinds = re.findall(r"^```(\w*)\n", text, flags=re.MULTILINE)
+        assert len(kinds) == len(re.findall(r"^```$", text, flags=re.MULTILINE)) or "" in kinds
+        assert set(kinds) <= {"sh", "toml", "python", ""}, page
+
+
+def test_what_a_page_says_that_a_command_prints_is_what_it_prints(room: Path) -> None:
+    (shown,) = re.findall(
+        r"^```\n(each iteration.*?)^```", (ROOT / "docs/networks.md").read_text(), re.DOTALL | re.MULTILINE
+    )
+    command = [sys.executable, "-m", "swarmsim", "network", str(room)]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    for line in shown.splitlines()[1:]:
+        assert re.split(r"  +", line)[0] in printed
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("scenarios/studies/**/*.toml")), ids=lambda path: path.stem)
 def test_every_study_opens(path: Path) -> None:
     assert open_study(path, 1).conditions
-
-
-def test_the_study_of_the_page_on_studies_opens(tmp_path: Path) -> None:
-    (text,) = blocks("docs/studies.md", "toml")
-    (tmp_path / "study.toml").write_text(text.replace("scenarios/", f"{ROOT}/scenarios/"))
-    assert len(open_study(tmp_path / "study.toml").conditions) == 3 * 2 + 1
-
-
-def test_the_scenario_of_the_readme_runs(copy: Path) -> None:
-    (text,) = blocks("README.md", "toml")
-    path = copy / "own.toml"
-    path.write_text(text)
-    simulation = build(load(path, ["stop.iterations=20"]), str(path)).simulation
-    simulation.run()
-    assert simulation.state.iteration == 20
 
 
 def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path) -> None:
@@ -100,15 +201,6 @@ def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path)
     recording = Recording(copy / "runs" / "spread")
     assert recording["smallest_gap"][-1] >= 0.35 > recording["smallest_gap"][0]
     assert (copy / "runs" / "spread.mp4").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize("page", ["docs/recordings.md", "docs/networks.md"])
-def test_the_python_of_the_pages_runs(room: Path, page: str) -> None:
-    (code,) = blocks(page, "python")
-    code = code.replace("runs/demo", str(room))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("\n") >= 2
 
 
 def test_the_tables_of_the_pages_list_every_scenario() -> None:

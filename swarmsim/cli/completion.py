@@ -55,11 +55,9 @@ def _settings() -> Iterator[str]:
             path = f"{place}{field.encode_name}"
             inner = field.type
             if path in places:
-                seam = places[path]
-                for name, part in registry.known(seam).items():
+                for name, part in registry.known(places[path]).items():
                     yield f'{path}={{use="{name}"}}'
-                    if name == registry.SEAMS[seam]:
-                        yield from keys(part, f"{path}.")
+                    yield from keys(part, f"{path}.")
             elif isinstance(inner, type) and issubclass(inner, msgspec.Struct):
                 yield from keys(inner, f"{path}.")
             elif path != "faults":
