@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from copy import deepcopy
 from pathlib import Path
 
 import click
@@ -132,7 +133,7 @@ def test_every_listing_of_a_scenario_or_study_can_be_read(page: str, text: str, 
         (tmp_path / "study.toml").write_text(tomli_w.dumps(given))
         assert open_study(tmp_path / "study.toml", 1).conditions
         return
-    whole = dict(ROOM)
+    whole = deepcopy(ROOM)
 
     def merge(into: dict, other: dict) -> None:
         for key, value in other.items():

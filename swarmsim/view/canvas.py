@@ -100,7 +100,13 @@ class Canvas:
         """The title, and a scale bar of a round length below the map; each with its place."""
         theme, unit, letters = self._look.colours, self._unit, self._letters
         of = "" if self._look.focus is None else f": what robot {self._look.focus} knows"
-        title = letters.fitted(self._scene.title + of, max(16, round(30 * unit)), theme.text, width)
+        size = max(16, round(30 * unit))
+        while (
+            size > max(14, round(20 * unit))
+            and letters.render(self._scene.title + of, size, theme.text).get_width() > width
+        ):
+            size -= 1
+        title = letters.fitted(self._scene.title + of, size, theme.text, width)
         length = max(
             step * 10.0**power for power in range(-4, 5) for step in (1, 2, 5)
             if step * 10.0**power * self.camera.scale < 0.2 * self.area.width
