@@ -9,6 +9,8 @@ from pathlib import Path
 
 import typer
 
+from swarmsim.cli.progress import compiling, progress_bar
+
 BROKEN = 1  # exit code
 
 Check = tuple[str, Callable[[], str]]
@@ -24,13 +26,14 @@ def doctor() -> None:
     from swarmsim.cli.tables import print_table
 
     rows, broken = [], False
-    for name, check in CHECKS:
-        try:
-            rows.append((name, "works", check()))
-        except Exception as problem:
-            optional = name in OPTIONAL
-            broken |= not optional
-            rows.append((name, "no" if optional else "BROKEN", f"{problem}; {ADVICE[name]}"))
+    with progress_bar(quiet=False) as progress, compiling(progress):
+        for name, check in CHECKS:
+            try:
+                rows.append((name, "works", check()))
+            except Exception as problem:  # whatever it is, it is to be told
+                optional = name in OPTIONAL
+                broken |= not optional
+                rows.append((name, "no" if optional else "BROKEN", f"{problem}; {ADVICE[name]}"))
     print_table("swarmsim doctor", ("what", "state", "found, or what to do"), rows)
     raise typer.Exit(BROKEN if broken else 0)
 

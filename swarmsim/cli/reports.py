@@ -73,7 +73,7 @@ def _study(path: Path, out: Path, store: Path | None, replays: bool) -> None:
     ]
     first = [line for line in runs if line[0] in links]
     tables: dict[str, tuple[Sequence[str], Sequence[Sequence[str]]]] = {
-        "Results": (res.HEAD, res.lines(found)),
+        "Results": res.filled(res.HEAD, res.lines(found)),
         **({"The median run of each condition": (("run", "status", "iterations", "digest"), first)} if first else {}),
         "All runs": (("run", "status", "iterations", "digest"), runs),
         "Provenance": (("what", "value"), [("study", str(path)), ("digest", res.digest(list(found.values()))),

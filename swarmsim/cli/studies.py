@@ -129,7 +129,7 @@ def table(
     with _store(store, study) as kept:
         found = res.gather(opened, kept)
     if measure is None:
-        print_table(f"{opened.study.title}: iterations", res.HEAD, res.lines(found))
+        print_table(f"{opened.study.title}: iterations", *res.filled(res.HEAD, res.lines(found)))
     else:
         print_table(f"{opened.study.title}: {measure}", res.MEASURED, res.measured(found, measure))
     if compare is not None:

@@ -17,7 +17,7 @@ from swarmsim.recording.digests import versions
 from swarmsim.studies import reproduction as rep
 from swarmsim.studies.plan import Study
 from swarmsim.studies.reproduction import Reproduction
-from swarmsim.studies.results import HEAD, Result, lines
+from swarmsim.studies.results import HEAD, Result, filled, lines
 from swarmsim.view import plots
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) ->
             {name: result.finished for name, result in there.items()},
             title,
         ),
-        "table": plots.table(*_filled(HEAD, lines(there)), title),
+        "table": plots.table(*filled(HEAD, lines(there)), title),
     }
     if any(result.condition.x is not None for result in there.values()):
         axis = study.axis or study.vary[0].key
@@ -77,12 +77,6 @@ def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) ->
             alike = {name: result.curves for name, result in there.items() if result.condition.curve.name == curve.name}
             figures[curve.name] = plots.curves(alike, title, curve=curve)
     return figures
-
-
-def _filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
-    """A table without the columns in which no row says anything."""
-    kept = [place for place in range(len(head)) if any(row[place] != "-" for row in rows)]
-    return [head[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
 def _series(there: dict[str, Result], measure: str = "") -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:

@@ -67,6 +67,12 @@ class Result:
         return describe(defined)
 
 
+def filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns in which no row says anything."""
+    kept = [place for place in range(len(head)) if any(row[place] != "-" for row in rows)]
+    return [head[place] for place in kept], [[row[place] for place in kept] for row in rows]
+
+
 def gather(plan: Plan, store: Store) -> dict[str, Result]:
     """All that the store has of a study, by condition, in the plan's order."""
     found = store.rows(plan.identity(condition, seed) for condition, seed in plan.runs)
