@@ -5,8 +5,9 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import PurePath
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -60,6 +61,17 @@ class Shot:
     messages: int  # heard so far
     believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
     people: NDArray[np.float64]  # (p, 3): x, y, radius in m
+
+
+class Told(NamedTuple):
+    """What became of the messages of an iteration, as a shot has it."""
+
+    mutual: Pairs
+    one_way: Pairs
+    lost: Pairs
+    waiting: Pairs
+    groups: int
+    heard: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +137,8 @@ class Scene:
         self.marks = sorted({note.iteration for note in notes if not note.of_run})
         self.names = _names(notes)
         self.signs = _signs(self._occurrences, recording)
+        self._bends: dict[tuple[int, int], list[list[float]]] = {}  # corners of paths that have been drawn
+        self._last: tuple[int, Told] | None = None
         self._messages = np.cumsum(recording["messages"], dtype=np.int64)
         self._starts: list[list[int]] = [[] for _ in range(self.robots)]
         self._paths: list[list[NDArray[np.float32]]] = [[] for _ in range(self.robots)]
@@ -179,12 +193,7 @@ class Scene:
         ends = recording["pose"][row], recording["pose"][self.row(row + 1)]
         pose = _between(*ends, min(iteration - row, 1.0), self._around)
         alive = recording["alive"][row]
-        letters = recording.letters(row)
-        heard, lost = letters[letters[:, 4] == 0, :2], letters[letters[:, 4] > 0, :2]
-        told = _numbered(letters[:, :2], self.robots)
-        links = recording.links(row)
-        waiting = links[~np.isin(_numbered(links, self.robots), told)]
-        mutual, one_way = _paired(np.unique(heard, axis=0), self.robots)
+        told = self._told(row)
         goals = recording["goals"][row]
         aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
         return Shot(
@@ -197,20 +206,30 @@ class Scene:
             boxes=self._occurrences.boxes(row),
             captions=[note.text for note in self._occurrences.latest(row, HELD / self.period, CAPTIONS)],
             origins=self._origins(row),
-            mutual=self._short(mutual, pose),
-            one_way=self._short(one_way, pose),
-            lost=self._short(lost, pose),
-            waiting=self._short(waiting, pose),
+            mutual=self._short(told.mutual, pose),
+            one_way=self._short(told.one_way, pose),
+            lost=self._short(told.lost, pose),
+            waiting=self._short(told.waiting, pose),
             goals=aims,
             ways=[self._way(robot, row, pose[robot, :2], aims[robot]) for robot in range(self.robots)],
             value=float(self.curves.union[row]),
             headings=recording["heading"][row] if self.has_headings else None,
-            groups=groups(heard, alive),
-            heard=len(heard),
+            groups=told.groups,
+            heard=told.heard,
             messages=int(self._messages[row]),
             believed=recording["believed"][row][:, :2] if self.has_beliefs else None,
             people=self._people(row, min(iteration - row, 1.0)),
         )
+
+    def _told(self, row: int) -> Told:
+        """What became of messages in an iteration; kept for the frames that show the same one."""
+        if self._last is None or self._last[0] != row:
+            letters, links, robots = self._recording.letters(row), self._recording.links(row), self.robots
+            heard, lost = letters[letters[:, 4] == 0, :2], letters[letters[:, 4] > 0, :2]
+            waiting = links[~np.isin(_numbered(links, robots), _numbered(letters[:, :2], robots))]
+            pairs = _paired(np.unique(heard, axis=0), robots)
+            self._last = row, Told(*pairs, lost, waiting, self.groups(row), len(heard))
+        return self._last[1]
 
     def _people(self, row: int, part: float) -> NDArray[np.float64]:
         if not self.has_people:
@@ -272,11 +291,12 @@ class Scene:
         newest = bisect_right(self._starts[robot], row) - 1
         if newest < 0 or np.isnan(aim[0]) or not len(self._paths[robot][newest]):
             return np.empty((0, 2))
-        path = self._paths[robot][newest].astype(np.float64)
-        first = int(np.argmin(np.hypot(*(path - here).T)))
-        if first + 1 < len(path) and np.dot(here - path[first], path[first + 1] - path[first]) > 0.0:
-            first += 1  # the nearest waypoint is passed
-        return _corners(np.vstack([here, path[first:]]))
+        if (robot, newest) not in self._bends:
+            self._bends[robot, newest] = _corners(self._paths[robot][newest].astype(np.float64)).tolist()
+        bends, place = self._bends[robot, newest], here.tolist()
+        apart = [_apart(place, *leg) for leg in pairwise(bends)]
+        passed = apart.index(min(apart)) + 1 if apart else 0
+        return np.array([place, *bends[passed:]])
 
 
 def _names(notes: list[Note]) -> dict[int, str]:
@@ -344,10 +364,20 @@ def _round_above(value: float, low: float) -> float:
 
 def _corners(path: Points) -> Points:
     """The same path without the waypoints at which it goes straight on."""
+    if len(path) < 3:
+        return path
     steps = np.diff(path, axis=0)
     turn = steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0]
     corners: Points = path[np.concatenate([[True], np.abs(turn) > 1e-6, [True]])]
     return corners
+
+
+def _apart(point: list[float], start: list[float], end: list[float]) -> float:
+    """The distance, squared, of a point from a piece of a path."""
+    dx, dy = end[0] - start[0], end[1] - start[1]
+    x, y = point[0] - start[0], point[1] - start[1]
+    share = min(max((x * dx + y * dy) / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
+    return (x - share * dx) ** 2 + (y - share * dy) ** 2
 
 
 def _between(
