@@ -4,9 +4,65 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
 
 ARRIVED = 0.1  # of the look-ahead distance: nearer than this to its last waypoint, a robot stands
+
+
+@intrinsic
+def _step(typingctx, function, space, dt):
+    """Call `function(space, dt)`, given by its address, of a physics engine's space."""
+
+    def code(context, builder, signature, args):
+        anything = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [anything, ir.DoubleType()])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), [builder.inttoptr(args[1], anything), args[2]])
+        return context.get_dummy_value()
+
+    return types.void(types.uint64, types.uint64, types.float64), code
+
+
+@intrinsic
+def _each(typingctx, function, space, callback, data):
+    """Call `function(space, callback, data)`, all given by their addresses."""
+
+    def code(context, builder, signature, args):
+        anything = ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [anything] * 3)
+        given = [builder.inttoptr(argument, anything) for argument in args[1:]]
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), given)
+        return context.get_dummy_value()
+
+    return types.void(*[types.uint64] * 4), code
+
+
+@njit(cache=True, error_model="numpy")
+def roll(
+    count, dt, engine, written, read, moving, wheels, push, traits,
+    waypoints, counts, cursor, ahead, motors, wanted, turning, twisting,
+):  # fmt: skip
+    """Let `count` sub-steps of `dt` (s) pass: follow waypoints, push, step the engine and read it, each time.
+
+    `engine` (7,) are the addresses of: the engine's step, its call for each body, the space, the call that writes
+    forces with its data, and the call that reads motions with its data. `written` and `read` (1,) are how many numbers
+    those have dealt with, in the engine's memory. Robots that are `turning` (n,) have the wheel speeds `twisting`
+    (n, 2) instead of following waypoints. All else is as `forces` and `pursue` say.
+    """
+    size = written[0]
+    for _ in range(count):
+        pursue(moving[:, :3], waypoints, counts, cursor, ahead, motors, wanted)
+        for i in range(len(turning)):
+            if turning[i]:
+                wanted[i, 0], wanted[i, 1] = twisting[i, 0], twisting[i, 1]
+        forces(moving, wheels, wanted, push, dt, traits)
+        written[0] = 0
+        _each(engine[1], engine[2], engine[3], engine[4])
+        written[0] = size
+        _step(engine[0], engine[2], dt)
+        read[0] = 0
+        _each(engine[1], engine[2], engine[5], engine[6])
 
 
 @njit(cache=True, error_model="numpy")

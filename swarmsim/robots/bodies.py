@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pymunk
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from pymunk import batch
+from pymunk._chipmunk_cffi import ffi, lib
 
 from swarmsim.core.building import Building, Crowd
 from swarmsim.core.parts import Motion, Setting
 from swarmsim.core.robots import Robots
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
+from swarmsim.robots.motion import WaypointFollower
 
 STRIDE = 0.25  # of its radius, the farthest that a robot may drive in a sub-step: more would let it pass thin walls
 GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
@@ -124,6 +126,7 @@ class DifferentialDrive:
         self._moving = np.frombuffer(self._reading.float_buf()).reshape(-1, 6)[:count]
         self._push = np.zeros((len(rows), 3))
         self._writing.set_float_buf(self._push)
+        self._engine, self._written, self._read, self._batched = _addresses(self.space, self._reading, self._writing)
 
     def state(self) -> State:
         """Where everybody is now; the arrays are copies."""
@@ -199,7 +202,10 @@ class DifferentialDrive:
         space, clear = self.space, self._reading.clear
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
-        for _ in range(substeps):
+        # The rest of a period in which nobody walks and nothing wraps the motion is one compiled call; the first
+        # sub-step is pymunk's own, which takes up what was added to the space and removed from it.
+        rolls = isinstance(motion, WaypointFollower) and not crowds
+        for _ in range(1 if rolls else substeps):
             for crowd, walkers, solid in crowds:
                 for body, velocity in zip(walkers, crowd.walk(pose, solid, dt).tolist(), strict=True):
                     body.velocity = velocity
@@ -208,5 +214,32 @@ class DifferentialDrive:
             space.step(dt)
             clear()
             batch.get_space_bodies(space, READ, self._reading)
+        if rolls:
+            assert isinstance(motion, WaypointFollower)
+            engine = (self._engine, self._written, self._read)
+            drive.roll(substeps - 1, dt, *engine, moving, wheels, push, self._traits, *motion.course)
         self._iteration += 1
         return self.state()
+
+
+def _addresses(
+    space: pymunk.Space, reading: batch.Buffer, writing: batch.Buffer
+) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.int32], Any]:
+    """Where in memory Chipmunk's functions and their data lie, for `drive.roll`: `engine`, `written` and `read`.
+
+    The last is what lies there, to be kept as long as it is used.
+
+    They are what pymunk's `Space.step` and batch calls use; pymunk is pinned exactly because of that.
+    """
+    data, counters = [], []
+    for fields, buffer in ((WRITE, writing), (READ, reading)):
+        batched = ffi.new("pmBatchedData *")
+        batched.fields, batched.floatArray, batched.intArray = fields.value, buffer._float_arr, buffer._int_arr
+        data.append(batched)
+        number = ffi.buffer(ffi.addressof(buffer._float_arr, "num"), ffi.sizeof("int"))
+        counters.append(np.frombuffer(number, np.int32))
+    names = ("cpSpaceStep", "cpSpaceEachBody", "pmSpaceBodySetIteratorFuncBatched", "pmSpaceBodyGetIteratorFuncBatched")
+    step, each, write, read = (ffi.addressof(lib, name) for name in names)
+    pointers = (step, each, space._space, write, data[0], read, data[1])
+    engine = np.array([int(ffi.cast("uintptr_t", one)) for one in pointers], np.uint64)
+    return engine, counters[0], counters[1], data

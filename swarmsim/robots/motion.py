@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -37,17 +37,17 @@ class WaypointFollower:
         self._wanted = np.zeros((robots.count, 2))
         self._waypoints = np.empty((robots.count, 0, 2))
         self._counts = np.zeros(robots.count, np.int32)
-        self._turning: NDArray[np.bool_] | None = None  # who moves at a velocity, if anybody ever does
-        self._twisting = np.empty((0, 2))
+        self._turning = np.zeros(robots.count, np.bool_)  # who moves at a velocity ...
+        self._twisting = np.zeros((robots.count, 2))  # ... and how fast the wheels turn then
 
     def follow(self, intents: Intents) -> None:
         """Start on new waypoints."""
         self._waypoints, self._counts = intents.waypoints, intents.counts
         self._cursor[:] = 0
-        self._turning = None
+        self._turning[:] = False
         if intents.twists is not None:
-            self._turning = np.asarray(~np.isnan(intents.twists).any(axis=1))
-            self._twisting = self._wheels(intents.twists)[self._turning]
+            self._turning[:] = ~np.isnan(intents.twists).any(axis=1)
+            self._twisting[:] = self._wheels(intents.twists)
 
     def _wheels(self, twists: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds of velocities (n, 2) in m/s and rad/s; slower, on the same arc, where one is too fast."""
@@ -59,6 +59,13 @@ class WaypointFollower:
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds wanted at these poses."""
         drive.pursue(pose, self._waypoints, self._counts, self._cursor, self._ahead, self._traits, self._wanted)
-        if self._turning is not None:
-            self._wanted[self._turning] = self._twisting
+        self._wanted[self._turning] = self._twisting[self._turning]
         return self._wanted
+
+    @property
+    def course(self) -> tuple[Any, ...]:
+        """What `drive.roll` follows: the arguments from `waypoints` on."""
+        return (
+            self._waypoints, self._counts, self._cursor, self._ahead, self._traits, self._wanted, self._turning,
+            self._twisting,
+        )  # fmt: skip

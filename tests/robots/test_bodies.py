@@ -1,6 +1,7 @@
 """Differential-drive discs against closed forms, a finer integration, geometry and pymunk's own attributes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
 from swarmsim.robots.bodies import DifferentialDrive, Pymunk
+from swarmsim.robots.motion import WaypointFollower
 
 OPEN = np.empty((0, 4))
 RADIUS, BASE, SPEED, ACCELERATION = 0.055, 0.10, 0.15, 1.0
@@ -407,3 +409,29 @@ def test_a_pushed_robot_slides_as_far_as_friction_lets_it() -> None:
     assert np.hypot(*(poses[0] - poses[1])) > 0.01
     with pytest.raises(InputError, match="particles have no mass"):
         made("stop.iterations=5", 'faults=[{use="push", at=3, velocity=[0.0, 0.6]}]', "physics.use='particles'")
+
+
+class Wrapped:
+    """A motion that hides what it is, so that every sub-step asks it."""
+
+    def __init__(self, inner: WaypointFollower) -> None:
+        self._inner = inner
+
+    def follow(self, intents) -> None:
+        self._inner.follow(intents)
+
+    def command(self, pose):
+        return self._inner.command(pose)
+
+
+@pytest.mark.parametrize("scenario", ["room", "operations/heading-consensus", "faults/returns"])
+def test_a_period_in_one_compiled_call_moves_bodies_as_the_loop_in_python_does(scenario: str) -> None:
+    fast, slow = (made("stop.iterations=40", scenario=scenario).simulation for _ in range(2))
+    slow.parts = replace(slow.parts, motion=Wrapped(slow.parts.motion))
+    for _ in range(40):
+        one, other = fast.tick().state, slow.tick().state
+        assert_array_equal(one.pose, other.pose)
+        assert_array_equal(one.velocity, other.velocity)
+        assert_array_equal(one.wheels, other.wheels)
+        if fast.over:
+            break
