@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
@@ -22,7 +23,7 @@ from swarmsim.cli import (
     worlds,
 )
 
-BAD_INPUT, PART_FAILED = 2, 3  # exit codes
+BAD_INPUT, PART_FAILED, NO_ROOM = 2, 3, 4  # exit codes
 
 app = typer.Typer(
     help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
@@ -55,9 +56,15 @@ app.add_typer(examples.app, name="examples")
 
 
 def main() -> None:
-    """Run the command line; bad input ends with its message and exit code 2, a part that is not ours with 3."""
-    from swarmsim.core.errors import InputError, PartError
+    """Run the command line.
 
+    Bad input ends with its message and exit code 2, a part that is not ours with 3, a disk that is full with 4. The end
+    that SIGTERM asks for is that of Ctrl-C, with exit code 143 instead of 130.
+    """
+    from swarmsim.cli.interruption import end_upon_sigterm
+    from swarmsim.core.errors import InputError, PartError, StorageError
+
+    end_upon_sigterm()
     try:
         app()
     except InputError as problem:
@@ -66,6 +73,11 @@ def main() -> None:
     except PartError as problem:
         print(f"swarmsim: {problem}", file=sys.stderr)
         sys.exit(PART_FAILED)
+    except StorageError as problem:
+        print(f"swarmsim: {problem}", file=sys.stderr)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(NO_ROOM)  # HDF5 would try to write the rest when the interpreter ends, and crash
 
 
 def _version(asked: bool) -> None:

@@ -70,11 +70,13 @@ def run(
         for notice in (*files_outside(scenario, overrides), *made.arena.plan.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
         folder = new_folder(out, scenario.stem)
+        finished = False
         with told_if_interrupted(lambda: f"{made.simulation.state.iteration} iterations are kept in {folder}"):
-            finished = _simulate(made, folder / "recording.h5", progress)
-        recording = Recording(folder)
-        summary = recording.summary()
-        (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+            try:
+                finished = _simulate(made, folder / "recording.h5", progress)
+            finally:
+                recording = Recording(folder)
+                _summarise(recording, folder)
         if video is not None:
             with told_if_interrupted(lambda: f"no film was written; the run is in {folder}"):
                 _film(recording, video, progress)
@@ -246,6 +248,13 @@ def new_folder(asked: Path | None, stem: str) -> Path:
                 f"--out {folder}: cannot be made ({problem.strerror}); expected a place that can be written"
             ) from problem
         return folder
+
+
+def _summarise(recording: Recording, folder: Path) -> None:
+    """Write the summary of a run, also of one that was interrupted."""
+    from swarmsim.core.files import write_whole
+
+    write_whole(folder / "summary.json", json.dumps(recording.summary(), indent=2) + "\n")
 
 
 def _simulate(made: Run, path: Path, progress: Progress) -> bool:

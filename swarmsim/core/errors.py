@@ -14,3 +14,10 @@ class PartError(Exception):
     The message names the part, the iteration and, where the part's own code raised, the lines of it that did. The
     command line prints it alone and ends with exit code 3.
     """
+
+
+class StorageError(Exception):
+    """A disk is full, or a file can no longer be written: the message names the file, why, and what has been kept.
+
+    The command line prints it alone and ends with exit code 4.
+    """

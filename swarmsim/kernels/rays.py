@@ -196,6 +196,48 @@ def _behind(walls, s, px, py):
 
 
 @njit(cache=True, error_model="numpy")
+def _square(x, y, coarse):
+    """The row and column of the square of a place; of one beside the grid, that of the nearest edge."""
+    row = min(max(int(math.floor((y - coarse[1]) / coarse[2])), 0), int(coarse[3]) - 1)
+    column = min(max(int(math.floor((x - coarse[0]) / coarse[2])), 0), int(coarse[4]) - 1)
+    return row, column
+
+
+@njit(cache=True, error_model="numpy")
+def _by_square(pose, alive, coarse):
+    """Live robots as lists, one for each square: the first of each, and who follows whom; -1 for nobody."""
+    first = np.full(int(coarse[3]) * int(coarse[4]), -1, np.int64)
+    following = np.full(len(pose), -1, np.int64)
+    for j in range(len(pose)):
+        if alive[j]:
+            row, column = _square(pose[j, 0], pose[j, 1], coarse)
+            square = row * int(coarse[4]) + column
+            following[j] = first[square]
+            first[square] = j
+    return first, following
+
+
+@njit(cache=True, error_model="numpy")
+def _within(x, y, reach, pose, first, following, coarse, found):
+    """Write the ids of live robots in squares within `reach` (m) into `found`, ascending; gives their number."""
+    low_row, low_column = _square(x - reach, y - reach, coarse)
+    high_row, high_column = _square(x + reach, y + reach, coarse)
+    count = 0
+    for row in range(low_row, high_row + 1):
+        for column in range(low_column, high_column + 1):
+            j = first[row * int(coarse[4]) + column]
+            while j >= 0:
+                at = count
+                while at > 0 and found[at - 1] > j:
+                    found[at] = found[at - 1]
+                    at -= 1
+                found[at] = j
+                count += 1
+                j = following[j]
+    return count
+
+
+@njit(cache=True, error_model="numpy")
 def sense(
     pose,
     alive,
@@ -235,6 +277,9 @@ def sense(
     sines = np.empty(beams)
     near = np.empty(np.diff(start).max(), np.int64)
     discs = np.empty((len(movers) + (robots if occlude else 0), 3))
+    around = np.empty(robots if occlude else 0, np.int64)
+    first, following = _by_square(pose, alive, coarse) if occlude else (around, around)
+    largest = radii.max() if occlude and robots > 0 else 0.0
     for i in range(robots):
         x = pose[i, 0]
         y = pose[i, 1]
@@ -253,9 +298,11 @@ def sense(
                 others += 1
         solid = len(walls) + others  # hits from here on are robots
         if occlude:
-            for j in range(robots):
+            found = _within(x, y, reach + largest, pose, first, following, coarse, around)
+            for m in range(found):  # in the order of their ids, by which ties are decided
+                j = around[m]
                 apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
-                if j != i and alive[j] and apart <= reach + radii[j]:
+                if j != i and apart <= reach + radii[j]:
                     discs[others, 0] = pose[j, 0]
                     discs[others, 1] = pose[j, 1]
                     discs[others, 2] = radii[j]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
@@ -13,6 +14,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import StorageError
 from swarmsim.core.events import encoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
@@ -48,6 +50,7 @@ class Recorder:
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
+        self._path, self._kept, self._broken = path, 0, False
         self._digests = Digests()
         self._held: list[Moment] = []
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
@@ -124,10 +127,23 @@ class Recorder:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is held back. The digests come last: their length is the number of whole iterations."""
+        """Write what is held back. The digests come last: their length is the number of whole iterations.
+
+        Raises StorageError if it cannot be written; then nothing more is, and what was flushed before can be read.
+        """
         held, self._held = self._held, []
-        if not held:
+        if not held or self._broken:
             return
+        try:
+            self._write(held)
+        except (OSError, RuntimeError) as problem:
+            self._broken = True
+            raise StorageError(
+                f"{self._path}: cannot be written ({_reason(problem)}); {self._kept} iterations are kept"
+            ) from problem
+        self._kept += len(held)
+
+    def _write(self, held: list[Moment]) -> None:
         rows, lists = [self._rows(moment) for moment in held], [_lists(moment) for moment in held]
         for name in rows[0]:
             self._append(name, [row[name] for row in rows])
@@ -183,7 +199,8 @@ class Recorder:
         """Write the rest and close the file."""
         if self.file:
             self.flush()
-            self.file.close()
+            if not self._broken:  # else HDF5 would try to write the rest, and crash
+                self.file.close()
 
     def __enter__(self) -> Recorder:
         return self
@@ -192,6 +209,12 @@ class Recorder:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _reason(problem: BaseException) -> str:
+    """Why HDF5 could not write, in the system's words where it tells them."""
+    told = re.search(r"error message = '([^']+)'", str(problem))
+    return told[1] if told else str(problem).partition("\n")[0]
 
 
 def _lists(moment: Moment) -> dict[str, NDArray[Any]]:

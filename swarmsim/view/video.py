@@ -18,7 +18,7 @@ import pygame
 from numpy.typing import NDArray
 from PIL import Image
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, StorageError
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.cards import draw_card, first_lines, last_lines
@@ -236,6 +236,10 @@ def _whole(out: Path) -> Iterator[Path]:
     except OSError as problem:
         raise InputError(f"{out}: cannot be written ({problem.strerror})") from problem
     with folder as name:
-        yield Path(name) / out.name
-        for made in sorted(Path(name).iterdir()):
-            made.replace(out.parent / made.name)
+        try:
+            yield Path(name) / out.name
+            for made in sorted(Path(name).iterdir()):
+                made.replace(out.parent / made.name)
+        except OSError as problem:
+            told = problem.strerror or str(problem).strip().partition("\n")[0]
+            raise StorageError(f"{out}: cannot be written ({told}); no film was kept") from problem

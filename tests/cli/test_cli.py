@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -192,8 +193,16 @@ def refused(folder: Path, words: list[str], *arguments: object) -> str:
     return done.stderr
 
 
-@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
-def test_an_interrupted_run_says_what_is_kept_even_if_quiet(tmp_path: Path, quiet: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("ended", "code", "word", "quiet"),
+    [
+        (signal.SIGINT, 130, "interrupted", []), (signal.SIGINT, 130, "interrupted", ["--quiet"]),
+        (signal.SIGTERM, 143, "terminated", []),
+    ],
+)  # fmt: skip
+def test_a_run_that_is_stopped_says_what_is_kept_even_if_quiet(
+    tmp_path: Path, ended: signal.Signals, code: int, word: str, quiet: list[str]
+) -> None:
     out = tmp_path / "run"
     forever = ["--set", "stop.when_done='go-on'", "--set", "stop.iterations=100000"]
     command = [sys.executable, "-m", "swarmsim", "run", str(ROOT / "scenarios/room.toml"), "--out", str(out)]
@@ -202,9 +211,32 @@ def test_an_interrupted_run_says_what_is_kept_even_if_quiet(tmp_path: Path, quie
     while not (out / "recording.h5").exists() and time.monotonic() < deadline:
         time.sleep(0.1)
     time.sleep(1.0)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(ended)
     printed, said = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert re.fullmatch(rf"swarmsim: interrupted; \d+ iterations are kept in {re.escape(str(out))}\n", said)
+    assert process.returncode == code
+    assert re.fullmatch(rf"swarmsim: {word}; \d+ iterations are kept in {re.escape(str(out))}\n", said)
     assert not quiet or printed == ""
     assert Recording(out).iterations > 0
+    assert json.loads((out / "summary.json").read_text())["status"] == "interrupted"
+
+
+@pytest.mark.parametrize("film", [False, True])
+def test_a_full_disk_is_told_and_what_was_flushed_is_kept(tmp_path: Path, room: Path, film: bool) -> None:
+    def little_room() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        most = 30_000 if film else 200_000
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+
+    run = ["run", str(ROOT / "scenarios/basilica.toml"), "--out", str(tmp_path / "run")]
+    verb = ["video", str(room), str(tmp_path / "film.mp4")] if film else run
+    command = [sys.executable, "-m", "swarmsim", *verb]
+    done = subprocess.run(command, preexec_fn=little_room, capture_output=True, text=True, check=False)
+    assert done.returncode == 4, done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    if film:
+        assert re.search(r"film\.mp4: cannot be written \(.+\); no film was kept", done.stderr)
+        assert not (tmp_path / "film.mp4").exists()
+    else:
+        kept = re.search(r"recording\.h5: cannot be written \(File too large\); (\d+) iterations are kept", done.stderr)
+        assert kept
+        assert Recording(tmp_path / "run").iterations == int(kept[1]) > 0

@@ -502,3 +502,26 @@ def test_ranges_are_those_of_single_beams_and_tiles_stay_as_they_are() -> None:
     dead = IrRing(ranges=True).build(setting).without([0, 5]).sense(state)
     assert dead.beams.ranges.shape == (9, 70)
     assert len(dead.beams.bearings) == 70
+
+
+@pytest.mark.parametrize("robots", [2, 30, 150])
+def test_beams_in_a_crowd_end_where_casting_against_everybody_says(robots: int) -> None:
+    random = np.random.default_rng(robots)
+    side = 0.35 * math.sqrt(robots) + 0.5
+    pose = np.column_stack([random.uniform(-0.2, side, (robots, 2)), random.uniform(-3.0, 3.0, robots)])  # some outside
+    alive, radii = random.random(robots) > 0.1, random.uniform(0.03, 0.09, robots)
+    angles = np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)
+    ring, reach = np.stack([np.cos(angles), np.sin(angles)], axis=1), 0.6
+    walls = np.array([[side, 0.0, 0.0, 0.0], [0.0, side, side, side]])
+    coarse = (0.0, 0.0, 0.4, math.ceil(side / 0.4), math.ceil(side / 0.4))
+    tiles, origins = np.empty((robots, 6, 7), np.uint8), np.empty((robots, 2), np.int32)
+    ranges = np.full((robots, 36), np.inf)
+    near, nobody = rays.bins(walls, reach, *coarse), np.empty((0, 3))
+    rays.sense(pose, alive, ring, reach, walls, *near, nobody, coarse, (0.0, 0.0, 0.15), radii, True, True, tiles,
+               origins, ranges)  # fmt: skip
+    inside = (pose[:, :2] > 0.0).all(axis=1) & (pose[:, :2] < side).all(axis=1)
+    for robot in np.flatnonzero(alive & inside):
+        others = alive & (np.arange(robots) != robot)
+        discs = np.column_stack([pose[others, :2], radii[others]])
+        distance, hit = rays.cast(pose[robot, :2], angles + pose[robot, 2], reach, walls, discs)
+        assert ranges[robot] == pytest.approx(np.where(hit >= 0, distance, np.inf), abs=1e-9)
