@@ -13,18 +13,20 @@ from swarmsim.core.files import Table
 from swarmsim.core.platforms import PLAIN
 
 Positive = Annotated[float, Meta(gt=0.0)]
+Length = Annotated[float, Meta(ge=1e-4, le=1e3)]  # m: from grains of sand to ships
+Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
 Count = Annotated[int, Meta(ge=1, le=100_000)]
 
 
 class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a robot is made of: a disc on two wheels."""
 
-    radius: Positive = 0.055  # m
-    wheel_base: Positive = 0.10  # m
-    speed: Positive = 0.15  # m/s, at a wheel's rim
-    acceleration: Positive = 1.0  # m/s^2, at a wheel's rim
-    mass: Positive = 0.25  # kg
-    traction: Positive = 0.6  # friction coefficient of wheel on floor
+    radius: Length = 0.055  # m
+    wheel_base: Length = 0.10  # m
+    speed: Pace = 0.15  # m/s, at a wheel's rim
+    acceleration: Pace = 1.0  # m/s^2, at a wheel's rim
+    mass: Annotated[float, Meta(ge=1e-6, le=1e6)] = 0.25  # kg
+    traction: Annotated[float, Meta(ge=1e-4, le=1e3)] = 0.6  # friction coefficient of wheel on floor
 
 
 class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -93,7 +93,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     title: str = ""  # default: the name of the file; {robots.count} in it is their number
     world: World
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
-    period: Positive = 1.0  # s, one iteration
+    period: Annotated[float, Meta(ge=1e-4, le=1e5)] = 1.0  # s, one iteration
     grid: Grid = Grid()
     robots: Robots
     physics: Table = of(default_factory=dict)

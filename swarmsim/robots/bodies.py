@@ -13,6 +13,7 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi, lib
 
 from swarmsim.core.building import Building, Crowd
+from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion, Setting
 from swarmsim.core.robots import Robots
 from swarmsim.core.state import State
@@ -20,6 +21,7 @@ from swarmsim.kernels import drive
 from swarmsim.robots.motion import WaypointFollower
 
 STRIDE = 0.25  # of its radius, the farthest that a robot may drive in a sub-step: more would let it pass thin walls
+MOST = 100_000  # sub-steps of an iteration, which is simulated in one go
 GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
 READ = (
     batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
@@ -34,7 +36,13 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
 
     def build(self, setting: Setting) -> DifferentialDrive:
-        """The bodies, where the robots start."""
+        """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
+        stride = longest_stride(setting.robots, self)
+        if setting.period > MOST * stride:
+            raise InputError(
+                f"substep: an iteration of {setting.period:g} s would have {setting.period / stride:.3g} sub-steps of "
+                f"{stride:.3g} s, which the radius and speed of robots ask for too; expected at most {MOST}"
+            )
         return DifferentialDrive(setting.robots, self, setting.building, setting.start)
 
 
@@ -49,8 +57,7 @@ class DifferentialDrive:
     """
 
     def __init__(self, robots: Robots, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
-        stride = STRIDE * float((robots.each("radius") / robots.each("speed")).min())  # s
-        self._substep = min(physics.substep, stride)
+        self._substep = longest_stride(robots, physics)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
         grip = 0.5 * robots.each("traction") * mass * GRAVITY  # N, one wheel
@@ -220,6 +227,11 @@ class DifferentialDrive:
             drive.roll(substeps - 1, dt, *engine, moving, wheels, push, self._traits, *motion.course)
         self._iteration += 1
         return self.state()
+
+
+def longest_stride(robots: Robots, physics: Pymunk) -> float:
+    """The longest sub-step (s) in which no robot drives farther than STRIDE of its radius, if `substep` is not less."""
+    return min(physics.substep, STRIDE * float((robots.each("radius") / robots.each("speed")).min()))
 
 
 def _addresses(

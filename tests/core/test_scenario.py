@@ -9,7 +9,7 @@ import jsonschema
 import msgspec
 import pytest
 import tomli_w
-from conftest import ROOT
+from conftest import ROOT, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -207,3 +207,16 @@ def test_a_byte_order_mark_is_no_key(tmp_path: Path) -> None:
     path = scenario(tmp_path)
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())
     assert load(path).robots.count > 0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "robots.radius=1e-300", "robots.radius=1e9", "robots.speed=1e-300", "robots.mass=1e300",
+        "robots.wheel_base=1e-9", "robots.acceleration=1e-9", "robots.traction=1e9", "period=1e-9", "period=1e9",
+    ],
+)  # fmt: skip
+def test_quantities_that_nothing_has_are_refused_with_what_can_be(change: str) -> None:
+    key = change.partition("=")[0]
+    with pytest.raises(InputError, match=rf"{key.partition('.')[2] or key}: .*(>=|<=)"):
+        made(change)

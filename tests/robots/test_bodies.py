@@ -435,3 +435,9 @@ def test_a_period_in_one_compiled_call_moves_bodies_as_the_loop_in_python_does(s
         assert_array_equal(one.wheels, other.wheels)
         if fast.over:
             break
+
+
+@pytest.mark.parametrize("change", ["period=9e4", "physics.substep=1e-12", "robots.speed=1e4"])
+def test_an_iteration_of_too_many_sub_steps_is_refused_with_their_number(change: str) -> None:
+    with pytest.raises(InputError, match=r"physics\.substep: .* sub-steps of .*; expected at most 100000"):
+        made(change)
