@@ -56,7 +56,7 @@ def run(
             except FileExistsError as problem:
                 raise InputError(f"{folder}: exists already; expected a new folder, no run is overwritten") from problem
         with made.recorder(folder / "recording.h5") as recorder:
-            made.simulation.run([recorder])
+            made.simulate([recorder])
     done = Run(Recording(folder))
     if out is None:
         weakref.finalize(done, shutil.rmtree, folder, ignore_errors=True)

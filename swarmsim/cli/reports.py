@@ -105,7 +105,7 @@ def _replays(opened: Plan, found: dict[str, Result], out: Path) -> dict[str, str
         with tempfile.TemporaryDirectory() as folder:
             made = build(scenario, condition.name, opened.world_of(condition))
             with made.recorder(Path(folder) / "recording.h5") as recorder:
-                made.simulation.run([recorder])
+                made.simulate([recorder])
             place = Path(f"{out.stem}-runs") / f"{number:02d}-seed-{seed}.html"
             write_whole(out.parent / place, replay_page(Recording(Path(folder))))
         links[f"{condition.name}, seed {seed}"] = place.as_posix()

@@ -261,7 +261,7 @@ def _simulate(made: Run, path: Path, progress: Progress) -> bool:
     """Run to the end with a recording and a progress bar; an interrupted run keeps what it has recorded."""
     task = progress.add_task("simulating", total=1.0, text="")
     with made.recorder(path) as recorder:
-        return made.simulation.run([recorder, RunBar(progress, task, made)])
+        return made.simulate([recorder, RunBar(progress, task, made)])
 
 
 def _film(

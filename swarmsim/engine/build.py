@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -11,14 +12,16 @@ from typing import Any
 
 import msgspec
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from swarmsim.core import registry
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
-from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Sensor, Setting, Strategy, Task
+from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Setting, Strategy, Task
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import PLACES, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
@@ -62,11 +65,42 @@ class Run:
     domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 % at the start
     simulation: Simulation
     setting: Setting  # what its parts were built for
+    reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
 
     def recorder(self, path: Path) -> Recorder:
         """A probe that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
         return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
+
+    def simulate(self, probes: Sequence[Probe] = ()) -> bool:
+        """Run to the end; gives whether the task was done before the limit.
+
+        Raises InputError if a body has ended in or beyond a wall, for then nothing that was measured means anything.
+        """
+        finished = self.simulation.run(probes)
+        if astray := self.astray():
+            raise InputError(
+                f"physics.substep: robot{'s' if len(astray) > 1 else ''} {', '.join(map(str, astray))} ended in or "
+                f"beyond a wall, which physics in sub-steps this long did not hold; expected a shorter one"
+            )
+        return finished
+
+    def astray(self) -> list[int]:
+        """The robots whose bodies are in a wall, or where nobody can get to from where they started."""
+        parts, arena = self.simulation.parts, self.arena
+        if self.scenario.physics.get("use") != "pymunk":  # walls stop no others
+            return []
+        places = self.simulation.state.pose[:, :2]
+        row, column = arena.lattice.cells(places).T
+        inside = (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
+        near = (
+            math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1
+        )  # cells: centres of cells are what is known
+        there = ndimage.binary_dilation(self.reachable, np.ones((3, 3), np.bool_), near)
+        walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).plan.walls
+        fine = inside & ~shapely.contains_xy(walls, *places.T)
+        fine[inside] &= there[row[inside], column[inside]]
+        return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
 
 
 def build(scenario: Scenario, name: str, world: str | None = None, strict: bool = False) -> Run:
@@ -92,7 +126,8 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     def survey(boxes: tuple[Box, ...]) -> Survey:
         return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
 
-    arena = _open(world, place, scenario.grid.cell, alone, sensor).arena
+    ground = _open(world, place, scenario.grid.cell, alone, sensor)
+    arena = ground.arena
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
@@ -135,7 +170,7 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files)
     )
-    return Run(scenario, world, arena, plain.domain, simulation, setting)
+    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable)
 
 
 def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:

@@ -80,7 +80,7 @@ def _simulate(task: Task) -> Row:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
             task.recording.unlink(missing_ok=True)  # of a try that was killed
             probes.append(stack.enter_context(made.recorder(task.recording)))
-        finished = simulation.run(probes)
+        finished = made.simulate(probes)
     return Row(
         identity=task.identity,
         condition=task.condition,

@@ -113,3 +113,16 @@ def test_nobody_ever_starts_inside_another_robot_or_a_wall() -> None:
     assert apart.min() >= 0.2 - 1e-9
     cells = run.arena.lattice.cells(pose)
     assert not run.arena.occupied[cells[:, 0], cells[:, 1]].any()
+
+
+def test_a_run_in_which_a_body_ends_in_or_beyond_a_wall_is_no_result() -> None:
+    for place in ((0.05, 0.05), (-3.0, 1.0), (2.0, 3.85)):
+        run = made("stop.iterations=3")
+        assert run.astray() == []
+        run.simulation.tick()
+        bodies = run.simulation.parts.bodies
+        bodies.crash(np.array([1]))
+        bodies.place(np.array([1]), np.array([[*place, 0.0]]))
+        with pytest.raises(InputError, match=r"physics\.substep: robot 1 ended in or beyond a wall"):
+            run.simulate()
+    assert made("stop.iterations=300").simulate()
