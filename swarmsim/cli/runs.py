@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swarmsim.cli.completion import fault_words, set_keys
 from swarmsim.cli.interruption import told_if_interrupted
-from swarmsim.cli.options import AllowCode
+from swarmsim.cli.options import AllowCode, Faults, Overrides, Seed
 from swarmsim.cli.progress import RunBar, compiling, progress_bar
 
 if TYPE_CHECKING:
@@ -29,17 +28,9 @@ EVENT_LINES = 12  # shown of a summary's events
 
 def run(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
-    seed: Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", autocompletion=set_keys, help="Override a key; the value is TOML."),
-    ] = None,
-    faults: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fault", metavar="'KIND KEY=VALUE ...'", autocompletion=fault_words, help="One more fault, in words."
-        ),
-    ] = None,
+    seed: Seed = None,
+    set_: Overrides = None,
+    faults: Faults = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     video: Annotated[Path | None, typer.Option(help="Film to write: .mp4 or .gif.")] = None,
     allow_code: AllowCode = False,

@@ -9,23 +9,14 @@ from typing import Annotated
 
 import typer
 
-from swarmsim.cli.completion import fault_words, set_keys
-from swarmsim.cli.options import AllowCode
+from swarmsim.cli.options import AllowCode, Faults, Overrides, Seed
 
 
 def view(
     what: Annotated[Path, typer.Argument(metavar="SCENARIO.toml|RUN", help="A scenario to run, or a recorded run.")],
-    seed: Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", autocompletion=set_keys, help="Override a key; the value is TOML."),
-    ] = None,
-    faults: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fault", metavar="'KIND KEY=VALUE ...'", autocompletion=fault_words, help="One more fault, in words."
-        ),
-    ] = None,
+    seed: Seed = None,
+    set_: Overrides = None,
+    faults: Faults = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     theme: Annotated[str, typer.Option(help="Colours: dark or light.")] = "dark",
     speed: Annotated[int, typer.Option(help="Iterations a second at the start.", min=1)] = 20,
