@@ -14,6 +14,7 @@ from swarmsim.cli import (
     examples,
     exports,
     figures,
+    films,
     network,
     parts,
     reports,
@@ -34,7 +35,7 @@ app = typer.Typer(
 )
 for verb in (
     runs.run,
-    runs.video,
+    films.video,
     reports.report,
     views.view,
     runs.show,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmsim.cli.films import film
 from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode, Faults, Overrides, Seed
 from swarmsim.cli.progress import RunBar, compiling, progress_bar
@@ -19,9 +20,7 @@ if TYPE_CHECKING:
     from swarmsim.core.scenario import Scenario
     from swarmsim.engine.build import Run
     from swarmsim.recording.reader import Recording
-    from swarmsim.view.video import Film
 
-DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel")  # layers of pictures, as view.look has them
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
 EVENT_LINES = 12  # shown of a summary's events
 
@@ -67,53 +66,12 @@ def run(
                 finished = _simulate(made, folder / "recording.h5", progress)
             finally:
                 recording = Recording(folder)
-                _summarise(recording, folder)
+                summarise(recording, folder)
         if video is not None:
             with told_if_interrupted(lambda: f"no film was written; the run is in {folder}"):
-                _film(recording, video, progress)
+                film(recording, video, progress)
     progress.console.print(_table(recording, folder))
     raise typer.Exit(FINISHED if finished else NOT_FINISHED)
-
-
-def video(
-    recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
-    out: Annotated[
-        Path, typer.Argument(metavar="OUT.mp4", help="Film to write: .mp4 or .gif; .png for numbered pictures.")
-    ],
-    fps: Annotated[int, typer.Option(help="Frames per second of film.")] = 30,
-    speed: Annotated[float, typer.Option(help="Simulated seconds per second of film.")] = 20.0,
-    size: Annotated[str, typer.Option(help="Width x height in pixels.")] = "1280x720",
-    theme: Annotated[str, typer.Option(help="Colours: dark or light.")] = "dark",
-    show: Annotated[
-        str | None, typer.Option(metavar="LAYER,...", help=f"What is drawn; by default {','.join(DRAWN)}.")
-    ] = None,
-    hide: Annotated[str | None, typer.Option(metavar="LAYER,...", help="What is not drawn.")] = None,
-    focus: Annotated[int | None, typer.Option(metavar="I", help="Show the map of one robot, and magnify it.")] = None,
-    robots: Annotated[
-        str | None, typer.Option(metavar="I,J,...", help="Show tiles, beams and ways of these robots alone.")
-    ] = None,
-    beside: Annotated[
-        Path | None, typer.Option("--side-by-side", metavar="RUN_B", help="A second run to show in step.")
-    ] = None,
-    cards: Annotated[bool, typer.Option(help="Begin with the scenario and end with the result.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
-) -> None:
-    """Make a film from a recording.
-
-    Example: swarmsim video runs/basilica-1 basilica.mp4 --speed 40
-
-    One robot's own map, on paper: swarmsim video runs/basilica-1 three.mp4 --focus 3 --theme light
-    """
-    from swarmsim.recording.reader import Recording
-    from swarmsim.view.look import look
-    from swarmsim.view.video import Film, check_film
-
-    film = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)
-    check_film(out, film)
-    with progress_bar(quiet) as progress:
-        other = None if beside is None else Recording(beside)
-        with told_if_interrupted(lambda: f"{out} was not written"):
-            _film(Recording(recording), out, progress, film, other)
 
 
 def show(
@@ -241,7 +199,7 @@ def new_folder(asked: Path | None, stem: str) -> Path:
         return folder
 
 
-def _summarise(recording: Recording, folder: Path) -> None:
+def summarise(recording: Recording, folder: Path) -> None:
     """Write the summary of a run, also of one that was interrupted."""
     from swarmsim.core.files import write_whole
 
@@ -253,20 +211,6 @@ def _simulate(made: Run, path: Path, progress: Progress) -> bool:
     task = progress.add_task("simulating", total=1.0, text="")
     with made.recorder(path) as recorder:
         return made.simulate([recorder, RunBar(progress, task, made)])
-
-
-def _film(
-    recording: Recording, out: Path, progress: Progress, film: Film | None = None, beside: Recording | None = None
-) -> None:
-    from swarmsim.view.video import write_film
-
-    task = progress.add_task("filming", total=None, text="")
-
-    def at(frame: int, frames: int) -> None:
-        progress.update(task, completed=frame, total=frames, text=f"frame {frame} of {frames}")
-
-    write_film(recording, out, film, beside, at)
-    progress.console.print(f"film: {out}")
 
 
 def _table(recording: Recording, folder: Path) -> Table:
@@ -304,12 +248,3 @@ def _measures(values: dict[str, float], recording: Recording) -> dict[str, str]:
     if "changes" in recording and curve.name == "coverage" and values:
         worded[curve.name] += f" of {int(recording['domain'].sum())} cells"
     return worded
-
-
-def _size(text: str) -> tuple[int, int]:
-    from swarmsim.core.errors import InputError
-
-    width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise InputError(f"--size {text}: expected width x height in pixels, as in 1280x720")
-    return int(width), int(height)

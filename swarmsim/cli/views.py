@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -30,7 +29,7 @@ def view(
 
     A recorded run: swarmsim view runs/basilica-1
     """
-    from swarmsim.cli.runs import new_folder, scenario_of
+    from swarmsim.cli.runs import new_folder, scenario_of, summarise
     from swarmsim.core.errors import InputError
     from swarmsim.live.session import Replay, Session
     from swarmsim.recording.reader import Recording
@@ -55,6 +54,6 @@ def view(
         window.run()
     finally:
         kept = session.close()
-    summary = Recording(kept).summary()
-    (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
-    print(f"{folder}: {summary['iterations']} iterations; repeat them with: swarmsim verify {folder}")
+    recording = Recording(kept)
+    summarise(recording, folder)
+    print(f"{folder}: {recording.iterations} iterations; repeat them with: swarmsim verify {folder}")

@@ -63,7 +63,7 @@ class Recorder:
         self.file.attrs.update(
             {
                 "swarmsim-recording": FORMAT,
-                "scenario": tomli_w.dumps(_without_none(msgspec.to_builtins(scenario))),
+                "scenario": tomli_w.dumps(without_none(msgspec.to_builtins(scenario))),
                 "versions": json.dumps(versions()),
                 "lattice": [lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns],
                 "digested": " ".join(DIGESTED),
@@ -222,11 +222,11 @@ def _lists(moment: Moment) -> dict[str, NDArray[Any]]:
     return {"links": moment.links, **moment.knowledge.record().lists}
 
 
-def _without_none(value: Any) -> Any:
+def without_none(value: Any) -> Any:
     """The same without what TOML cannot say."""
     if isinstance(value, dict):
-        return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
-    return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+        return {key: without_none(inner) for key, inner in value.items() if inner is not None}
+    return [without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def _with_column(letters: Letters, fate: int) -> NDArray[np.int32]:

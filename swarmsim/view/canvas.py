@@ -51,6 +51,7 @@ class Canvas:
         self._zoomed = camera is not None
         self.camera = camera or Camera.fitting(scene.bounds, (room.left, room.top, room.width, room.height))
         self._pen = Pen(theme)
+        self._kept = 0  # the corner that the magnifier is in
         self._actors = Actors(scene, self._look, self.camera, max(8.0 * unit, 5.0), self._line, letters)
         self.radius = self._actors.radius
         self._ground = Ground(scene, self._look, self.camera, size, max(1, round(2 * unit)), finest)
@@ -134,7 +135,7 @@ class Canvas:
             bottom = self._pen.caption(self._surface, drawn, left, bottom) - 2
 
     @cached_property
-    def _lens(self) -> tuple[Camera, Ground, Actors, int, pygame.Surface]:
+    def _lens(self) -> tuple[Camera, Ground, int, pygame.Surface]:
         """A larger picture of the whole building, of which the magnifier shows a part."""
         left, right, low, high = self._scene.bounds
         wanted = MAGNIFIED * self._unit / self._scene.radius
@@ -145,13 +146,13 @@ class Canvas:
         ground = Ground(self._scene, self._look, camera, size, 2 * self._line)
         mask = pygame.Surface((2 * reach, 2 * reach), pygame.SRCALPHA, 32)
         pygame.draw.aacircle(mask, (255, 255, 255, 255), (reach, reach), reach)
-        return camera, ground, Actors(self._scene, self._look, camera, 0.0, self._line, self._letters), reach, mask
+        return camera, ground, reach, mask
 
     def _magnify(self, shot: Shot) -> None:
         """Show the surroundings of the robot that is looked at in a circle in a corner."""
         focus = self._look.focus
         assert focus is not None
-        camera, ground, _, reach, mask = self._lens
+        camera, ground, reach, mask = self._lens
         ground.show(shot.row)
         x, y = camera.pixels(shot.pose[focus, :2]).tolist()
         around = pygame.Rect(round(x) - reach, round(y) - reach, 2 * reach, 2 * reach)
@@ -182,7 +183,7 @@ class Canvas:
     def _corner(self, corners: list[tuple[int, int]], place: NDArray[np.float64]) -> tuple[int, int]:
         """The corner for the magnifier: it stays while the robot is not behind it."""
         reach = LENS * self._surface.get_height()
-        kept = getattr(self, "_kept", 0)
+        kept = self._kept
         if np.hypot(*(np.array(corners[kept]) - place)) < 1.3 * reach:
             kept = int(np.argmax([np.hypot(*(np.array(corner) - place)) for corner in corners]))
         self._kept = kept

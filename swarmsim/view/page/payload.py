@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.events import BoxGone, BoxStands
 from swarmsim.recording.reader import Recording
+from swarmsim.recording.recorder import without_none
 from swarmsim.view.panel import clock
 from swarmsim.view.scene import Scene
 from swarmsim.view.theme import ROBOTS, THEMES
@@ -122,7 +123,7 @@ def _words(recording: Recording, scene: Scene) -> dict[str, Any]:
         "colours": ROBOTS,
         "themes": themes,
         "summary": _summary(summary, scene),
-        "scenario": tomli_w.dumps(_told(to_builtins(recording.scenario))),
+        "scenario": tomli_w.dumps(without_none(to_builtins(recording.scenario))),
         "provenance": {"digest": summary["digest"], "seed": summary["seed"], **summary["versions"]},
     }
 
@@ -147,13 +148,6 @@ def _worded(name: str, value: float, scene: Scene) -> str:
     curve = scene.curve
     unit = curve.label.partition(", ")[2]
     return f"{curve.scale * value:{curve.format}} {unit}".rstrip() if name == curve.name else f"{value:.4g}"
-
-
-def _told(value: Any) -> Any:
-    """The same without what TOML cannot say."""
-    if isinstance(value, dict):
-        return {key: _told(inner) for key, inner in value.items() if inner is not None}
-    return [_told(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def _boxes(recording: Recording) -> list[list[Any]]:
