@@ -162,6 +162,10 @@ class Observations:
     inbox: Inbox[Any] | None = None
     knowledge: Any = None  # of the kind that the computation gives; read-only
 
+    def having(self, inbox: Inbox[Any], knowledge: Any = None) -> Observations:
+        """The same with what was heard, and what is known then; made in every iteration, faster than by `replace`."""
+        return Observations(self.iteration, self.pose, self.velocity, self.alive, self.readings, inbox, knowledge)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intents:

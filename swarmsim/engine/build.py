@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 from swarmsim.core import registry
 from swarmsim.core.building import Building, Survey
@@ -38,6 +39,7 @@ from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 
 MANY = 20_000  # places from which is looked at once
+LARGE, TRIES = 10_000, 100  # cells of a spawn area that are drawn from one by one, and how often
 TINY = 3.0  # m: smaller pages are often drawn at a scale
 
 
@@ -324,17 +326,34 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
     """
     robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
+    left, apart = len(centres), 2.0 * robots.radius
+    near = KDTree(centres)
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
-        if not open_.any():
+        if left == 0:
             raise InputError(
                 f"robots.count: spawn area {robots.spawn!r} of {world} holds {robot} robots of radius "
                 f"{robots.radius:g} m, not {robots.count}; expected fewer robots or a larger area"
             )
         stream = setting.streams.open("spawn", robot)
-        # Drawing among all cells until one is open keeps the draw independent of who else is there.
-        order = stream.permutation(len(centres))
-        choice = order[open_[order]][0]
+        choice = _drawn(stream, open_)
         pose[robot] = *centres[choice], stream.uniform(-np.pi, np.pi)
-        open_ &= np.hypot(*(centres - centres[choice]).T) >= 2.0 * robots.radius
+        beside = np.array(near.query_ball_point(centres[choice], apart * (1.0 + 1e-9)))
+        beside = beside[np.hypot(*(centres[beside] - centres[choice]).T) < apart]
+        left -= int(np.count_nonzero(open_[beside]))
+        open_[beside] = False
     return pose
+
+
+def _drawn(stream: np.random.Generator, open_: NDArray[np.bool_]) -> int:
+    """One of the cells that are open, by a draw among all of them, which is independent of how many are.
+
+    A small area is put in random order, of which the first open cell is taken. Of a large one, cells are drawn until
+    one is open; only if that takes long it is put in order as well.
+    """
+    for _ in range(TRIES if len(open_) > LARGE else 0):
+        choice = int(stream.integers(len(open_)))
+        if open_[choice]:
+            return choice
+    order = stream.permutation(len(open_))
+    return int(order[open_[order]][0])

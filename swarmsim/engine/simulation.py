@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
 from swarmsim.core.errors import InputError, PartError
@@ -78,18 +77,18 @@ class Simulation:
         links = parts.topology.links(state)
         delivery = parts.channel.deliver(state, links, said.sizes)
         inbox = self._post.open(state.iteration, delivery)
-        observations = replace(observations, inbox=inbox)
+        observations = observations.having(inbox)
         knowledge = parts.computation.hear(observations)
-        intents = parts.strategy.step(replace(observations, knowledge=knowledge))
+        intents = parts.strategy.step(observations.having(inbox, knowledge))
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
-        moment = Moment(state, events, parts.building, readings, links, delivery, inbox, knowledge, intents)
-        moment = replace(moment, measured=parts.task.measure(moment), believed=pose, people=people)
-        if moment.measured.finished and not self.finished:
+        all_of_it = (parts.building, readings, links, delivery, inbox, knowledge, intents)
+        measured = parts.task.measure(Moment(state, events, *all_of_it, believed=pose, people=people))
+        if measured.finished and not self.finished:
             self.finished_after = self.state.iteration
-        self._now = Now(self.state.iteration, state, self.state, moment.measured.progress)
-        moment = replace(moment, events=(*events, *self._ending()))
+        self._now = Now(self.state.iteration, state, self.state, measured.progress)
+        moment = Moment(state, (*events, *self._ending()), *all_of_it, measured, pose, people)
         for probe in probes:
             probe.sample(moment)
         return moment

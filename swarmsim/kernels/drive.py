@@ -106,6 +106,21 @@ def forces(moving, wheels, wanted, push, dt, traits):
 
 
 @njit(cache=True, error_model="numpy")
+def wheels_of(twists, traits, turning, wheels):
+    """Wheel speeds of velocities (n, 2) in m/s and rad/s; slower, on the same arc, where one is too fast.
+
+    `traits` (n, 3) as in `pursue`. Writes `wheels` (n, 2), and to `turning` (n,) who has a velocity: not NaN.
+    """
+    for i in range(len(twists)):
+        top, base = traits[i, 0], traits[i, 1]
+        aside = 0.5 * base * twists[i, 1]
+        left, right = twists[i, 0] - aside, twists[i, 0] + aside
+        slower = min(1.0, top / max(abs(left), abs(right), 1e-12))
+        wheels[i, 0], wheels[i, 1] = left * slower, right * slower
+        turning[i] = twists[i, 0] == twists[i, 0] and twists[i, 1] == twists[i, 1]
+
+
+@njit(cache=True, error_model="numpy")
 def pursue(pose, waypoints, counts, cursor, ahead, traits, wanted):
     """Wheel speeds that follow waypoints by pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
 

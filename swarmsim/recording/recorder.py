@@ -155,9 +155,7 @@ class Recorder:
         self._append_ways(held)
         events = b"".join(encoded(event) + b"\n" for moment in held for event in moment.events)
         self._append("events", np.frombuffer(events, np.uint8))
-        for name, table in self._tables.items():
-            if name != "digests":
-                table.flush()
+        self.file.flush()
         digests = self._digests.rows[-len(held) :]
         self._append("digests", np.frombuffer(b"".join(digests), np.uint8).reshape(-1, len(DIGESTED), 8))
         self._tables["digests"].flush()

@@ -92,7 +92,7 @@ class DifferentialDrive:
         self._build_walls()
         self._admit_walkers()
         self._open_buffers()
-        self._version = self._building.version
+        self._version, self._stirred = self._building.version, True
 
     def _build_walls(self) -> None:
         """Put up the walls of this moment in the place of those that stood before."""
@@ -156,6 +156,7 @@ class DifferentialDrive:
             disc = self._discs[robot]
             if disc.space is not None:
                 self.space.remove(disc)
+                self._stirred = True
             disc.body.velocity, disc.body.angular_velocity = (0.0, 0.0), 0.0
         self._moving[robots, 3:] = 0.0
         self.crash(robots)
@@ -172,6 +173,7 @@ class DifferentialDrive:
             disc = self._discs[robot]
             if disc.space is None:
                 self.space.add(disc)
+                self._stirred = True
             disc.body.position, disc.body.angle = (x, y), yaw
             disc.body.velocity, disc.body.angular_velocity = (0.0, 0.0), 0.0
         self._moving[robots, :3] = pose
@@ -209,10 +211,11 @@ class DifferentialDrive:
         space, clear = self.space, self._reading.clear
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
-        # The rest of a period in which nobody walks and nothing wraps the motion is one compiled call; the first
-        # sub-step is pymunk's own, which takes up what was added to the space and removed from it.
+        # A period in which nobody walks and nothing wraps the motion is one compiled call, but for a first sub-step of
+        # pymunk's own after something was added to the space or removed from it.
         rolls = isinstance(motion, WaypointFollower) and not crowds
-        for _ in range(1 if rolls else substeps):
+        asked = int(self._stirred) if rolls else substeps
+        for _ in range(asked):
             for crowd, walkers, solid in crowds:
                 for body, velocity in zip(walkers, crowd.walk(pose, solid, dt).tolist(), strict=True):
                     body.velocity = velocity
@@ -224,7 +227,8 @@ class DifferentialDrive:
         if rolls:
             assert isinstance(motion, WaypointFollower)
             engine = (self._engine, self._written, self._read)
-            drive.roll(substeps - 1, dt, *engine, moving, wheels, push, self._traits, *motion.course)
+            drive.roll(substeps - asked, dt, *engine, moving, wheels, push, self._traits, *motion.course)
+        self._stirred = False
         self._iteration += 1
         return self.state()
 

@@ -46,15 +46,7 @@ class WaypointFollower:
         self._cursor[:] = 0
         self._turning[:] = False
         if intents.twists is not None:
-            self._turning[:] = ~np.isnan(intents.twists).any(axis=1)
-            self._twisting[:] = self._wheels(intents.twists)
-
-    def _wheels(self, twists: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds of velocities (n, 2) in m/s and rad/s; slower, on the same arc, where one is too fast."""
-        top, base, _ = self._traits.T
-        wheels = twists[:, :1] + 0.5 * base[:, None] * twists[:, 1:] * np.array([-1.0, 1.0])
-        slower = np.minimum(1.0, top / np.maximum(np.abs(wheels).max(axis=1, initial=1e-12), 1e-12))
-        return np.asarray(wheels * slower[:, None])
+            drive.wheels_of(intents.twists, self._traits, self._turning, self._twisting)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds wanted at these poses."""

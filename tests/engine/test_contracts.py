@@ -418,6 +418,7 @@ SCENARIOS = {
     "heading-consensus": "operations/turn",
     "average-consensus": "operations/average-consensus",
     "field-estimate": "operations/field",
+    "reactive": "operations/wandering",
     "positions": "operations/rendezvous",
 }
 MINDS = [

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
+from swarmsim.core import memory, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.parts import Setting
@@ -109,7 +109,7 @@ class MapComputation:
         self._observed, self._log_odds = _read_only(grids.observed), _read_only(grids.log_odds)
         self._columns = lattice.columns
         self._robots = np.arange(count, dtype=np.int32)
-        self._shown = np.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
+        self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
         self._rewritten = False  # whether maps have changed otherwise than by readings since then
         nobody = np.empty(0, np.int32)
         nothing = TileItems(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)

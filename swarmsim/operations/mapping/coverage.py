@@ -8,6 +8,7 @@ from typing import Annotated, Final
 import numpy as np
 from msgspec import Meta, Struct
 
+from swarmsim.core import memory
 from swarmsim.core.building import Building
 from swarmsim.core.parts import Curve, Setting, Summary
 from swarmsim.core.state import Knowledge, Measured, Moment
@@ -42,7 +43,7 @@ class CoverageTask:
     def __init__(self, parameters: Coverage, setting: Setting) -> None:
         count, cells = setting.robots.count, setting.lattice.rows * setting.lattice.columns
         self._setting, self._wanted = setting, parameters.share
-        self._held = np.zeros((count, cells), np.bool_)  # which cells each map holds
+        self._held = memory.zeros((count, cells), np.bool_)  # which cells each map holds
         self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
         self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
         self._union = 0  # ... and in any
@@ -63,7 +64,7 @@ class CoverageTask:
     def _count_anew(self, building: Building) -> None:
         self._version, self._domain = building.version, building.domain.reshape(-1)
         self._cells = int(np.count_nonzero(self._domain))
-        self._each[:] = np.count_nonzero(self._held & self._domain, axis=1)
+        self._each[:] = [np.count_nonzero(held & self._domain) for held in self._held]
         self._union = int(np.count_nonzero((self._holders > 0) & self._domain))
 
     def summaries(self) -> Sequence[Summary]:

@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core import memory
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import Intents, Knowledge, Observations
 from swarmsim.kernels import decide, occupancy, search
@@ -42,10 +43,10 @@ class FrontierStrategy:
     def __init__(self, parameters: NearestFrontier, setting: Setting) -> None:
         robots, lattice = setting.robots, setting.lattice
         count, cells = robots.count, lattice.rows * lattice.columns
-        self._barred, self._shunned = (np.zeros((count, *lattice.shape), np.int32) for _ in range(2))
+        self._barred, self._shunned = (memory.zeros((count, *lattice.shape), np.int32) for _ in range(2))
         self._plans = decide.Plans(
             goal=np.full(count, -1, np.int32),
-            path=np.zeros((count, cells), np.int32),
+            path=memory.zeros((count, cells), np.int32),
             steps=np.zeros(count, np.int32),
             cursor=np.zeros(count, np.int32),
             anchor=np.zeros((count, 2)),
@@ -54,7 +55,7 @@ class FrontierStrategy:
             planned=np.zeros(count, np.bool_),
         )
         patrolled = lattice.shape if parameters.idle == "patrol" else (0, 0)
-        self._patrol = search.Patrol(np.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
+        self._patrol = search.Patrol(memory.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
         per_iteration = robots.speed * setting.period / lattice.cell  # cells, of the fastest
         slowest = float(robots.each("speed").min()) * setting.period / lattice.cell
         footprint = search.footprint(robots.radius / lattice.cell)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
 from swarmsim.core.state import Tiles
@@ -22,8 +23,8 @@ class OccupancyGrids:
     """
 
     def __init__(self, robots: int, lattice: Lattice, hit: float, miss: float, lowest: float, highest: float) -> None:
-        self.log_odds: NDArray[np.float32] = np.zeros((robots, *lattice.shape), np.float32)
-        self.observed: NDArray[np.bool_] = np.zeros((robots, *lattice.shape), np.bool_)
+        self.log_odds: NDArray[np.float32] = memory.zeros((robots, *lattice.shape), np.float32)
+        self.observed: NDArray[np.bool_] = memory.zeros((robots, *lattice.shape), np.bool_)
         #: The log-odds of `hit`, `miss`, `lowest` and `highest`.
         self.steps = tuple(np.float32(math.log(p / (1.0 - p))) for p in (hit, miss, lowest, highest))
 
@@ -106,7 +107,7 @@ class WaryGrids:
         self._grids = grids
         shape = grids.observed.shape
         sets = shape if quorum > 1 else (shape[0], 0, 0)
-        own, free, occupied = np.zeros(shape, np.bool_), np.zeros(sets, np.uint64), np.zeros(sets, np.uint64)
+        own, free, occupied = (memory.zeros(*of) for of in ((shape, np.bool_), (sets, np.uint64), (sets, np.uint64)))
         self._witnesses = trust.Witnesses(own, free, occupied, quorum)
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core import memory
 from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import Auditor, Knowledge, Observations, Record
@@ -51,8 +52,8 @@ class MapAuditor(Auditor):
     def __init__(self, setting: Setting) -> None:
         shape = (setting.robots.count, setting.lattice.rows * setting.lattice.columns)
         self._columns = setting.lattice.columns
-        self._shown: NDArray[np.bool_] = np.zeros(shape, np.bool_)  # by any tile so far
-        self._known: NDArray[np.bool_] = np.zeros(shape, np.bool_)  # as the changes say
+        self._shown: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # by any tile so far
+        self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say
         self._words = self._known.view(np.uint64)
 
     def audit(self, knowledge: Any, observations: Observations) -> str | None:

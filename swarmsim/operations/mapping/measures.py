@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
+from swarmsim.core import memory
 from swarmsim.core.state import UNKNOWN, Moment
 from swarmsim.recording.measures import jain, mean_value, share_of
 
@@ -49,20 +51,63 @@ def probability(log_odds: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.asarray(1.0 / (1.0 + np.exp(-log_odds.astype(np.float64))))
 
 
-def union_occupied(observed: NDArray[np.bool_], log_odds: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Where any robot (axis 0) that observed the cell believes it occupied: the collective map of the films."""
-    return np.asarray((observed & (log_odds > 0.0)).any(axis=0))
+class Pool:
+    """What the maps of all robots say together, taken in one after the other, so that no more than one is copied."""
 
+    def __init__(self, cells: int) -> None:
+        """`cells` of each map that count."""
+        #: How many maps hold each cell (cells,).
+        self.holders = np.zeros(cells, np.int64)
+        self._total = np.zeros(cells)
+        #: Where any robot that observed the cell believes it occupied (cells,): the collective map of the films.
+        self.occupied = np.zeros(cells, np.bool_)
+        self._full: list[NDArray[np.int64]] = []  # the cells that each robot holds for occupied ...
+        self._empty: list[NDArray[np.int64]] = []  # ... and for free
 
-def union_probability(observed: NDArray[np.bool_], log_odds: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The mean probability over the robots (axis 0) that observed each cell, 0.5 where none has.
+    def add(self, observed: NDArray[np.bool_], log_odds: NDArray[np.float32]) -> None:
+        """Take in one robot's map (cells,)."""
+        occupied = observed & (log_odds > 0.0)
+        self.holders += observed
+        self._total += probability(log_odds) * observed
+        self.occupied |= occupied
+        self._full.append(np.flatnonzero(occupied))
+        self._empty.append(np.flatnonzero(observed & ~occupied))
 
-    This is the linear opinion pool (Stone 1961). Adding log-odds would count each shared tile as often as
-    it was heard.
-    """
-    seen = observed.sum(axis=0)
-    total = (probability(log_odds) * observed).sum(axis=0)
-    return np.where(seen > 0, total / np.maximum(seen, 1), 0.5)
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """Which cells any map holds (cells,)."""
+        return self.holders > 0
+
+    @property
+    def probability(self) -> NDArray[np.float64]:
+        """The mean probability over the robots that observed each cell (cells,), 0.5 where none has.
+
+        This is the linear opinion pool (Stone 1961). Adding log-odds would count each shared tile as often as
+        it was heard.
+        """
+        return np.where(self.observed, self._total / np.maximum(self.holders, 1), 0.5)
+
+    @property
+    def disagreement(self) -> float | None:
+        """How much robots' maps contradict each other, from 0 to 1.
+
+        The share of cells known to both robots that one holds for occupied and the other for free (Hamming
+        1950), as the mean over all pairs that know a cell in common; None if there is no such pair.
+        """
+        full, empty = (self._marked(cells) for cells in (self._full, self._empty))
+        differ = full @ empty.T
+        differing = (differ + differ.T).toarray()
+        joint = sparse.triu(full @ full.T + empty @ empty.T + differ + differ.T, 1, "coo")
+        if joint.nnz == 0:
+            return None
+        shares = differing[joint.row, joint.col] / joint.data.astype(np.float32)
+        return float(shares.mean(dtype=np.float64))
+
+    def _marked(self, cells: list[NDArray[np.int64]]) -> sparse.csr_array:
+        """Which cells each robot holds so, as a matrix (n, cells) of 1 and 0."""
+        ends = np.cumsum([0, *map(len, cells)])
+        ones = np.ones(ends[-1], np.int32)
+        return sparse.csr_array((ones, np.concatenate(cells), ends), shape=(len(cells), len(self.holders)))
 
 
 def entropy(belief: NDArray[np.float64]) -> float:
@@ -76,25 +121,9 @@ def brier(belief: NDArray[np.float64], truth: NDArray[np.bool_], where: NDArray[
     return float(((belief - truth)[where] ** 2).mean()) if where.any() else None
 
 
-def disagreement(observed: NDArray[np.bool_], occupied: NDArray[np.bool_]) -> float | None:
-    """How much robots' maps contradict each other, from 0 to 1: row i of both (n, cells) is robot i.
-
-    The share of cells known to both robots that one holds for occupied and the other for free (Hamming
-    1950), as the mean over all pairs that know a cell in common; None if there is no such pair.
-    """
-    full = (observed & occupied).astype(np.float32)
-    empty = (observed & ~occupied).astype(np.float32)
-    first, second = np.triu_indices(len(full), 1)
-    differ = full @ empty.T
-    differing = (differ + differ.T)[first, second]
-    joint = differing + (full @ full.T + empty @ empty.T)[first, second]
-    known = joint > 0
-    return float((differing[known] / joint[known]).mean(dtype=np.float64)) if known.any() else None
-
-
-def overlap(held: NDArray[np.bool_]) -> float | None:
-    """How often the cells held (n, cells) are held once more: sum_i |M_i| / |union M_i| - 1 (Xu et al. 2022)."""
-    ratio = share_of(int(np.count_nonzero(held)), int(np.count_nonzero(held.any(axis=0))))
+def overlap(holders: NDArray[np.int64]) -> float | None:
+    """How often cells are held once more, by how many hold each: sum_i |M_i| / |union M_i| - 1 (Xu et al. 2022)."""
+    ratio = share_of(int(holders.sum()), int(np.count_nonzero(holders)))
     return None if ratio is None else ratio - 1.0
 
 
@@ -121,9 +150,8 @@ class MapMeasures:
     def __init__(self, robots: int, domain: NDArray[np.bool_]) -> None:
         """The coverage domain (rows, columns) at the start counts for what was sensed, the last one for maps."""
         self._domain = domain
-        self._counted = np.tile(domain.reshape(-1), robots)
-        self._sensed = np.zeros(robots * domain.size, np.bool_)
-        self._known = np.zeros(robots * domain.size, np.bool_)  # sensed or heard
+        self._sensed = memory.zeros((robots * domain.size,), np.bool_)
+        self._known = memory.zeros((robots * domain.size,), np.bool_)  # sensed or heard
         self._robots = np.arange(robots)
         self._offsets = np.zeros((0, 0), np.int64)  # of a tile's cells from its first, in the grid's row-major order
         self._union: list[float] = []
@@ -156,7 +184,7 @@ class MapMeasures:
         self._known[sensed] = True
         fresh = heard[~self._known[heard]]
         self._known[fresh] = True
-        self._readings += int(np.count_nonzero(self._counted[sensed]))
+        self._readings += int(np.count_nonzero(self._domain.reshape(-1)[sensed % self._domain.size]))
         self._heard += len(inbox.receivers)
         self._age += len(inbox.receivers) * moment.state.iteration - int(inbox.content.sensed.sum(dtype=np.int64))
         self._carried += len(heard)
@@ -176,34 +204,33 @@ class MapMeasures:
         if self._last is None:
             return {}
         building, maps = self._last.building, self._last.knowledge
-        observed, log_odds = maps.observed[:, building.domain], maps.log_odds[:, building.domain]
-        truth = building.occupied[building.domain]
-        occupied = observed & (log_odds > 0.0)
-        belief = np.where(observed, probability(log_odds), 0.5)
-        robots = [_judge(truth, *row) for row in zip(occupied, belief, observed, strict=True)]
-        union = _judge(
-            truth,
-            union_occupied(observed, log_odds),
-            union_probability(observed, log_odds),
-            np.asarray(observed.any(axis=0)),
-        )
+        domain = building.domain
+        truth, pool, robots = building.occupied[domain], Pool(int(np.count_nonzero(domain))), []
+        for observed, log_odds in zip(maps.observed, maps.log_odds, strict=True):
+            held, odds = observed[domain], log_odds[domain]
+            pool.add(held, odds)
+            robots.append(_judge(truth, held & (odds > 0.0), np.where(held, probability(odds), 0.5), held))
+        union = _judge(truth, pool.occupied, pool.probability, pool.observed)
         return {
             **{f"union_{name}": value for name, value in union.items()},
             **{f"robot_{name}": _mean([robot[name] for robot in robots]) for name in union},
-            "disagreement": disagreement(observed, occupied),
-            "overlap_maps": overlap(observed),
+            "disagreement": pool.disagreement,
+            "overlap_maps": overlap(pool.holders),
         }
 
     def _work(self) -> dict[str, float | int | None]:
-        cells = self._domain.reshape(-1)
-        sensed = self._sensed.reshape(len(self._robots), -1)[:, cells]
-        known = int(np.count_nonzero(self._known.reshape(sensed.shape[0], -1)[:, cells]))
-        own = sensed.sum(axis=1)
+        cells, robots = self._domain.reshape(-1), len(self._robots)
+        known = sum(int(np.count_nonzero(one[cells])) for one in self._known.reshape(robots, -1))
+        own, holders = np.zeros(robots), np.zeros(np.count_nonzero(cells), np.int64)
+        for robot, one in enumerate(self._sensed.reshape(robots, -1)):
+            sensed = one[cells]
+            own[robot] = np.count_nonzero(sensed)
+            holders += sensed
         return {
-            "overlap_sensed": overlap(sensed),
+            "overlap_sensed": overlap(holders),
             "heard_share": share_of(known - int(own.sum()), known),
-            "redundancy": share_of(self._readings, int(np.count_nonzero(sensed.any(axis=0)))),
-            "jain_sensed": jain(own.astype(np.float64)),
+            "redundancy": share_of(self._readings, int(np.count_nonzero(holders))),
+            "jain_sensed": jain(own),
             "age": share_of(self._age, self._heard),
             "fresh_share": share_of(self._fresh, self._carried),
         }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core import memory
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.recording.reader import Recording
 
@@ -15,7 +16,7 @@ class MapReplay:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         shape = (recording.scenario.robots.count, *recording.lattice.shape)
-        self.maps: NDArray[np.uint8] = np.zeros(shape, np.uint8)  # each cell UNKNOWN, FREE or OCCUPIED
+        self.maps: NDArray[np.uint8] = memory.zeros(shape, np.uint8)  # each cell UNKNOWN, FREE or OCCUPIED
         #: How many robots know each cell (rows, columns), and how many hold it for occupied.
         self.known, self.held_occupied = np.zeros(shape[1:], np.int32), np.zeros(shape[1:], np.int32)
         self.iteration = -1  # the last one that the maps hold

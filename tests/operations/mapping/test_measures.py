@@ -19,16 +19,14 @@ from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.grids import OccupancyGrids
 from swarmsim.operations.mapping.measures import (
     MapMeasures,
+    Pool,
     Quality,
     brier,
-    disagreement,
     discovery_time,
     entropy,
     overlap,
     probability,
     quality,
-    union_occupied,
-    union_probability,
 )
 from swarmsim.operations.mapping.message import current_tile_bytes
 from swarmsim.operations.mapping.replay import MapReplay
@@ -206,16 +204,25 @@ def test_brier_score_of_ignorance_is_a_quarter():
     assert brier(np.full(4, 0.5), everywhere, ~everywhere) is None
 
 
+def pooled(observed: np.ndarray, log_odds: np.ndarray) -> Pool:
+    pool = Pool(observed.shape[1])
+    for one in zip(observed, log_odds, strict=True):
+        pool.add(*one)
+    return pool
+
+
 def test_union_of_maps_takes_the_word_of_those_who_looked():
     observed = np.array([[1, 1, 0], [1, 0, 0]], bool)
     log_odds = np.array([[LOG4, -LOG4, LOG4], [-LOG4, LOG4, 0.0]], np.float32)
-    assert union_occupied(observed, log_odds).tolist() == [True, False, False]
-    np.testing.assert_allclose(union_probability(observed, log_odds), [0.5, 0.2, 0.5], rtol=1e-6)
+    pool = pooled(observed, log_odds)
+    assert pool.observed.tolist() == [True, True, False]
+    assert pool.occupied.tolist() == [True, False, False]
+    np.testing.assert_allclose(pool.probability, [0.5, 0.2, 0.5], rtol=1e-6)
 
 
 def test_overlap_and_fairness():
-    assert overlap(np.array([[1, 1, 0, 0], [1, 1, 0, 0], [1, 1, 1, 0]], bool)) == pytest.approx(7 / 3 - 1)
-    assert overlap(np.zeros((2, 4), bool)) is None
+    assert overlap(np.array([3, 3, 1, 0])) == pytest.approx(7 / 3 - 1)
+    assert overlap(np.zeros(4, np.int64)) is None
     assert jain(np.array([2.0, 2.0, 2.0])) == 1.0
     assert jain(np.array([5.0, 0.0])) == 0.5
     assert jain(np.zeros(2)) is None
@@ -238,7 +245,7 @@ def test_disagreement_is_the_mean_over_pairs(maps):
         joint = [(a, b) for a, b in zip(first, second, strict=True) if a and b]
         if joint:
             shares.append(sum(a != b for a, b in joint) / len(joint))
-    found = disagreement(held > 0, held == 2)
+    found = pooled(held > 0, np.where(held == 2, 1.0, -1.0).astype(np.float32)).disagreement
     assert found == (pytest.approx(np.mean(shares)) if shares else None)
 
 

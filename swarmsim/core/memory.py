@@ -1,0 +1,27 @@
+"""Large arrays of zeros that take memory only where they are written to."""
+
+from __future__ import annotations
+
+import math
+import mmap
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+SMALL: Final = 1 << 22  # bytes, below which numpy's own arrays are as good
+
+
+def zeros(shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+    """An array of zeros, of which only the pages (4 KiB) that are written to take memory.
+
+    numpy asks the system for pages of 2 MiB, which is faster for arrays that are used as a whole. But of the maps of
+    many robots, in a building of which each has seen a part, each would take all its memory at the first tile.
+    """
+    size = math.prod(shape) * np.dtype(kind).itemsize
+    if size < SMALL:
+        return np.zeros(shape, kind)
+    pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE) if hasattr(mmap, "MAP_PRIVATE") else mmap.mmap(-1, size)
+    if hasattr(mmap, "MADV_NOHUGEPAGE"):
+        pages.madvise(mmap.MADV_NOHUGEPAGE)
+    return np.frombuffer(pages, kind).reshape(shape)

@@ -1,0 +1,158 @@
+"""Robots that wander about and keep clear of what their beams meet: the plainest swarm there is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Final
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import chance
+from swarmsim.core.errors import InputError
+from swarmsim.core.forms import Last
+from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Record, State
+from swarmsim.kernels import wander
+
+Positive = Annotated[float, Meta(gt=0.0)]
+AHEAD: Final = 256  # iterations whose draws are made at once
+
+
+class Wander(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot drives on at constant speed along a way that bends at random, away from what its beams end at.
+
+    Its sensor has to tell it how far beams go, `ranges = true`. In each iteration the way bends by a normal angle of
+    the standard deviation `bend` sqrt(period), a correlated random walk (Kareiva and Shigesada 1983).
+    """
+
+    speed: Positive | None = None  # m/s; default: two thirds of what wheels can
+    clearance: Annotated[float, Meta(ge=0.0)] = 0.3  # m; 0 avoids nothing
+    bend: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.3  # rad after a second
+
+    def build(self, setting: Setting) -> Wandering:
+        """The strategy."""
+        return Wandering(self, setting)
+
+
+class Wandering:
+    """Velocities from beams."""
+
+    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+
+    def __init__(self, parameters: Wander, setting: Setting) -> None:
+        self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
+        self._clearance, self._period = parameters.clearance, setting.period
+        self._bend = parameters.bend * float(np.sqrt(setting.period))
+        streams = (setting.streams.open("wander", robot) for robot in range(setting.robots.count))
+        self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
+        self._block, self._turns = -1, np.empty((0, 0))
+
+    def step(self, observations: Observations) -> Intents:
+        """On, away from what is near."""
+        beams = observations.readings.beams
+        if beams is None:
+            raise InputError(
+                "sensor.ranges: robots that wander need to know how far their beams go; expected an ir-ring with "
+                "ranges = true"
+            )
+        block, within = divmod(observations.iteration, AHEAD)
+        if block != self._block:
+            when = np.arange(block * AHEAD, (block + 1) * AHEAD)[:, None]
+            self._block, self._turns = block, self._bend * chance.normal(0, self._salts, when)
+        twists: NDArray[np.float64] = wander.steer_clear(
+            beams.bearings, beams.ranges, observations.alive, self._turns[within], self._clearance, self._speed,
+            self._period,
+        )  # fmt: skip
+        return Intents.twisting(twists)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nothing(Columns):
+    """What silent robots say: that they are there."""
+
+    flag: NDArray[np.uint8]  # (t,): 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Oblivion(Knowledge):
+    """What robots know that remember nothing: nothing."""
+
+    def arrays(self) -> tuple[NDArray[Any], ...]:
+        """None."""
+        return ()
+
+    def record(self) -> Record:
+        """Nothing."""
+        return Record()
+
+
+class Reactive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Robots that compute nothing: they remember nothing, and what they say is a single byte."""
+
+    def build(self, setting: Setting) -> Reacting:
+        """The computation."""
+        return Reacting(setting.robots.count)
+
+
+class Reacting:
+    """Nothing is computed."""
+
+    knows: type[Knowledge] = Oblivion
+
+    def __init__(self, robots: int) -> None:
+        self.codec = PlainCodec(Nothing(np.zeros(0, np.uint8)))
+        self._said = Said.each(Nothing(np.zeros(robots, np.uint8)), self.codec.size)
+
+    def say(self, observations: Observations) -> Said[Nothing]:
+        """That they are there."""
+        return self._said
+
+    def hear(self, observations: Observations) -> Oblivion:
+        """Nothing."""
+        return Oblivion()
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Nothing to forget."""
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Nothing to adopt."""
+
+
+class Travelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The robots have driven so far, on the mean."""
+
+    distance: Positive  # m
+
+    def build(self, setting: Setting) -> TravelTask:
+        """The task."""
+        return TravelTask(self.distance, setting)
+
+
+class TravelTask:
+    """Adds up the ways of robots, live ones and others."""
+
+    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    curve: Final = Curve("travelled", "way of a robot, m", format=".2f")
+
+    def __init__(self, distance: float, setting: Setting) -> None:
+        self._distance, self._way = distance, 0.0
+        self._leap = 2.0 * setting.robots.speed * setting.period  # m; whoever is that far was carried there
+        self._last: State | None = None
+
+    def measure(self, moment: Moment) -> Measured:
+        """The mean way so far, in m."""
+        state, last = moment.state, self._last
+        if last is not None:
+            step = state.pose[:, :2] - last.pose[:, :2]
+            length = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2)
+            self._way += float(length.sum(where=last.alive & (length < self._leap))) / state.robots
+        self._last = state
+        return Measured({"travelled": self._way}, {}, min(1.0, self._way / self._distance), self._way >= self._distance)
+
+    def summaries(self) -> Sequence[Summary]:
+        """The last value."""
+        return (Last(),)
