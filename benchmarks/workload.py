@@ -11,12 +11,15 @@ PILLARS = 7  # along a side, squares of four segments each: with the outer walls
 RADIUS, SPEED, REACH, BEAMS, PERIOD = 0.05, 0.15, 0.5, 24, 0.1  # m, m/s, m, 1, s
 
 
-def pillars(robots: int) -> tuple[float, list[tuple[float, float, float, float]]]:
-    """The side (m) of the arena for so many robots, and its pillars: left, lower, right, upper edges in m."""
-    side = float(np.sqrt(robots))
+def pillars(robots: int, area: float = 1.0) -> tuple[float, list[tuple[float, float, float, float]]]:
+    """The side (m) of the arena for so many robots, and its pillars: left, lower, right, upper edges in m.
+
+    There are `area` m^2 for each robot.
+    """
+    side = float(np.sqrt(area * robots))
     pitch = side / PILLARS
     half = 0.075 * pitch
-    centres = (np.arange(PILLARS) + 0.5) * pitch
+    centres = [(i + 0.5) * pitch for i in range(PILLARS)]
     return side, [(x - half, y - half, x + half, y + half) for y in centres for x in centres]
 
 
@@ -34,9 +37,9 @@ def segments(robots: int) -> np.ndarray:
     return np.array(found)
 
 
-def written(folder: Path, robots: int, mapping: bool, iterations: int) -> Path:
+def written(folder: Path, robots: int, mapping: bool, iterations: int, area: float = 1.0) -> Path:
     """A scenario file with W(N), for swarmsim; mapping robots share tiles with their two nearest."""
-    side, squares = pillars(robots)
+    side, squares = pillars(robots, area)
     thick = 0.2
 
     def ring(left: float, low: float, right: float, high: float) -> list[list[float]]:

@@ -54,7 +54,7 @@ def local_maps(
     replay = MapReplay(opened)
     replay.advance(at)
     known = (replay.maps[:, opened["domain"]] != UNKNOWN).mean(axis=1)
-    shares = (opened["covered"][at] if "covered" in opened else known).tolist()
+    shares = (opened.rows("covered", opened.scenario.robots.count)[at] if "covered" in opened else known).tolist()
     title = f"Local maps: {opened.scenario.title}\nseed {opened.scenario.seed}, iteration {at}"
     figure = plots.local_maps(Scene(opened), replay.maps, shares, chosen, at, title)
     stem = out or opened.path.parent / f"local-maps-{at}"

@@ -45,7 +45,7 @@ def compiling(progress: Progress) -> Iterator[None]:
     def told(name: str) -> None:
         nonlocal task, names
         if task is None:
-            progress.console.print("the first run on a machine compiles its kernels, for about half a minute")
+            progress.console.print("the first run on a machine compiles its kernels, for about a quarter of a minute")
             task = progress.add_task("compiling", total=KERNELS, text="")
         names += 1
         progress.update(task, completed=min(names, KERNELS), text=name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import h5py
 
@@ -12,7 +13,7 @@ def open_for_reading(path: Path) -> h5py.File:
     """The file at `path`, also if its writer was killed.
 
     HDF5 marks a file that is being written and opens a marked one only by waiting for its writer. Where no
-    writer is left, the mark is taken off a copy in memory.
+    writer is left, the mark is taken off while the file is read.
     """
     with path.open("rb") as file:
         superblock = bytearray(file.read(48))
@@ -21,7 +22,37 @@ def open_for_reading(path: Path) -> h5py.File:
     superblock[11] = 0
     superblock[28:36] = path.stat().st_size.to_bytes(8, "little")  # the end of the file
     superblock[44:48] = lookup3(superblock[:44]).to_bytes(4, "little")
-    return h5py.File(io.BytesIO(superblock + path.read_bytes()[48:]), "r")
+    return h5py.File(_Begun(bytes(superblock), path.open("rb")), "r")
+
+
+class _Begun(io.RawIOBase):
+    """A file whose first bytes are others."""
+
+    def __init__(self, begin: bytes, file: BinaryIO) -> None:
+        self._begin, self._file = begin, file
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        at = self._file.tell()
+        read = self._file.readinto(buffer)  # type: ignore[attr-defined]
+        mine = self._begin[at : at + read]
+        memoryview(buffer).cast("B")[: len(mine)] = mine
+        return int(read)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
 
 
 def lookup3(data: bytes | bytearray) -> int:

@@ -59,9 +59,14 @@ def own_code_is_allowed() -> bool:
     return _OWN_CODE.get()
 
 
+@lru_cache(maxsize=1)
+def _installed_entries() -> Any:  # what it is differs between versions of Python; all have `select`
+    return entry_points()  # which reads the files of all installed packages
+
+
 def entries(seam: str) -> dict[str, EntryPoint]:
     """The entry points of all installed parts for a seam, by name."""
-    found = sorted(entry_points(group=f"swarmsim.{seam}"), key=lambda entry: entry.name)
+    found = sorted(_installed_entries().select(group=f"swarmsim.{seam}"), key=lambda entry: entry.name)
     return {entry.name: entry for entry in found}
 
 
@@ -95,7 +100,7 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
 
 @lru_cache(maxsize=256)
 def _installed(seam: str, use: str) -> type[msgspec.Struct]:
-    for entry in entry_points(group=f"swarmsim.{seam}", name=use):
+    for entry in _installed_entries().select(group=f"swarmsim.{seam}", name=use):
         return _part(seam, use, entry.load())
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 

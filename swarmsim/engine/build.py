@@ -14,8 +14,6 @@ import msgspec
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.spatial import KDTree
 
 from swarmsim.core import registry
 from swarmsim.core.building import Building, Survey
@@ -35,6 +33,7 @@ from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
 from swarmsim.world.arena import Arena
+from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 
@@ -95,10 +94,8 @@ class Run:
         places = self.simulation.state.pose[:, :2]
         row, column = arena.lattice.cells(places).T
         inside = (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
-        near = (
-            math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1
-        )  # cells: centres of cells are what is known
-        there = ndimage.binary_dilation(self.reachable, np.ones((3, 3), np.bool_), near)
+        near = math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1  # cells: what is known are their centres
+        there = around(self.reachable, near)
         walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).plan.walls
         fine = inside & ~shapely.contains_xy(walls, *places.T)
         fine[inside] &= there[row[inside], column[inside]]
@@ -327,7 +324,9 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
     robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
     left, apart = len(centres), 2.0 * robots.radius
-    near = KDTree(centres)
+    cells, width = setting.lattice.cells(centres), math.ceil(apart / setting.lattice.cell)
+    places = np.full(np.array(setting.lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
+    places[tuple(cells.T + width)] = np.arange(len(centres))
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
         if left == 0:
@@ -338,7 +337,9 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
         stream = setting.streams.open("spawn", robot)
         choice = _drawn(stream, open_)
         pose[robot] = *centres[choice], stream.uniform(-np.pi, np.pi)
-        beside = np.array(near.query_ball_point(centres[choice], apart * (1.0 + 1e-9)))
+        row, column = cells[choice]
+        beside = places[row : row + 2 * width + 1, column : column + 2 * width + 1]
+        beside = beside[beside >= 0]
         beside = beside[np.hypot(*(centres[beside] - centres[choice]).T) < apart]
         left -= int(np.count_nonzero(open_[beside]))
         open_[beside] = False

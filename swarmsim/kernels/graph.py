@@ -134,26 +134,30 @@ def _along(positions, live):
     return axis, live[np.argsort(positions[live, axis])]
 
 
-@njit(cache=True)
 def nearest(positions, alive, k):
     """Links from every live robot to its k nearest live others; all of them where there are fewer than k.
 
     `positions` (n, 2 or more): x, y. Of others equally far away the one with the lower id is nearer.
     """
+    live = np.count_nonzero(alive)
+    if 0 < live - 1 <= k:
+        return everybody(alive)
+    return _nearest_of_few(positions, alive, k) if live <= FEW else _nearest_of_many(positions, alive, k)
+
+
+@njit(cache=True)
+def _nearest_of_few(positions, alive, k):
+    """As `nearest`, by comparing all pairs."""
     live = np.flatnonzero(alive)
     each = min(k, len(live) - 1)
     if each <= 0:
         return np.empty((0, 2), np.int32)
-    if each == len(live) - 1:
-        return everybody(alive)
-    if len(live) > FEW:
-        return _nearest_of_many(positions, live, each)
     links = np.empty((len(live) * each, 2), np.int32)
     keys = np.empty(each)
     who = np.empty(each, np.int32)
     for rank in range(len(live)):
         i = live[rank]
-        found = 0
+        found = np.int64(0)
         for j in live:
             if j != i:
                 apart = _apart(positions, i, j)
@@ -175,7 +179,7 @@ def nearest_around(positions, alive, k, width, height):
     who = np.empty(each, np.int32)
     for rank in range(len(live)):
         i = live[rank]
-        found = 0
+        found = np.int64(0)
         for j in live:
             if j != i:
                 dx = positions[j, 0] - positions[i, 0]
@@ -190,8 +194,12 @@ def nearest_around(positions, alive, k, width, height):
 
 
 @njit(cache=True)
-def _nearest_of_many(positions, live, each):
+def _nearest_of_many(positions, alive, k):
     """As `nearest`, by looking from every robot outwards along the axis along which the swarm is spread further."""
+    live = np.flatnonzero(alive)
+    each = min(k, len(live) - 1)
+    if each <= 0:
+        return np.empty((0, 2), np.int32)
     axis, order = _along(positions, live)
     x = positions[order, axis]
     y = positions[order, 1 - axis]
@@ -199,7 +207,7 @@ def _nearest_of_many(positions, live, each):
     keys = np.empty(each)
     who = np.empty(each, np.int32)
     for place in range(len(order)):
-        found = 0
+        found = np.int64(0)
         limit = math.inf  # m^2: whoever is further away is not among the nearest, rounding allowed for
         for step in (-1, 1):
             other = place + step
@@ -240,7 +248,7 @@ def farthest(positions, alive, k):
     outside_in = np.argsort(-off)
     for rank in range(len(live)):
         i = live[rank]
-        found = 0
+        found = np.int64(0)
         for other in outside_in:
             j = live[other]
             # nobody further in is farther away than by way of the middle

@@ -212,7 +212,7 @@ def changes_under(log_odds, observed, held, robots, origins, receivers, heard_or
     `origins` (n, 2) of the maps of `robots` (n,) and at `heard_origins` (m, 2) of those of `receivers` (m,). Writes
     robot, cell and state to `found` (c, 3); gives their number.
     """
-    count = 0
+    count = np.int64(0)
     for t in range(len(robots)):
         count = _note_under(
             log_odds, observed, held, robots[t], origins[t, 0], origins[t, 1], shape, columns, found, count

@@ -206,8 +206,10 @@ def _square(x, y, coarse):
 @njit(cache=True, error_model="numpy")
 def _by_square(pose, alive, coarse):
     """Live robots as lists, one for each square: the first of each, and who follows whom; -1 for nobody."""
-    first = np.full(int(coarse[3]) * int(coarse[4]), -1, np.int64)
-    following = np.full(len(pose), -1, np.int64)
+    first = np.empty(int(coarse[3]) * int(coarse[4]), np.int64)
+    following = np.empty(len(pose), np.int64)
+    first[:] = -1
+    following[:] = -1
     for j in range(len(pose)):
         if alive[j]:
             row, column = _square(pose[j, 0], pose[j, 1], coarse)
@@ -275,7 +277,10 @@ def sense(
     hit = np.empty(beams, np.int64)
     cosines = np.empty(beams)
     sines = np.empty(beams)
-    near = np.empty(np.diff(start).max(), np.int64)
+    most = np.int64(0)
+    for square in range(len(start) - 1):
+        most = max(most, start[square + 1] - start[square])
+    near = np.empty(most, np.int64)
     discs = np.empty((len(movers) + (robots if occlude else 0), 3))
     around = np.empty(robots if occlude else 0, np.int64)
     first, following = _by_square(pose, alive, coarse) if occlude else (around, around)

@@ -199,7 +199,7 @@ def _search(maps, i, now, rules, start, goal, salt, work):
     work.parent[start] = -1
     work.mark[start] = seen
     free = np.zeros(8, np.bool_)
-    size = _push(work, 0, start, _remaining(start, goal, columns, rules.neighbours), np.uint64(0))
+    size = _push(work, np.int64(0), start, _remaining(start, goal, columns, rules.neighbours), np.uint64(0))
     while size > 0:
         here = work.heap[0]
         size = _pop(work, size)
@@ -241,7 +241,7 @@ def nearest_frontier(maps, i, now, rules, start, salt, work):
     it. Gives (-1, -1) if there is none.
     """
     columns = maps.observed.shape[2]
-    stand = _search(maps, i, now, rules, start, FRONTIER, salt, work)
+    stand = _search(maps, i, now, rules, start, np.int64(FRONTIER), salt, work)
     if stand < 0:
         return -1, -1
     return _to_explore(maps, i, now, rules, stand // columns, stand % columns), stand
@@ -255,7 +255,7 @@ def nearest_stale(maps, patrol, i, now, rules, start, salt, work):
     to the same cell, and back across the building as soon as one of them has seen it. Ties go to the order that `salt`
     draws, as in `nearest_frontier`. The start itself and cells seen in this iteration (`now`) do not count.
     """
-    _search(maps, i, now, rules, start, NOWHERE, salt, work)
+    _search(maps, i, now, rules, start, np.int64(NOWHERE), salt, work)
     settled = 2 * work.number[0] + 1
     seen = patrol.seen[i].reshape(-1)
     oldest = now

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -21,8 +22,22 @@ from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario, shape
+from swarmsim.recording import layout
+from swarmsim.recording.layout import FAR
 
-FORMAT: Final = 3  # raised whenever an older reader would misread a newer file
+FORMAT_NAME: Final = "swarmsim-recording"  # the attribute with the number
+FORMAT: Final = 4  # raised whenever an older reader would misread a newer file
+READING: Final = (
+    OSError,
+    KeyError,
+    ValueError,
+    RuntimeError,
+    TypeError,
+    OverflowError,
+    MemoryError,
+    msgspec.MsgspecError,
+)
+READ_AHEAD: Final = 1 << 20  # rows of large tables
 SHARES: Final = (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)  # of the task, whose times a summary tells
 
 
@@ -38,55 +53,115 @@ class Recording:
         if not self.path.is_file():
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
         self._growing = file
+        self._arrays: dict[str, NDArray[Any]] = {}  # what has been read
+        self._near: dict[str, tuple[int, NDArray[Any]]] = {}  # of large tables: some rows, and the first one's number
         try:
-            if file is not None:
-                self._read(file)
-            else:
-                with hdf5.open_for_reading(self.path) as opened:
-                    self._read(opened)
-        except (OSError, KeyError, ValueError, RuntimeError) as problem:
-            raise InputError(
-                f"{self.path}: not a whole recording ({problem}); expected an HDF5 file written by 'swarmsim run'"
-            ) from problem
+            with self._file() as opened:
+                self._read(opened)
+        except READING as problem:
+            raise self._damaged(problem) from problem
+
+    @contextmanager
+    def _file(self) -> Iterator[h5py.File]:
+        if self._growing is not None:
+            yield self._growing
+        else:
+            with hdf5.open_for_reading(self.path) as opened:
+                yield opened
+
+    def _damaged(self, problem: Exception) -> InputError:
+        told = str(problem).partition("\n")[0]
+        return InputError(
+            f"{self.path}: not a whole recording ({told}); expected an HDF5 file written by 'swarmsim run'"
+        )
 
     def _read(self, file: h5py.File) -> None:
-        found = file.attrs.get("swarmsim-recording")
+        found = layout.attribute(file, FORMAT_NAME, "iu") if FORMAT_NAME in file.attrs else None
         if found != FORMAT:
             raise InputError(
                 f"{self.path}: format {found if found is not None else 'unknown'}, but this swarmsim "
                 f"{version('swarmsim-lab')} reads format {FORMAT}; run the scenario again, or read it with the "
                 f"version that wrote it"
             )
-        self.versions: dict[str, str] = json.loads(file.attrs["versions"])
-        self.scenario: Scenario = shape(tomllib.loads(file.attrs["scenario"]), str(self.path))
-        x0, y0, cell, rows, columns = file.attrs["lattice"]
-        self.lattice = Lattice(float(x0), float(y0), float(cell), int(rows), int(columns))
-        self.digested: list[str] = file.attrs["digested"].split()
+        text = {name: layout.attribute(file, name, "S").decode() for name in layout.TEXTS}
+        self.versions = msgspec.json.decode(text["versions"], type=dict[str, str])
+        self.scenario: Scenario = shape(tomllib.loads(text["scenario"]), str(self.path))
+        x0, y0, cell, rows, columns = layout.attribute(file, "lattice", "f", (5,)).tolist()
+        if not (abs(x0) < FAR and abs(y0) < FAR and 0.0 < cell < FAR and 0.0 < rows < FAR and 0.0 < columns < FAR):
+            raise ValueError("the lattice cannot be")
+        self.lattice = Lattice(x0, y0, cell, int(rows), int(columns))
+        self.digested: list[str] = text["digested"].split()
         #: The names of what the task measured of the swarm.
-        self.measures: list[str] = json.loads(file.attrs["measures"])
+        self.measures = msgspec.json.decode(text["measures"], type=list[str])
         #: What the task is about, and how it is drawn.
-        self.curve: Curve = msgspec.json.decode(file.attrs["curve"], type=Curve)
-        self._rows: set[str] = set(json.loads(file.attrs["rows"]))  # tables with one row for each iteration
-        self._arrays: dict[str, NDArray[Any]] = {name: file[name][()] for name in file}
-        self.iterations = len(self._arrays["digests"])
+        self.curve = msgspec.json.decode(text["curve"], type=Curve)
+        self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
+        self._names = set(file)
+        robots = self.scenario.robots.count
+        self._sizes = {
+            "robots": robots, "rows": int(rows), "columns": int(columns), "fields": len(self.digested),
+            "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,
+            "last cell": int(rows) * int(columns) - 1,
+        }  # fmt: skip
+        layout.check(file, self._sizes, self.measures, self._rows)
+        self._sizes |= {name: len(file[name]) for name in ("waypoints",) if name in file}
+        self._sizes["last fate"] = len(file["fates"]) - 1 if "fates" in file else 0
+        self.iterations = len(file["digests"])
+        if self.curve.name not in self.measures and self.measures:
+            raise ValueError(f"the curve {self.curve.name!r} is not measured")
 
     def refresh(self) -> None:
         """Take in what has been flushed since, of a recording that this process still writes."""
         assert self._growing is not None
+        self._near.clear()
         for name, array in self._arrays.items():
             table = self._growing[name]
             if len(table) > len(array):
                 self._arrays[name] = np.concatenate([array, table[len(array) :]])
-        self.iterations = len(self._arrays["digests"])
+        self._sizes |= {"waypoints": len(self._growing["waypoints"]), "last fate": len(self._growing["fates"]) - 1}
+        self.iterations = len(self._growing["digests"])
+
+    def _loaded(self, name: str) -> NDArray[Any]:
+        """A whole table, read when it is first asked for. Raises InputError for one with numbers that cannot be."""
+        if name not in self._arrays:
+            try:
+                with self._file() as file:
+                    rows = file[name][()]
+                layout.check_values(name, rows, self._sizes)
+            except READING as problem:
+                raise self._damaged(problem) from problem
+            self._arrays[name] = rows
+        return self._arrays[name]
+
+    def _some(self, name: str, first: int, last: int) -> NDArray[Any]:
+        """Rows `first` to `last` of a table, and READ_AHEAD more are read with them. Raises InputError as `_loaded`."""
+        start, rows = self._near.get(name, (0, np.empty(0)))
+        if first < start or last > start + len(rows):
+            try:
+                with self._file() as file:
+                    rows = file[name][first : max(last, first + READ_AHEAD)]
+                if len(rows) < last - first:
+                    raise ValueError(f"table {name!r} ends before row {last}")
+                layout.check_values(name, rows, self._sizes)
+            except READING as problem:
+                raise self._damaged(problem) from problem
+            start, self._near[name] = first, (first, rows)
+        return rows[first - start : last - start]
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A table of the file by its name, cut to whole iterations where it has one row for each."""
-        array = self._arrays[name]
+        array = self._loaded(name)
         return array[: self.iterations] if name in self._rows else array
+
+    def rows(self, name: str, *shape: int) -> NDArray[Any]:
+        """A table with one row of this shape for each iteration. Raises InputError unless the file has it."""
+        if name not in self._names or name not in self._rows or self[name].shape[1:] != shape:
+            raise self._damaged(ValueError(f"no table {name!r} with rows of shape {shape}"))
+        return self[name]
 
     def __contains__(self, name: str) -> bool:
         """Whether the file has a table of this name."""
-        return name in self._arrays
+        return name in self._names
 
     @property
     def progress(self) -> NDArray[np.float64]:
@@ -96,7 +171,10 @@ class Recording:
     @cached_property
     def world(self) -> str:
         """The floor plan's SVG text."""
-        return bytes(self._arrays["world"]).decode()
+        try:
+            return bytes(self._loaded("world")).decode()
+        except UnicodeDecodeError as problem:
+            raise self._damaged(problem) from problem
 
     def links(self, iteration: int) -> NDArray[np.int32]:
         """The links (m, 2) of one iteration: receiver, sender."""
@@ -113,26 +191,33 @@ class Recording:
     @property
     def fates(self) -> list[str]:
         """What the numbers of fates mean: 0 is heard, all others why a message was lost."""
-        return [name.decode() for name in self._arrays["fates"]]
+        return [name.decode(errors="replace") for name in self._loaded("fates")]
 
     def _of(self, name: str, iteration: int) -> NDArray[Any]:
-        ends = self._arrays[f"{name}_end"]
-        rows: NDArray[Any] = self._arrays[name][ends[iteration - 1] if iteration else 0 : ends[iteration]]
-        return rows
+        ends = self._loaded(f"{name}_end")
+        return self._some(name, int(ends[iteration - 1]) if iteration else 0, int(ends[iteration]))
 
     def paths(self) -> list[tuple[int, int, NDArray[np.float32]]]:
         """Every path when it was new: iteration, robot, and its waypoints (w, 2) in m."""
-        rows = self._arrays["paths"]
+        rows, waypoints = self._loaded("paths"), self._loaded("waypoints")
         starts = np.concatenate([[0], rows[:, 2]])
         return [
-            (int(iteration), int(robot), self._arrays["waypoints"][start:end])
+            (int(iteration), int(robot), waypoints[start:end])
             for (iteration, robot, end), start in zip(rows, starts, strict=False)
         ]
 
     def events(self) -> list[Event]:
         """All events in the order in which they happened."""
-        text = self._arrays["events"].tobytes() if "events" in self else b""
-        return [decoded(line) for line in text.splitlines()]
+        text = self._loaded("events").tobytes() if "events" in self else b""
+        try:
+            found = [decoded(line) for line in text.splitlines()]
+            if any(
+                not 0 <= robot <= self._sizes["last robot"] for event in found for robot in getattr(event, "robots", ())
+            ):
+                raise ValueError("an event is about a robot that there is not")
+        except (msgspec.MsgspecError, ValueError) as problem:
+            raise self._damaged(problem) from problem
+        return found
 
     def digest(self) -> str:
         """The digest of the whole run, in hexadecimal; equal for equal runs."""
@@ -148,8 +233,19 @@ class Recording:
 
     def _lost(self) -> dict[str, int]:
         """How many messages were lost, by reason."""
-        counts = np.bincount(self._arrays["letters"][:, 4], minlength=len(self.fates))
-        return {name: int(count) for name, count in zip(self.fates[1:], counts[1:], strict=True)}
+        return {name: int(count) for name, count in zip(self.fates[1:], self._letters[0][1:], strict=True)}
+
+    @cached_property
+    def _letters(self) -> tuple[NDArray[np.int64], int]:
+        """How many messages had each fate, and the bytes of those heard."""
+        counts, heard = np.zeros(len(self.fates), np.int64), 0
+        with self._file() as file:
+            total = len(file["letters"])
+        for first in range(0, total, READ_AHEAD):
+            size, fate = self._some("letters", first, min(total, first + READ_AHEAD))[:, 3:].T
+            counts += np.bincount(fate, minlength=len(counts))
+            heard += int(size.sum(where=fate == 0, dtype=np.int64))
+        return counts, heard
 
     def reached(self, share: float) -> int | None:
         """The number of iterations after which this share of the task was done, or None."""
@@ -170,9 +266,9 @@ class Recording:
             "reached": {f"{100 * share:g} %": self.reached(share) for share in SHARES} if ran else {},
             "robots": self.scenario.robots.count,
             "alive": int(self["alive"][-1].sum()) if ran else self.scenario.robots.count,
-            "domain cells": int(self._arrays["domain"].sum()),
+            "domain cells": int(self["domain"].sum()),
             "messages": int(self["messages"].sum()) if ran else 0,
-            "bytes": int(self._arrays["letters"][:, 3].sum(where=self._arrays["letters"][:, 4] == 0)) if ran else 0,
+            "bytes": self._letters[1] if ran else 0,
             "lost": self._lost() if ran else {},
             "events": [msgspec.to_builtins(event) for event in events],
             "seed": self.scenario.seed,

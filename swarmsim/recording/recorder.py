@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
@@ -22,11 +23,22 @@ from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario
 from swarmsim.core.state import Moment
 from swarmsim.recording.digests import DIGESTED, Digests, versions
-from swarmsim.recording.reader import FORMAT
+from swarmsim.recording.reader import FORMAT, FORMAT_NAME
 
 BLOCK: Final = 64  # iterations held back between two flushes, and the length of a chunk
 MANY: Final = 4096  # rows in a chunk of tables that have many for each iteration
 FATE: Final = np.dtype("S32")
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """What is written of one iteration; moments themselves hold ways that are not new, and may be large."""
+
+    rows: dict[str, Any]
+    lists: dict[str, NDArray[Any]]
+    letters: NDArray[np.int32]  # (m, 5)
+    ways: list[tuple[int, int, NDArray[np.float64]]]  # iteration, robot, its new waypoints (w, 2) in m
+    events: bytes
 
 
 class Recorder:
@@ -52,7 +64,7 @@ class Recorder:
         """
         self._path, self._kept, self._broken = path, 0, False
         self._digests = Digests()
-        self._held: list[Moment] = []
+        self._held: list[Held] = []
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
@@ -60,22 +72,26 @@ class Recorder:
         self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
         #: The HDF5 file, which the same process may read while it grows.
         self.file = h5py.File(path, "x", libver="latest")
-        self.file.attrs.update(
-            {
-                "swarmsim-recording": FORMAT,
-                "scenario": tomli_w.dumps(without_none(msgspec.to_builtins(scenario))),
-                "versions": json.dumps(versions()),
-                "lattice": [lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns],
-                "digested": " ".join(DIGESTED),
-                "curve": msgspec.json.encode(curve).decode(),
-                "measures": "[]",
-                "rows": "[]",
-            }
-        )
+        self.file.attrs[FORMAT_NAME] = FORMAT
+        self.file.attrs["lattice"] = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
+        texts = {
+            "scenario": tomli_w.dumps(without_none(msgspec.to_builtins(scenario))),
+            "versions": json.dumps(versions()),
+            "digested": " ".join(DIGESTED),
+            "curve": msgspec.json.encode(curve).decode(),
+            "measures": "[]",
+            "rows": "[]",
+        }
+        for name, text in texts.items():
+            self._tell(name, text)
         self.file["world"] = np.frombuffer(world.encode(), np.uint8)
         for name, mask in (("domain", domain), ("truth", truth)):
             self.file.create_dataset(name, data=mask, compression="gzip")
         self._table("digests", (len(DIGESTED), 8), np.uint8)
+
+    def _tell(self, name: str, text: str) -> None:
+        """Write a text of fixed length: one that is not lies in a part of the file that has no checksum."""
+        self.file.attrs[name] = np.bytes_(text.encode())
 
     def _open(self, moment: Moment) -> None:
         """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
@@ -94,8 +110,8 @@ class Recorder:
         self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
         self._table("events", (), np.uint8, MANY)  # text: an event in JSON a line
         once = ("fates", "waypoints", "paths", "events")
-        self.file.attrs["rows"] = json.dumps([n for n in self._tables if n not in (*once, *self._totals)])
-        self.file.attrs["measures"] = json.dumps(list(moment.measured.values))
+        self._tell("rows", json.dumps([name for name in self._tables if name not in (*once, *self._totals)]))
+        self._tell("measures", json.dumps(list(moment.measured.values)))
         self.file.swmr_mode = True
 
     def _rows(self, moment: Moment) -> dict[str, Any]:
@@ -122,7 +138,9 @@ class Recorder:
         if len(self._tables) == 1:
             self._open(moment)
         self._digests.sample(moment)
-        self._held.append(moment)
+        rows, lists, letters = self._rows(moment), _lists(moment), self._with_fates(moment.delivery)
+        events = b"".join(encoded(event) + b"\n" for event in moment.events)
+        self._held.append(Held(rows, lists, letters, _new_ways(moment), events))
         if len(self._held) == BLOCK:
             self.flush()
 
@@ -143,31 +161,26 @@ class Recorder:
             ) from problem
         self._kept += len(held)
 
-    def _write(self, held: list[Moment]) -> None:
-        rows, lists = [self._rows(moment) for moment in held], [_lists(moment) for moment in held]
-        for name in rows[0]:
-            self._append(name, [row[name] for row in rows])
-        for name in lists[0]:
-            self._append_each(name, [one[name] for one in lists])
-        known = len(self._fates)
-        self._append_each("letters", [self._with_fates(moment.delivery) for moment in held])
-        self._append("fates", np.array(self._fates[known:], FATE))
-        self._append_ways(held)
-        events = b"".join(encoded(event) + b"\n" for moment in held for event in moment.events)
-        self._append("events", np.frombuffer(events, np.uint8))
+    def _write(self, held: list[Held]) -> None:
+        for name in held[0].rows:
+            self._append(name, [one.rows[name] for one in held])
+        for name in held[0].lists:
+            self._append_each(name, [one.lists[name] for one in held])
+        self._append_each("letters", [one.letters for one in held])
+        self._append("fates", np.array(self._fates[len(self._tables["fates"]) :], FATE))
+        self._append_ways([way for one in held for way in one.ways])
+        self._append("events", np.frombuffer(b"".join(one.events for one in held), np.uint8))
         self.file.flush()
         digests = self._digests.rows[-len(held) :]
         self._append("digests", np.frombuffer(b"".join(digests), np.uint8).reshape(-1, len(DIGESTED), 8))
         self._tables["digests"].flush()
 
-    def _append_ways(self, held: list[Moment]) -> None:
+    def _append_ways(self, ways: list[tuple[int, int, NDArray[np.float64]]]) -> None:
         """Append every path in the iteration in which it is new."""
-        planned = [(moment, robot) for moment in held for robot in np.flatnonzero(moment.intents.planned)]
-        ways = [moment.intents.waypoints[robot, : moment.intents.counts[robot]] for moment, robot in planned]
         if ways:
-            ends = self._totals["waypoints"] + np.cumsum([len(way) for way in ways], dtype=np.int64)
-            self._append("waypoints", np.concatenate(ways))
-            which = [(moment.state.iteration, robot) for moment, robot in planned]
+            ends = self._totals["waypoints"] + np.cumsum([len(way) for _, _, way in ways], dtype=np.int64)
+            self._append("waypoints", np.concatenate([way for _, _, way in ways]))
+            which = [(iteration, robot) for iteration, robot, _ in ways]
             self._append("paths", np.column_stack([np.array(which, np.int64), ends]))
             self._totals["waypoints"] = int(ends[-1])
 
@@ -218,6 +231,15 @@ def _reason(problem: BaseException) -> str:
 def _lists(moment: Moment) -> dict[str, NDArray[Any]]:
     """What has as many rows as there happen to be, by the name of its table."""
     return {"links": moment.links, **moment.knowledge.record().lists}
+
+
+def _new_ways(moment: Moment) -> list[tuple[int, int, NDArray[np.float64]]]:
+    """The iteration, the robot and the waypoints (w, 2) of every path that is new."""
+    intents = moment.intents
+    return [
+        (moment.state.iteration, int(robot), intents.waypoints[robot, : intents.counts[robot]].copy())
+        for robot in np.flatnonzero(intents.planned)
+    ]
 
 
 def without_none(value: Any) -> Any:

@@ -181,7 +181,7 @@ class Scene:
     def robot_curve(self, robot: int) -> NDArray[np.float64] | None:
         """What the task's curve is of one robot (iterations,), if it is measured of single ones."""
         name = self.curve.robots
-        return None if name is None else np.asarray(self._recording[name][:, robot], np.float64)
+        return None if name is None else np.asarray(self._recording.rows(name, self.robots)[:, robot], np.float64)
 
     def row(self, iteration: float) -> int:
         """The recording's row for a moment from 0, the start, to `iterations`, the end of the last one."""
@@ -213,7 +213,7 @@ class Scene:
             goals=aims,
             ways=[self._way(robot, row, pose[robot, :2], aims[robot]) for robot in range(self.robots)],
             value=float(self.curves.union[row]),
-            headings=recording["heading"][row] if self.has_headings else None,
+            headings=recording.rows("heading", self.robots)[row] if self.has_headings else None,
             groups=told.groups,
             heard=told.heard,
             messages=int(self._messages[row]),
@@ -337,7 +337,7 @@ def _curves(recording: Recording) -> Curves:
     if curve.robots is None:
         return Curves(recording[curve.name], None, None)
     alive = recording["alive"] | ~recording["alive"].any(axis=1, keepdims=True)  # once nobody is left, the dead
-    of_each = recording[curve.robots]
+    of_each = recording.rows(curve.robots, recording.scenario.robots.count)
     worst = (
         np.where(alive, of_each, np.inf).min(axis=1) if curve.rises else np.where(alive, of_each, -np.inf).max(axis=1)
     )

@@ -10,14 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 from shapely.strtree import STRtree
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
 from swarmsim.world.boundary import boundary, shares
-from swarmsim.world.cells import Cells, between, flood, grown, richest_piece, rim
+from swarmsim.world.cells import Cells, around, between, flood, grown, richest_piece, rim
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 
 _SLIVER = 1e-6  # of a cell; an overlap of walls with a cell below it is rounding, not wall
@@ -143,7 +142,7 @@ class Arena:
     def standing(self, radius: float) -> Cells:
         """The free cells (rows, columns) at whose centre a disc of `radius` (m) is clear of all walls."""
         reach = math.ceil(radius / self.lattice.cell)  # farther from every occupied cell, nothing is in the way
-        close = ndimage.maximum_filter(self.occupied, 2 * reach + 1) & ~self.occupied
+        close = around(self.occupied, reach) & ~self.occupied
         edges = STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
         places = np.argwhere(close)
         touching, _ = edges.query(

@@ -69,6 +69,16 @@ def grown(cells: Cells) -> Cells:
     return beside
 
 
+def around(cells: Cells, reach: int) -> Cells:
+    """The cells in squares of `reach` cells each way around `cells`."""
+    near = cells
+    for _ in range(2):  # down, then across
+        padded = np.pad(near, ((reach, reach), (0, 0)))
+        total = np.cumsum(np.pad(padded, ((1, 0), (0, 0))), axis=0)
+        near = (total[2 * reach + 1 :] > total[: -2 * reach - 1]).T
+    return near
+
+
 def rim(cells: Cells) -> Cells:
     """Those of `cells` that lie on the border of the lattice."""
     outer = cells.copy()

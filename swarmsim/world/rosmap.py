@@ -13,7 +13,6 @@ import yaml
 from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
-from scipy import ndimage
 from shapely import MultiPolygon, affinity
 
 from swarmsim.core.errors import InputError
@@ -85,6 +84,8 @@ class Bitmap:
 
     def _runs_off(self) -> bool:
         """Whether all free spaces touch the edge of the image, but for some with less than a tenth of the largest."""
+        from scipy import ndimage  # takes a while, and few worlds are bitmaps
+
         pieces, count = ndimage.label(self.states == FREE)
         sizes = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
         edge = np.unique(np.concatenate([pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]]))

@@ -195,7 +195,7 @@ def test_another_format_or_another_file_is_refused(room: Path, tmp_path: Path) -
     other.write_bytes(room.read_bytes())
     with h5py.File(other, "r+") as file:
         file.attrs["swarmsim-recording"] = 99
-    with pytest.raises(InputError, match=r"format 99.*reads format 3"):
+    with pytest.raises(InputError, match=r"format 99.*reads format 4"):
         Recording(other)
     plain = tmp_path / "plain.h5"
     with h5py.File(plain, "w") as file:

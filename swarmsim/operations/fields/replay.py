@@ -31,5 +31,5 @@ class FieldReplay:
         alive = self._recording["alive"][row]
         if not alive.any():
             return np.full(self._shape, np.nan)
-        weights = self._recording["weights"][row][alive].mean(axis=0)
+        weights = self._recording.rows("weights", len(alive), len(self._functions))[row][alive].mean(axis=0)
         return np.asarray((weights @ self._functions).reshape(self._shape))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from swarmsim.core import memory
 from swarmsim.core.state import UNKNOWN, Moment
@@ -94,7 +93,15 @@ class Pool:
         The share of cells known to both robots that one holds for occupied and the other for free (Hamming
         1950), as the mean over all pairs that know a cell in common; None if there is no such pair.
         """
-        full, empty = (self._marked(cells) for cells in (self._full, self._empty))
+        from scipy import sparse  # takes a while to import
+
+        def marked(cells: list[NDArray[np.int64]]) -> sparse.csr_array:
+            """Which cells each robot holds so, as a matrix (n, cells) of 1 and 0."""
+            ends = np.cumsum([0, *map(len, cells)])
+            ones = np.ones(ends[-1], np.int32)
+            return sparse.csr_array((ones, np.concatenate(cells), ends), shape=(len(cells), len(self.holders)))
+
+        full, empty = marked(self._full), marked(self._empty)
         differ = full @ empty.T
         differing = (differ + differ.T).toarray()
         joint = sparse.triu(full @ full.T + empty @ empty.T + differ + differ.T, 1, "coo")
@@ -102,12 +109,6 @@ class Pool:
             return None
         shares = differing[joint.row, joint.col] / joint.data.astype(np.float32)
         return float(shares.mean(dtype=np.float64))
-
-    def _marked(self, cells: list[NDArray[np.int64]]) -> sparse.csr_array:
-        """Which cells each robot holds so, as a matrix (n, cells) of 1 and 0."""
-        ends = np.cumsum([0, *map(len, cells)])
-        ones = np.ones(ends[-1], np.int32)
-        return sparse.csr_array((ones, np.concatenate(cells), ends), shape=(len(cells), len(self.holders)))
 
 
 def entropy(belief: NDArray[np.float64]) -> float:

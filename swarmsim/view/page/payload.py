@@ -65,10 +65,12 @@ def _arrays(recording: Recording, scene: Scene) -> dict[str, NDArray[Any]]:
             "changes_end": recording["changes_end"].astype(np.uint32),
         }
     if scene.curve.robots is not None:
-        arrays["each"] = recording[scene.curve.robots].astype(np.float32)
+        arrays["each"] = recording.rows(scene.curve.robots, scene.robots).astype(np.float32)
     if "origins" in recording:
         arrays["origins"] = recording["origins"].astype(np.int16)
-    for name in ("goals", "heading", "people", "believed"):
+    if scene.has_headings:
+        arrays["heading"] = recording.rows("heading", scene.robots).astype(np.float32)
+    for name in ("goals", "people", "believed"):
         if name in recording:
             arrays[name] = recording[name].astype(np.int16 if name == "goals" else np.float32)
     beams = _beams(recording, scene)

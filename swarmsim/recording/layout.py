@@ -1,0 +1,157 @@
+"""What a recording's file holds: the names, types and shapes of its tables, and what numbers may stand in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+EACH, MANY, ONCE = "each", "many", "once"  # one row for each iteration; many, with their ends in NAME_end; neither
+FAR: Final = 1e7  # m or cells: nothing lies farther off
+MOST: Final = 1 << 33  # bytes of a table
+DENSEST: Final = 1100  # how many times smaller deflate (RFC 1951) makes what it packs, at most
+SMALL: Final = 1 << 26  # bytes, up to which a table may be as dense as it likes
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """One table: its type and the shape of its rows, in which words stand for sizes that the recording tells."""
+
+    kind: str
+    row: tuple[int | str, ...]
+    rows: str
+    #: What its numbers, or those of each column, lie within, both ends included; words as in `row`.
+    low: tuple[float, ...] = ()
+    high: tuple[float | str, ...] = ()
+
+
+TABLES: Final = {
+    "world": Table("u1", (), ONCE),
+    "domain": Table("?", ("columns",), ONCE),
+    "truth": Table("?", ("columns",), ONCE),
+    "digests": Table("u1", ("fields", 8), EACH),
+    "pose": Table("f8", ("robots", 3), EACH, (-FAR,) * 3, (FAR,) * 3),
+    "believed": Table("f8", ("robots", 3), EACH, (-FAR,) * 3, (FAR,) * 3),
+    "people": Table("f8", ("any", 3), EACH, (-FAR, -FAR, 0.0), (FAR,) * 3),
+    "alive": Table("?", ("robots",), EACH),
+    "messages": Table("i8", (), EACH, (0.0,), (float(2**62),)),
+    "progress": Table("f8", (), EACH, (0.0,), (1.0,)),
+    "tiles": Table("u1", ("robots", "any", "any"), EACH, (0.0,), (2.0,)),
+    "origins": Table("i4", ("robots", 2), EACH, (-FAR,) * 2, (FAR,) * 2),
+    "samples": Table("f8", ("robots",), EACH),
+    "goals": Table("i4", ("robots", 2), EACH, (-1.0, -1.0), ("last row", "last column")),
+    "twists": Table("f8", ("robots", 2), EACH),
+    "links": Table("i4", (2,), MANY, (0.0, 0.0), ("last robot",) * 2),
+    "letters": Table("i4", (5,), MANY, (0.0,) * 5, ("last robot", "last robot", 2e9, 2e9, "last fate")),
+    "changes": Table("i4", (3,), MANY, (0.0,) * 3, ("last robot", "last cell", 2.0)),
+    "fates": Table("S32", (), ONCE),
+    "waypoints": Table("f4", (2,), ONCE, (-FAR,) * 2, (FAR,) * 2),
+    "paths": Table("i8", (3,), ONCE, (0.0,) * 3, (2e9, "last robot", "waypoints")),
+    "events": Table("u1", (), ONCE),
+}
+#: What every recording of a run that has begun holds.
+NEEDED: Final = (
+    "pose",
+    "alive",
+    "messages",
+    "progress",
+    "goals",
+    "links",
+    "letters",
+    "fates",
+    "waypoints",
+    "paths",
+    "events",
+)
+#: The attributes of the file that are texts: TOML, JSON, or words.
+TEXTS: Final = ("versions", "scenario", "digested", "measures", "rows", "curve")
+BEFORE: Final = ("world", "domain", "truth", "digests")  # what it holds even before
+
+
+def attribute(file: Any, name: str, kinds: str, shape: tuple[int, ...] = ()) -> Any:
+    """An attribute of an HDF5 file.
+
+    Raises ValueError unless it is there, of one of these kinds of numpy's and of this shape. Texts are of fixed length,
+    since damaged ones of others can keep HDF5 busy for ever.
+    """
+    if name not in file.attrs:
+        raise ValueError(f"attribute {name!r} is missing")
+    found = file.attrs.get_id(name)
+    if found.dtype.kind not in kinds or found.shape != shape:
+        raise ValueError(f"attribute {name!r} is {found.dtype} of shape {found.shape}")
+    return file.attrs[name]
+
+
+def check(file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], rows: set[str]) -> None:
+    """Raise ValueError, which names the table and what is wrong with it, unless all tables are as they should be.
+
+    `file` is an HDF5 file, `sizes` those that words stand for; `rows` are the tables that say to have a row for each
+    iteration, `measures` those of them that a task has measured.
+    """
+    begun = "pose" in file
+    for name in (*BEFORE, *(NEEDED if begun else ()), *rows, *measures):
+        if name not in file:
+            raise ValueError(f"table {name!r} is missing")
+    for name, found in file.items():
+        if not hasattr(found, "shape") or found.shape is None:
+            raise ValueError(f"{name!r} is no table")
+        _check_size(name, found)
+        if name.endswith("_end"):
+            _expect(name, found, np.dtype("i8"), (found.shape[0] if found.shape else 0,))
+        elif name in TABLES:
+            table = TABLES[name]
+            _expect(
+                name, found, np.dtype(table.kind), (found.shape[:1] or (0,)) + _sizes(table.row, found.shape, sizes)
+            )
+            if table.rows == MANY and f"{name}_end" not in file:
+                raise ValueError(f"table '{name}_end' is missing")
+            if table.rows == EACH and name not in rows and name != "digests":
+                raise ValueError(f"table {name!r} has no row for each iteration")
+        elif found.dtype.kind not in "fiub":
+            raise ValueError(f"table {name!r} is of {found.dtype}, not of numbers")
+    for name in ("domain", "truth"):
+        if file[name].shape[0] != sizes["rows"]:
+            raise ValueError(f"table {name!r} has {file[name].shape[0]} rows, and the lattice {sizes['rows']}")
+    iterations = file["digests"].shape[0]
+    for name in rows:
+        if not file[name].shape or file[name].shape[0] < iterations:
+            raise ValueError(f"table {name!r} has not a row for each of {iterations} iterations")
+    for name in measures:
+        if file[name].shape != file[name].shape[:1]:
+            raise ValueError(f"table {name!r} is of shape {file[name].shape}; a measure is one number an iteration")
+
+
+def _check_size(name: str, found: Any) -> None:
+    size = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize
+    stored = found.id.get_storage_size()
+    if size > MOST or (size > SMALL and size > DENSEST * max(stored, 1)):
+        raise ValueError(f"table {name!r} would have {size} bytes from {stored} in the file; expected {MOST} at most")
+
+
+def _sizes(row: tuple[int | str, ...], shape: tuple[int, ...], sizes: dict[str, int]) -> tuple[int, ...]:
+    """The shape that a row should have; sizes that may be any are as they are."""
+    given = [*shape[1:], *[0] * len(row)]
+    return tuple(sizes.get(one, given[axis]) if isinstance(one, str) else one for axis, one in enumerate(row))
+
+
+def _expect(name: str, found: Any, kind: np.dtype[Any], shape: tuple[int, ...]) -> None:
+    if found.dtype != kind or found.shape != shape:
+        raise ValueError(f"table {name!r} is {found.dtype} of shape {found.shape}, not {kind} of {shape}")
+
+
+def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int]) -> None:
+    """Raise ValueError, which names the table, if numbers in it cannot be; `sizes` as for `check`."""
+    if name.endswith("_end"):
+        if len(rows) and (rows[0] < 0 or (np.diff(rows) < 0).any()):
+            raise ValueError(f"table {name!r} does not rise")
+        return
+    table = TABLES.get(name)
+    if table is None or not table.low or rows.size == 0:
+        return
+    low = np.array(table.low)
+    high = np.array([sizes.get(one, 0) if isinstance(one, str) else one for one in table.high])
+    if not ((rows >= low) & (rows <= high)).all():
+        raise ValueError(f"table {name!r} has numbers that cannot be; expected {low.tolist()} to {high.tolist()}")
