@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
+import stat
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
 from swarmsim.core.errors import InputError
 
+LARGEST: Final = 64_000_000  # bytes of a file that is read whole
 Table = dict[str, Any]  # `use` and the keys of the part it names, or a whole scenario
 
 
@@ -55,6 +58,20 @@ def outside(table: Table, folder: Path, ours: Path | None = None) -> list[str]:
     return [f"reads {os.path.normpath(path)}, which lies outside of the scenario's folder" for path in away]
 
 
+def content(path: Path, expected: str) -> bytes:
+    """What is in a plain file of at most LARGEST bytes: others may never end. Raises InputError: `expected` was ...."""
+    try:
+        status = path.stat()
+        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
+            raise InputError(f"{path}: is no plain file; expected {expected}")
+        if status.st_size > LARGEST:
+            raise InputError(f"{path}: is larger than {LARGEST // 1_000_000} MB; expected {expected}")
+        return path.read_bytes()
+    except (OSError, ValueError) as problem:  # a path with a null character in it is a ValueError
+        told = problem.strerror if isinstance(problem, OSError) else problem
+        raise InputError(f"{path}: cannot be read ({told}); expected {expected}") from problem
+
+
 def read_rows(path: Path) -> list[list[int | float]]:
     """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
 
@@ -65,9 +82,7 @@ def read_rows(path: Path) -> list[list[int | float]]:
     if path.suffix.lower() == ".png":
         return _grey_levels(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()  # spreadsheets mark UTF-8 in the first bytes
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a CSV file of numbers") from problem
+        lines = content(path, "a CSV file of numbers").decode("utf-8-sig").splitlines()  # as spreadsheets mark UTF-8
     except UnicodeDecodeError as problem:
         raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a CSV file of numbers") from problem
     rows = []
@@ -105,7 +120,7 @@ def _grey_levels(path: Path) -> list[list[int | float]]:
     from PIL import Image  # takes a while, and few scenarios need it
 
     try:
-        with Image.open(path) as picture:
+        with Image.open(io.BytesIO(content(path, "a PNG picture"))) as picture:
             grey = picture.convert("L")
             levels, width = list(grey.tobytes()), grey.width
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as problem:

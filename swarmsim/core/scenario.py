@@ -15,7 +15,7 @@ from msgspec import field as of
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table, outside, with_files
+from swarmsim.core.files import Table, content, outside, with_files
 from swarmsim.core.platforms import with_platforms
 from swarmsim.core.robots import Count, Positive, Robots
 
@@ -189,9 +189,7 @@ def spelled_out(table: Table, name: str) -> Table:
 def read_toml(path: Path, expected: str) -> Table:
     """The table in a TOML file. Raises InputError, which names what was `expected`."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # editors may mark UTF-8 in the first bytes
-    except OSError as problem:
-        raise InputError(f"{path}: cannot be read ({problem.strerror}); expected {expected}") from problem
+        return tomllib.loads(content(path, expected).decode("utf-8-sig"))  # editors may mark UTF-8 in the first bytes
     except UnicodeDecodeError as problem:
         raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected {expected}") from problem
     except tomllib.TOMLDecodeError as problem:

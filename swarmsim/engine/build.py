@@ -38,6 +38,7 @@ from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 
 MANY = 20_000  # places from which is looked at once
+MOST_MAPPED = 20_000_000_000  # cells of all maps together
 LARGE, TRIES = 10_000, 100  # cells of a spawn area that are drawn from one by one, and how often
 TINY = 3.0  # m: smaller pages are often drawn at a scale
 
@@ -127,6 +128,12 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
 
     ground = _open(world, place, scenario.grid.cell, alone, sensor)
     arena = ground.arena
+    cells = arena.lattice.rows * arena.lattice.columns
+    if robots.count * cells > MOST_MAPPED:
+        raise InputError(
+            f"grid.cell: {robots.count} robots with maps of {cells} cells each would have more than {MOST_MAPPED} "
+            f"cells; expected fewer robots or larger cells"
+        )
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)

@@ -71,7 +71,8 @@ class Session:
         """End the recording; gives its file, `recording.h5` in the session's folder."""
         if self._recorder is not None:
             self._recorder.close()
-        return self.recording.path.replace(self.folder / "recording.h5")
+        self.recording.path = self.recording.path.replace(self.folder / "recording.h5")
+        return self.recording.path
 
     def _start(self, struck: tuple[Table, ...], iterations: int) -> None:
         """Do the run with these faults from the seed on, in a recording of its own."""

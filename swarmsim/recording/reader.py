@@ -63,7 +63,7 @@ class Recording:
 
     @contextmanager
     def _file(self) -> Iterator[h5py.File]:
-        if self._growing is not None:
+        if self._growing:  # it is false once the file is closed
             yield self._growing
         else:
             with hdf5.open_for_reading(self.path) as opened:
@@ -135,7 +135,7 @@ class Recording:
 
     def _some(self, name: str, first: int, last: int) -> NDArray[Any]:
         """Rows `first` to `last` of a table, and READ_AHEAD more are read with them. Raises InputError as `_loaded`."""
-        start, rows = self._near.get(name, (0, np.empty(0)))
+        start, rows = self._near.get(name, (last + 1, np.empty(0)))  # nothing that would do
         if first < start or last > start + len(rows):
             try:
                 with self._file() as file:

@@ -21,6 +21,9 @@ _BOUNDLESS = 1e12  # user units, beyond which geometry fails before the scale ap
 _CAPS = {"butt": "flat", "round": "round", "square": "square"}
 _JOINS = {"miter": "mitre", "miter-clip": "mitre", "arcs": "mitre", "round": "round", "bevel": "bevel"}
 _UNSCALED = "non-scaling-stroke"
+_FEW = 20_000  # corners of an outline, of which any number of crossings is borne
+_MOST_CROSSINGS = 2_000_000
+_MOST_STEPS = 2_000_000_000  # pieces that an outline cuts itself into, times its corners
 
 
 def covered(
@@ -94,12 +97,33 @@ def _filled(outlines: Outlines, even_odd: bool) -> shapely.Geometry:
         polygon = shapely.Polygon(rings[0])
         if polygon.is_valid:
             return polygon
+    _check_crossings(rings)
     # Cut the plane along all rings at once, and ask each piece how often the rings wind around it.
     cuts = shapely.union_all([shapely.LineString(ring) for ring in rings])
     pieces = shapely.get_parts(shapely.polygonize(shapely.get_parts(cuts)))
+    if len(pieces) * sum(map(len, rings)) > _MOST_STEPS:
+        raise ElementError(
+            f"its outline of {sum(map(len, rings))} corners cuts itself into {len(pieces)} pieces; simplify it"
+        )
     inside = shapely.get_coordinates(shapely.point_on_surface(pieces))
     windings = sum((_windings(ring, inside) for ring in rings), np.zeros(len(inside), dtype=np.int64))
     return shapely.union_all(pieces[windings % 2 == 1 if even_odd else windings != 0])
+
+
+def _check_crossings(rings: list[Points]) -> None:
+    """Raise ElementError for outlines that cross themselves very often, by a sample of their segments."""
+    ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings]) if rings else np.empty((0, 2, 2))
+    if len(ends) <= _FEW:
+        return
+    segments = shapely.linestrings(ends)
+    sample = segments[:: len(segments) // 1000]
+    met = len(shapely.STRtree(segments).query(sample, predicate="intersects")[0])
+    crossings = 0.5 * (met / len(sample) - 3.0) * len(segments)  # each meets itself and those before and after it
+    if crossings > _MOST_CROSSINGS:
+        raise ElementError(
+            f"its outline of {len(segments)} corners crosses itself about {crossings:.1g} times, more than "
+            f"{_MOST_CROSSINGS}; simplify it"
+        )
 
 
 def _windings(ring: Points, points: Points) -> NDArray[np.int64]:

@@ -19,7 +19,10 @@ _SVG_NAMESPACE = "{http://www.w3.org/2000/svg}"
 _REASONS = {
     "ERR_TAG_NAME_MISMATCH": "mismatched tag",
     "ERR_UNDECLARED_ENTITY": "undefined entity",
-    "ERR_RESOURCE_LIMIT": "its entities or elements multiply without end, or are nested deeper than 200",
+    "ERR_RESOURCE_LIMIT": (
+        "its entities or elements multiply without end or are nested deeper than 200, or a text in it is longer than "
+        "10 MB"
+    ),
     "ERR_DOCUMENT_EMPTY": "no element in it",
 }
 

@@ -13,6 +13,7 @@ import shapely
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.files import LARGEST
 from swarmsim.core.parts import Site
 from swarmsim.core.scenario import World
 from swarmsim.core.streams import Streams
@@ -21,7 +22,6 @@ from swarmsim.world.areas import joined, polygons
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 from swarmsim.world.svg import read_floor_plan
 
-LARGEST_FILE: Final = 64_000_000  # bytes
 _DECLARED: Final = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _MARKS: Final = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 _GZIP: Final = b"\x1f\x8b"
@@ -107,8 +107,8 @@ def _check(path: Path) -> None:
         raise InputError(f"world: {path} cannot be read (no such file); {expected}")
     if not path.is_file():
         raise InputError(f"world: {path} is no plain file; {expected}")
-    if path.stat().st_size > LARGEST_FILE:
-        raise InputError(f"world: {path} is larger than {LARGEST_FILE // 1_000_000} MB; {expected}")
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"world: {path} is larger than {LARGEST // 1_000_000} MB; {expected}")
 
 
 def _text(path: Path) -> str:
@@ -139,11 +139,11 @@ def _unpacked(content: bytes, path: Path) -> bytes:
     """What is packed in a compressed drawing (SVGZ). Raises InputError if that is broken, or far too much."""
     reader = zlib.decompressobj(wbits=31)
     try:
-        plain = reader.decompress(content, LARGEST_FILE + 1)
+        plain = reader.decompress(content, LARGEST + 1)
     except zlib.error:
         raise InputError(f"world: {path} is a broken gzip file; expected a whole SVGZ") from None
-    if len(plain) > LARGEST_FILE:
-        raise InputError(f"world: {path} unpacks to more than {LARGEST_FILE // 1_000_000} MB; expected a drawing")
+    if len(plain) > LARGEST:
+        raise InputError(f"world: {path} unpacks to more than {LARGEST // 1_000_000} MB; expected a drawing")
     if not reader.eof:
         raise InputError(f"world: {path} is a broken gzip file; expected a whole SVGZ")
     return plain

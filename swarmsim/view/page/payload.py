@@ -36,8 +36,8 @@ def payload(recording: Recording) -> dict[str, str]:
         **_words(recording, scene),
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays.items()],
     }
-    # A page ends its script at the first "</", wherever it stands.
-    text = json.dumps(words, separators=(",", ":")).replace("</", "<\\/")
+    # "</script" would end the page's script wherever it stands, and "<!--<script" would let it go on for ever.
+    text = json.dumps(words, separators=(",", ":")).replace("<", "\\u003c")
     return {"words": text, "numbers": b64encode(zlib.compress(blob, 9)).decode()}
 
 
