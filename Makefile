@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test docs test-browser test-slow bench golden format clean
+.PHONY: demo test docs test-browser test-slow bench soak golden format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -28,6 +28,9 @@ test-slow: .venv/test
 
 bench: .venv/test
 	$(BIN)/pytest benchmarks -m bench -s
+
+soak: .venv/test
+	$(BIN)/pytest -m slow -s tests/faults/test_invariants_under_load.py tests/recording/test_damage.py
 
 golden: .venv/test
 	$(BIN)/python tests/test_golden.py

@@ -227,11 +227,14 @@ def test_no_body_is_in_a_wall_at_any_time(case: Case) -> None:
 def deepest(watch: Watch) -> float:
     """How far any body of any moment reaches into the walls or boxes of that moment, in m."""
     plan, worst = watch.run.arena.plan.walls, -np.inf
+    bodies: dict[tuple[object, ...], tuple[shapely.Geometry, shapely.Geometry]] = {}  # of each state of the building
     for moment, boxes, walls, solid in zip(watch.moments, watch.boxes, watch.walls, watch.solid, strict=True):
+        if boxes not in bodies:
+            matter = shapely.union_all([plan, *(shapely.box(*box) for box in boxes)])  # 0 m away from whoever is inside
+            bodies[boxes] = (matter, shapely.multilinestrings(walls.reshape(-1, 2, 2)))
+            shapely.prepare(bodies[boxes])
         centres = shapely.points(moment.state.pose[solid, :2])
-        matter = shapely.union_all([plan, *(shapely.box(*box) for box in boxes)])  # 0 m away from whoever is inside
-        lines = shapely.multilinestrings(walls.reshape(-1, 2, 2))
-        for body in (matter, lines):
+        for body in bodies[boxes]:
             worst = max(worst, float((RADIUS - shapely.distance(body, centres)).max(initial=-np.inf)))
     return worst
 
