@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test docs test-browser test-slow bench soak golden format clean
+.PHONY: demo test docs test-browser test-slow bench soak bounds golden format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -31,6 +31,9 @@ bench: .venv/test
 
 soak: .venv/test
 	$(BIN)/pytest -m slow -s tests/faults/test_invariants_under_load.py tests/recording/test_damage.py
+
+bounds: .venv/test
+	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=build/bounds $(BIN)/pytest -n 2 tests/kernels tests/test_docs.py -k "kernels or every_scenario_runs"
 
 golden: .venv/test
 	$(BIN)/python tests/test_golden.py

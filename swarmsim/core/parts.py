@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -136,6 +138,13 @@ class Curve:
     robots: str | None = None  # the measure of single robots that makes a band, of the same unit
     format: str = ".3g"  # of a single value
     rises: bool = True  # whether more is better
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for numbers and formats that nothing can be drawn by."""
+        if not re.fullmatch(r"(\.\d)?[efg]", self.format):
+            raise ValueError(f"a curve's format {self.format!r}; expected such as .2f or .3g")
+        if not all(math.isfinite(one) for one in (self.scale, self.low or 0.0, self.high or 0.0)):
+            raise ValueError("a curve's scale or end that is not finite")
 
 
 class Summary(Protocol):
