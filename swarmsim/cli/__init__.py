@@ -71,6 +71,11 @@ def main() -> None:
     except InputError as problem:
         print(f"swarmsim: {problem}", file=sys.stderr)
         sys.exit(BAD_INPUT)
+    except OSError as problem:  # what the system says of files that parts of ours have not looked at first
+        if problem.filename is None:
+            raise
+        print(f"swarmsim: {str(problem.filename)[:200]}: {problem.strerror}", file=sys.stderr)
+        sys.exit(BAD_INPUT)
     except PartError as problem:
         print(f"swarmsim: {problem}", file=sys.stderr)
         sys.exit(PART_FAILED)
