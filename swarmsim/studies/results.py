@@ -49,7 +49,7 @@ class Result:
 
     def measure(self, name: str) -> NDArray[np.float64]:
         """One measure of each run; nan where it is undefined. Raises InputError for an unknown name."""
-        if self.rows and name not in self.rows[0].summary:
+        if any(name not in row.summary for row in self.rows):
             raise InputError(f"{name!r} is no measure; known: {', '.join(self.rows[0].summary)}")
         values = (row.summary[name] for row in self.rows)
         return np.array([np.nan if value is None else value for value in values], np.float64)

@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import sqlite3
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, StorageError
 
 FORMAT = 1
 TABLES = """
@@ -42,7 +43,7 @@ class Row:
     seed: int
     status: str  # finished, not finished or failed
     iterations: int | None  # None where it failed
-    summary: dict[str, Any]  # measures by name
+    summary: dict[str, float | int | None]  # measures by name
     curve: NDArray[np.float32] | None  # (t,): the measure that the task is about after each iteration
     digest: str | None
     versions: dict[str, str]
@@ -65,25 +66,37 @@ class Store:
                 raise InputError(f"{path}: a store of format {found}; this swarmsim reads format {FORMAT}")
             self._base.executescript(TABLES)
             self._base.execute(f"pragma user_version = {FORMAT}")
-        except (sqlite3.Error, OSError) as problem:
+        except (sqlite3.Error, OSError, ValueError) as problem:  # ValueError: names in it that are no UTF-8
             raise InputError(f"{path}: no store of results ({problem}); expected an SQLite file of ours") from problem
 
     def add(self, row: Row) -> None:
-        """Keep a run; one that is here already stays as it is, unless it had failed."""
+        """Keep a run; one that is here already stays as it is, unless it had failed.
+
+        Raises StorageError if it cannot be written; those before are kept.
+        """
         curve = None if row.curve is None else row.curve.astype("<f4").tobytes()
         values = (
             row.identity, row.condition, row.seed, row.status, row.iterations, json.dumps(row.summary), curve,
             row.digest, json.dumps(row.versions), row.seconds, row.message,
         )  # fmt: skip
-        with self._base:
-            self._base.execute("delete from runs where identity = ? and status = 'failed'", (row.identity,))
-            marks = ", ".join("?" * len(values))
-            self._base.execute(f"insert or ignore into runs values ({marks})", values)
+        try:
+            with self._base:
+                self._base.execute("delete from runs where identity = ? and status = 'failed'", (row.identity,))
+                marks = ", ".join("?" * len(values))
+                self._base.execute(f"insert or ignore into runs values ({marks})", values)
+        except sqlite3.Error as problem:
+            raise StorageError(f"{self.path}: cannot be written ({problem}); the runs before are kept") from problem
 
     def rows(self, identities: Iterable[str]) -> dict[str, Row]:
-        """Those of the runs asked for that are here, by identity."""
+        """Those of the runs asked for that are here, by identity. Raises InputError if one was damaged."""
         wanted = set(identities)
-        found = (_row(values) for values in self._base.execute("select * from runs order by identity"))
+        try:
+            found = [_row(values) for values in self._base.execute("select * from runs order by identity")]
+        except (sqlite3.Error, ValueError, TypeError, msgspec.ValidationError) as problem:
+            raise InputError(
+                f"{self.path}: a run in it is not as it was written ({str(problem)[:100]}); expected a whole store, so "
+                "take a copy from before, or delete it and do the study again"
+            ) from problem
         return {row.identity: row for row in found if row.identity in wanted}
 
     def close(self) -> None:
@@ -100,17 +113,8 @@ class Store:
 
 
 def _row(values: tuple[Any, ...]) -> Row:
-    identity, condition, seed, status, iterations, summary, curve, digest, versions, seconds, message = values
-    return Row(
-        identity,
-        condition,
-        seed,
-        status,
-        iterations,
-        json.loads(summary),
-        None if curve is None else np.frombuffer(curve, "<f4"),
-        digest,
-        json.loads(versions),
-        seconds,
-        message,
-    )
+    names = [field.name for field in fields(Row)]
+    read = dict(zip(names, values, strict=True))
+    curve = read.pop("curve")
+    read |= {"summary": json.loads(read["summary"]), "versions": json.loads(read["versions"]), "curve": None}
+    return replace(msgspec.convert(read, Row), curve=None if curve is None else np.frombuffer(curve, "<f4"))
