@@ -546,3 +546,9 @@ def test_the_page_on_channels_tells_of_every_key() -> None:
                 assert f"| `{name}` |" in page, name
                 for key in kind.__struct_fields__:
                     assert f"`{key}`" in page, f"{name}.{key}"
+
+
+def test_a_message_has_the_size_that_its_sender_says() -> None:
+    sizes = np.array([10, 20, 30], np.int32)
+    delivery = opened({"use": "perfect"}, 3).deliver(state_of(0, np.ones(3, bool)), links_of((0, 1), (2, 0)), sizes)
+    assert delivery.heard[:, 3].tolist() == [20, 10]

@@ -324,3 +324,14 @@ def test_a_star_dies_with_its_hub_alone():
 def test_a_hub_that_there_is_not_is_refused():
     with pytest.raises(InputError, match=r"^hub: there is no robot 4; expected an id from 0 to 3$"):
         topology("star", 4, hub=4)
+
+
+def test_on_a_periodic_page_that_begins_anywhere_the_nearest_may_be_around_the_edge():
+    place = building()
+    place.bounds = (2.0, -1.0, 6.0, 2.0)  # 4 m wide, 3 m high
+    links = topology("knn", 4, place, k=1, periodic=True).links(
+        swarm(np.array([[2.1, 0.0], [5.8, 0.0], [3.0, 0.0], [3.0, 1.9]]))
+    )
+    assert links.tolist() == [[0, 1], [1, 0], [2, 0], [3, 2]]
+    high = topology("knn", 3, place, k=1, periodic=True).links(swarm(np.array([[3.0, -0.9], [3.0, 1.9], [3.0, 0.5]])))
+    assert high.tolist() == [[0, 1], [1, 0], [2, 0]]

@@ -14,6 +14,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
+from swarmsim.kernels import drive
 from swarmsim.robots.bodies import DifferentialDrive, Pymunk
 from swarmsim.robots.motion import WaypointFollower
 
@@ -441,3 +442,20 @@ def test_a_period_in_one_compiled_call_moves_bodies_as_the_loop_in_python_does(s
 def test_an_iteration_of_too_many_sub_steps_is_refused_with_their_number(change: str) -> None:
     with pytest.raises(InputError, match=r"physics\.substep: .* sub-steps of .*; expected at most 100000"):
         made(change)
+
+
+def test_a_robot_stands_at_its_last_waypoint_and_at_no_other() -> None:
+    pose, wanted, cursor = np.array([[1.0, 1.0, 0.0]]), np.full((1, 2), 9.0), np.zeros(1, np.int64)
+    traits = np.array([[0.15, 0.1, 0.5]])
+    ahead = 0.05
+
+    def speeds(*ways: tuple[float, float]) -> list[float]:
+        cursor[:] = 0
+        drive.pursue(pose, np.array([ways]), np.array([len(ways)], np.int32), cursor, ahead, traits, wanted)
+        return wanted[0].tolist()
+
+    near = 1.0 + 0.5 * drive.ARRIVED * ahead
+    assert speeds((near, 1.0)) == [0.0, 0.0]
+    assert min(speeds((1.0 + 2.0 * drive.ARRIVED * ahead, 1.0))) > 0.0
+    assert speeds((near, 1.0), (2.0, 1.0)) == [0.15, 0.15]
+    assert cursor.tolist() == [1]
