@@ -62,10 +62,10 @@ def main() -> None:
     Bad input ends with its message and exit code 2, a part that is not ours with 3, a disk that is full with 4. The end
     that SIGTERM asks for is that of Ctrl-C, with exit code 143 instead of 130.
     """
-    from swarmsim.cli.interruption import end_upon_sigterm
+    from swarmsim.cli.interruption import end_upon_signals
     from swarmsim.core.errors import InputError, PartError, StorageError
 
-    end_upon_sigterm()
+    end_upon_signals()
     try:
         app()
     except InputError as problem:

@@ -16,13 +16,31 @@ class Terminated(KeyboardInterrupt):
     """SIGTERM asked for the end."""
 
 
-def end_upon_sigterm() -> None:
-    """From now on SIGTERM ends this process as Ctrl-C does."""
+class Ending:
+    """Raises what ends a command, and keeps it: what is raised inside some library's callback gets lost."""
 
-    def end(number: int, frame: object) -> None:
-        raise Terminated
+    def __init__(self) -> None:
+        self.asked: type[KeyboardInterrupt] | None = None
 
-    signal.signal(signal.SIGTERM, end)
+    def __call__(self, number: int, frame: object) -> None:
+        """Ctrl-C, or SIGTERM."""
+        self.asked = Terminated if number == signal.SIGTERM else KeyboardInterrupt
+        raise self.asked
+
+
+def end_upon_signals() -> None:
+    """From now on SIGTERM ends this process as Ctrl-C does, if that is not ignored."""
+    ending = Ending()
+    signal.signal(signal.SIGTERM, ending)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, ending)
+
+
+def end_if_asked() -> None:
+    """Raise what has been raised already, and must have been lost, since work goes on."""
+    ending = signal.getsignal(signal.SIGTERM)
+    if isinstance(ending, Ending) and ending.asked is not None:
+        raise ending.asked
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from swarmsim.cli.interruption import told_if_interrupted
+from swarmsim.cli.interruption import end_if_asked, told_if_interrupted
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -68,6 +68,7 @@ class RunBar:
 
     def sample(self, moment: Moment) -> None:
         """Move the bar."""
+        end_if_asked()
         self._begun = self._begun or time.perf_counter()
         done = moment.state.iteration + 1
         if done % 10 and not self._made.simulation.over:
@@ -101,6 +102,7 @@ def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, schedu
         )
         with kept:
             for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
+                end_if_asked()
                 store.add(row)
                 failed += row.status == "failed"
                 rate = count / (time.perf_counter() - begun)

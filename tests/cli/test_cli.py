@@ -13,6 +13,9 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+from swarmsim.cli import main
+from swarmsim.cli.progress import RunBar
+from swarmsim.core.state import Moment
 from swarmsim.recording.reader import Recording
 
 SMALL_PLAN = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 3 3">
@@ -218,6 +221,40 @@ def test_a_run_that_is_stopped_says_what_is_kept_even_if_quiet(
     assert not quiet or printed == ""
     assert Recording(out).iterations > 0
     assert json.loads((out / "summary.json").read_text())["status"] == "interrupted"
+
+
+def test_an_interruption_that_gets_lost_in_a_callback_is_raised_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raised = []
+
+    class Forgetful(set):
+        def __del__(self) -> None:  # what is raised here is printed and forgotten
+            raised.append(True)
+            signal.raise_signal(signal.SIGINT)
+
+    sample = RunBar.sample
+
+    def sampling(self: RunBar, moment: Moment) -> None:
+        if moment.state.iteration == 5:
+            Forgetful()
+        sample(self, moment)
+
+    monkeypatch.setattr(RunBar, "sample", sampling)
+    monkeypatch.setattr(
+        "sys.argv", ["swarmsim", "run", str(ROOT / "scenarios" / "room.toml"), "--out", str(tmp_path / "r")]
+    )
+    monkeypatch.setattr("sys.unraisablehook", lambda told: None)
+    before = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main()
+    finally:
+        for one, handler in zip((signal.SIGINT, signal.SIGTERM), before, strict=True):
+            signal.signal(one, handler)
+    assert raised
+    assert ended.value.code == 130
+    assert Recording(tmp_path / "r").iterations == 6
 
 
 @pytest.mark.parametrize("film", [False, True])
