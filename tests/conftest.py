@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+import io
+import signal
+import subprocess
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
@@ -134,3 +139,22 @@ class Mapping:
     def step(self, observations: Observations) -> Intents:
         knowledge = self.computation.hear(observations)
         return self.strategy.step(replace(observations, knowledge=knowledge))
+
+
+def called(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """What the command line says and ends with, called in this process: to start another takes a second."""
+    told, complained = io.StringIO(), io.StringIO()
+    handlers = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
+    code: int | str | None = 0
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(told), redirect_stderr(complained):
+        patch.setattr("sys.argv", ["swarmsim", *map(str, words)])
+        if cwd is not None:
+            patch.chdir(cwd)
+        try:
+            main()
+        except SystemExit as ended:
+            code = ended.code
+        finally:
+            for one, handler in handlers.items():
+                signal.signal(one, handler)
+    return subprocess.CompletedProcess(words, int(code or 0), told.getvalue(), complained.getvalue())

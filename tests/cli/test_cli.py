@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import resource
 import signal
@@ -11,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, called
 
 from swarmsim.cli import main
 from swarmsim.cli.progress import RunBar
@@ -35,12 +34,6 @@ iterations = 200
 """
 
 
-def swarmsim(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "SDL_VIDEODRIVER")}
-    command = [sys.executable, "-m", "swarmsim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, env=environment)
-
-
 def plan(folder: Path, walls: str = "", spawn: str = SPAWN, text: str | None = None) -> Path:
     (folder / "w.svg").write_text(SMALL_PLAN.format(walls=walls, spawn=spawn) if text is None else text)
     scenario = folder / "s.toml"
@@ -50,7 +43,7 @@ def plan(folder: Path, walls: str = "", spawn: str = SPAWN, text: str | None = N
 
 def test_a_run_leaves_recording_summary_and_film_and_verifies(tmp_path: Path) -> None:
     scenario, out, film = plan(tmp_path), tmp_path / "run", tmp_path / "film.mp4"
-    done = swarmsim("run", scenario, "--seed", 3, "--out", out, "--video", film)
+    done = called("run", scenario, "--seed", 3, "--out", out, "--video", film)
     assert done.returncode == 0, done.stderr
     assert "finished" in done.stdout
     assert sorted(path.name for path in out.iterdir()) == ["recording.h5", "summary.json"]
@@ -58,19 +51,19 @@ def test_a_run_leaves_recording_summary_and_film_and_verifies(tmp_path: Path) ->
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["status"], summary["seed"], summary["measures"]["coverage"]) == ("finished", 3, 1.0)
 
-    shown = swarmsim("show", out)
+    shown = called("show", out)
     assert shown.returncode == 0
     assert summary["digest"] in shown.stdout
-    assert json.loads(swarmsim("show", out, "--json").stdout) == summary
+    assert json.loads(called("show", out, "--json").stdout) == summary
 
-    verified = swarmsim("verify", out)
+    verified = called("verify", out)
     assert verified.returncode == 0, verified.stderr
     assert f"equal in all {summary['iterations']} iterations" in verified.stdout
 
-    again = swarmsim("run", scenario, "--seed", 3, "--out", tmp_path / "again", "--quiet")
+    again = called("run", scenario, "--seed", 3, "--out", tmp_path / "again", "--quiet")
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
     assert json.loads((tmp_path / "again" / "summary.json").read_text())["digest"] == summary["digest"]
-    gif = swarmsim("video", out, tmp_path / "film.gif", "--size", "640x360", "--fps", 5, "--speed", 40, "--quiet")
+    gif = called("video", out, tmp_path / "film.gif", "--size", "640x360", "--fps", 5, "--speed", 40, "--quiet")
     assert gif.returncode == 0, gif.stderr
     assert (tmp_path / "film.gif").read_bytes()[:6] == b"GIF89a"
 
@@ -79,18 +72,18 @@ def test_verify_names_the_first_iteration_and_field_that_differ(tmp_path: Path) 
     import h5py
 
     scenario = plan(tmp_path)
-    assert swarmsim("run", scenario, "--out", tmp_path / "run", "--quiet").returncode == 0
+    assert called("run", scenario, "--out", tmp_path / "run", "--quiet").returncode == 0
     with h5py.File(tmp_path / "run" / "recording.h5", "r+") as file:
         changed = file["digests"][:]
         changed[2, 4, 0] ^= 1
         file["digests"][...] = changed
-    done = swarmsim("verify", tmp_path / "run")
+    done = called("verify", tmp_path / "run")
     assert done.returncode == 1
     assert "different: iteration 2, field 'readings'" in done.stdout
 
 
 def test_a_run_that_does_not_finish_says_so_with_exit_code_1(tmp_path: Path) -> None:
-    done = swarmsim("run", plan(tmp_path), "--set", "stop.iterations=3", "--out", tmp_path / "run")
+    done = called("run", plan(tmp_path), "--set", "stop.iterations=3", "--out", tmp_path / "run")
     assert done.returncode == 1
     assert "not finished" in done.stdout
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["reached"]["100 %"] is None
@@ -99,15 +92,15 @@ def test_a_run_that_does_not_finish_says_so_with_exit_code_1(tmp_path: Path) -> 
 def test_runs_without_a_folder_of_their_own_are_numbered(tmp_path: Path) -> None:
     scenario = plan(tmp_path)
     for _ in range(2):
-        swarmsim("run", scenario, "--set", "stop.iterations=2", "--quiet", cwd=tmp_path)
+        called("run", scenario, "--set", "stop.iterations=2", "--quiet", cwd=tmp_path)
     assert sorted(path.name for path in (tmp_path / "runs").iterdir()) == ["s-1", "s-2"]
 
 
 def test_the_schema_version_and_help_are_printed() -> None:
-    assert json.loads(swarmsim("schema").stdout)["title"] == "swarmsim scenario"
-    assert swarmsim("--version").stdout.startswith("swarmsim ")
+    assert json.loads(called("schema").stdout)["title"] == "swarmsim scenario"
+    assert called("--version").stdout.startswith("swarmsim ")
     for command in ("run", "video", "show", "verify", "schema"):
-        done = swarmsim(command, "--help")
+        done = called(command, "--help")
         assert done.returncode == 0
         assert f"Example: swarmsim {command}" in done.stdout
 
@@ -166,7 +159,7 @@ def test_a_robot_wider_than_every_door_is_refused(tmp_path: Path) -> None:
     scenario = plan(tmp_path, walls=PILLAR.format(1.2) + '<rect x="1.35" y="1.5" width="0.15" height="1.5"/>')
     done = refused(tmp_path, ["w.svg", "door"], "run", scenario, "--set", "robots.radius=0.2")
     assert "0.4" in done
-    assert swarmsim("run", scenario, "--out", tmp_path / "slim", "--quiet").returncode == 0
+    assert called("run", scenario, "--out", tmp_path / "slim", "--quiet").returncode == 0
 
 
 def test_bad_places_are_refused(tmp_path: Path) -> None:
@@ -186,7 +179,7 @@ def test_bad_places_are_refused(tmp_path: Path) -> None:
 
 def refused(folder: Path, words: list[str], *arguments: object) -> str:
     before = sorted(folder.rglob("*"))
-    done = swarmsim(*arguments, cwd=folder)
+    done = called(*arguments, cwd=folder)
     assert done.returncode == 2, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     assert done.stderr.count("\n") == 1, done.stderr

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, made
+from conftest import ROOT, called, made
 from wanderers import WANDERING
 
 from swarmsim.core import registry
@@ -48,6 +48,8 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
 
 
 def swarmsim(*arguments: object, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:
+    if not more:
+        return called(*arguments, cwd=cwd)
     command = [sys.executable, "-m", "swarmsim", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd, env=os.environ | more)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
-from conftest import ROOT
+from conftest import ROOT, called
 
 from swarmsim.core.errors import InputError
 from swarmsim.studies import results as res
@@ -42,11 +42,6 @@ def study(tmp_path: Path) -> Path:
     path = tmp_path / "small.toml"
     path.write_text(STUDY)
     return path
-
-
-def swarmsim(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "swarmsim", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=cwd)
 
 
 def test_a_grid_is_drawn_along_its_first_axis_with_a_line_for_each_value_of_the_others(study: Path) -> None:
@@ -163,7 +158,7 @@ def test_results_are_those_of_single_runs(done) -> None:
     np.testing.assert_array_equal(alone.curve, kept_row.curve)
     assert len(kept_row.curve) == kept_row.iterations
     words = shlex.split(task.command)
-    repeated = swarmsim(*words[1:], "--out", "again", "--quiet", cwd=study.parent)
+    repeated = called(*words[1:], "--out", "again", "--quiet", cwd=study.parent)
     assert repeated.returncode in (0, 1), repeated.stderr
     assert json.loads((study.parent / "again" / "summary.json").read_text())["digest"] == alone.digest
 
@@ -253,16 +248,16 @@ def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
 def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     study, store, digest = done
     at = ["--store", store]
-    planned = swarmsim("study", "plan", study, *at, cwd=tmp_path)
+    planned = called("study", "plan", study, *at, cwd=tmp_path)
     assert "4 conditions x 3 seeds = 12 runs, 0 still to do" in planned.stdout.replace("\n", " ")
-    assert swarmsim("study", "status", study, *at, cwd=tmp_path).returncode == 0
-    table = swarmsim("study", "table", study, *at, "--compare", "k=0", cwd=tmp_path)
+    assert called("study", "status", study, *at, cwd=tmp_path).returncode == 0
+    table = called("study", "table", study, *at, "--compare", "k=0", cwd=tmp_path)
     assert digest in table.stdout
     assert "A12" in table.stdout
-    assert "path_sum" in swarmsim("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
-    wrong = swarmsim("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
+    assert "path_sum" in called("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
+    wrong = called("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
     assert (wrong.returncode, "'paths' is no measure" in wrong.stderr) == (2, True)
-    exported = swarmsim("study", "export", study, *at, "--csv", "runs.csv", "--parquet", "runs.parquet", cwd=tmp_path)
+    exported = called("study", "export", study, *at, "--csv", "runs.csv", "--parquet", "runs.parquet", cwd=tmp_path)
     assert exported.returncode == 0, exported.stderr
     with (tmp_path / "runs.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -271,7 +266,7 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     assert columns["digest"] == [row["digest"] for row in rows]
     assert columns["iterations"] == [int(row["iterations"]) for row in rows]
     assert {row["network.topology.k"] for row in rows} == {"0", "1", "2", ""}
-    drawn = swarmsim("study", "plot", study, "figures", *at, cwd=tmp_path)
+    drawn = called("study", "plot", study, "figures", *at, cwd=tmp_path)
     assert drawn.returncode == 0, drawn.stderr
     assert {path.name for path in (tmp_path / "figures").iterdir()} >= {"iterations.png", "coverage.svg", "table.png"}
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT, made
+from conftest import ROOT, called, made
 
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
@@ -52,8 +52,7 @@ def test_the_page_of_the_basilica_is_below_five_megabytes(tmp_path: Path) -> Non
 
 def test_the_verb_writes_pages_and_refuses_what_it_cannot_show(recording: Recording, tmp_path: Path) -> None:
     def report(*arguments: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "swarmsim", "report", *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        return called("report", *arguments, cwd=tmp_path)
 
     done = report(recording.path, "-o", "page.html", "--beside", recording.path)
     assert (done.returncode, done.stderr) == (0, "")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import math
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
 import shapely
+from conftest import called
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -106,8 +106,7 @@ def test_rerun_holds_what_was_recorded(recording: Recording, tmp_path: Path) -> 
 
 def test_the_verb_writes_whole_files_and_names_what_is_wrong(recording: Recording, tmp_path: Path) -> None:
     def export(*arguments: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "swarmsim", "export", str(recording.path), *map(str, arguments)]
-        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+        return called("export", recording.path, *arguments, cwd=tmp_path)
 
     done = export("--mcap", "a.mcap", "--rerun", "a.rrd", "--map", "a.yaml", "--quiet")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
