@@ -68,3 +68,20 @@ def test_cells_are_counted_as_by_a_slow_loop(seed):
         assert each.tolist() == ((known != 0) & domain).sum(axis=1).tolist()
         assert union == ((known != 0).any(axis=0) & domain).sum()
         assert holders.tolist() == (known != 0).sum(axis=0).tolist()
+
+
+def test_evidence_changes_no_cell_that_the_tile_does_not_show():
+    log_odds, observed = np.zeros((1, 4, 4), np.float32), np.zeros((1, 4, 4), bool)
+    tiles = np.array([[[0, 1], [2, 0]]], np.uint8)
+    said = np.array([[[3.0, -1.5], [np.nan, np.nan]]], np.float32)
+    none = np.empty((0, 2, 2), np.uint8)
+    fresh = np.empty(1, np.int32)
+    numbers = map(np.float32, (2.0, -0.5, -2.0, 3.5))
+    occupancy.fuse(
+        log_odds, observed, np.ones(1, bool), tiles, said, np.array([[1, 1]], np.int32), np.empty(0, np.int32), none,
+        np.empty((0, 2), np.int32), *numbers, fresh,
+    )  # fmt: skip
+    assert np.argwhere(observed[0]).tolist() == [[1, 2], [2, 1]]
+    assert log_odds[0, 1, 2] == -1.5  # as the sensor says
+    assert log_odds[0, 2, 1] == 2.0  # as the map's own model has it
+    assert fresh.tolist() == [2]

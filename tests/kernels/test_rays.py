@@ -525,3 +525,20 @@ def test_beams_in_a_crowd_end_where_casting_against_everybody_says(robots: int) 
         discs = np.column_stack([pose[others, :2], radii[others]])
         distance, hit = rays.cast(pose[robot, :2], angles + pose[robot, 2], reach, walls, discs)
         assert ranges[robot] == pytest.approx(np.where(hit >= 0, distance, np.inf), abs=1e-9)
+
+
+@pytest.mark.parametrize("u", [2.0, 2.5])
+@pytest.mark.parametrize(
+    ("du", "dv", "cells"),
+    [
+        (-1.0, 0.0, [(2, 0), (2, 1), (2, 2)]),
+        (1.0, 0.0, [(2, 2), (2, 3), (2, 4)]),
+        (0.0, 1.0, [(2, 2), (3, 2), (4, 2)]),
+        (0.0, -1.0, [(0, 2), (1, 2), (2, 2)]),
+    ],
+)
+def test_a_beam_along_an_axis_crosses_the_cells_before_it(u, du, dv, cells):
+    tile = np.zeros((5, 5), np.uint8)
+    rays._mark(tile, 0, 0, u, 2.5, du, dv, 2.4, False)
+    expected = [cell for cell in cells if not (u == 2.0 and du == -1.0 and cell == (2, 2))]
+    assert sorted(set(map(tuple, np.argwhere(tile == FREE).tolist())) | {(2, 2)}) == sorted({*expected, (2, 2)})
