@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test docs test-browser test-slow bench soak bounds golden format clean
+.PHONY: demo test docs test-browser test-slow bench bench-peers soak bounds golden format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -28,6 +28,15 @@ test-slow: .venv/test
 
 bench: .venv/test
 	$(BIN)/pytest benchmarks -m bench -s
+
+bench-peers: .venv/test .venv-irsim/done .venv-vmas/done
+	$(BIN)/pytest benchmarks/test_workload.py -m bench -s
+
+.venv-irsim/done: benchmarks/peers/irsim.txt
+	$(PYTHON) -m venv .venv-irsim && .venv-irsim/bin/pip install --quiet --requirement $< && touch $@
+
+.venv-vmas/done: benchmarks/peers/vmas.txt
+	$(PYTHON) -m venv .venv-vmas && .venv-vmas/bin/pip install --quiet --requirement $< && touch $@
 
 soak: .venv/test
 	$(BIN)/pytest -m slow -s -o faulthandler_timeout=0 tests/faults/test_invariants_under_load.py tests/recording/test_damage.py tests/cli/test_whatever_is_typed.py
