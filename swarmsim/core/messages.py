@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, Final, Generic, Protocol, Self, TypeVar
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,11 @@ HEADER: Final = struct.Struct(">HI")
 class Columns:
     """A table of items; every field of a subclass is an array whose first axis counts them."""
 
+    __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there
+
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """All columns, in their order."""
-        return tuple(getattr(self, field.name) for field in fields(self))
+        return tuple([getattr(self, name) for name in self.__match_args__])
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The items at these indices, or those that a mask marks."""
