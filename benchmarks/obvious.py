@@ -44,7 +44,7 @@ class Swarm:
             for beam in range(w.BEAMS):
                 bearing = 2.0 * math.pi * beam / w.BEAMS
                 along = body.angle + bearing
-                end = (*body.position, w.REACH * math.cos(along), w.REACH * math.sin(along))
+                end = body.position + pymunk.Vec2d(w.REACH * math.cos(along), w.REACH * math.sin(along))
                 met = self.space.segment_query_first(body.position, end, 0.0, own)
                 if met is not None and met.alpha * w.REACH < CLEARANCE:
                     push = 4.0 / w.BEAMS * (CLEARANCE / max(met.alpha * w.REACH, 1e-3) - 1.0)

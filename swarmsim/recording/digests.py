@@ -7,7 +7,6 @@ import platform
 from importlib.metadata import version
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.state import Moment
