@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import config, njit
 from numpy.typing import NDArray
 
 from swarmsim.kernels import search
@@ -234,6 +234,8 @@ def way_ahead(plans, rules, columns, waypoints):
 
 def _forget_what_is_stale() -> None:
     """Drop what numba has kept of this file if `search` is newer, whose edits its cache does not notice."""
+    if config.DISABLE_JIT:  # nothing is compiled, nor kept
+        return
     edited = Path(search.__file__).stat().st_mtime
     for index in Path(decide.stats.cache_path).glob(f"{Path(__file__).stem}.*.nbi"):
         if index.stat().st_mtime < edited:
