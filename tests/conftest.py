@@ -17,11 +17,12 @@ from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Setting
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Intents, Moment, Observations, Readings
+from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Observations, Readings
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.grids import OccupancyGrids
 from swarmsim.operations.mapping.message import TileItems
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
@@ -115,6 +116,16 @@ def seen_as(iteration, pose, alive, tiles, inbox=None) -> Observations:
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
     """An inbox of tiles, each said when it was sensed."""
     return Inbox(receivers, senders, sensed, TileItems(values, origins, sources, sensed))
+
+
+class Grids(OccupancyGrids):
+    """Grids of which all that is known is news, for sharing policies that are asked without a computation."""
+
+    @property
+    def changes(self) -> np.ndarray:
+        robot, row, column = np.nonzero(self.observed)
+        states = np.where(self.log_odds[robot, row, column] > 0.0, OCCUPIED, FREE)
+        return np.stack([robot, row * self.observed.shape[2] + column, states], axis=1).astype(np.int32)
 
 
 class Mapper:

@@ -194,6 +194,37 @@ def export(
 
 
 @app.command()
+def rank(
+    study: StudyFile,
+    method: Annotated[str, typer.Option(help="What the axes of the methods have as 'together'.")] = "method",
+    within: Annotated[str | None, typer.Option(help="Key of an axis whose values are kept apart.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for figures of ratios and profiles (PNG and SVG).")] = None,
+    seeds: Seeds = None,
+    store: StoreFile = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Compare methods over many worlds: ratios to the first method, probability of improvement, profiles.
+
+    Example: swarmsim study rank scenarios/studies/strategies/unseen.toml --out runs/figures
+    """
+    from swarmsim.studies import methods
+    from swarmsim.studies.plan import open_study
+    from swarmsim.studies.report import method_figures
+    from swarmsim.studies.results import digest, gather
+
+    opened = open_study(study, seeds)
+    with _store(store, study) as kept:
+        results = gather(opened, kept)
+    found = methods.compare(opened, results, method, within)
+    for group, standings in found.groups.items():
+        title = f"{opened.study.title}{group and f', {group}'}: {found.tasks} tasks"
+        print_table(title, methods.HEAD, methods.lines(standings))
+    print(f"digest of the runs: {digest(list(results.values()))}")
+    for path in () if out is None else method_figures(found, opened.study.title, out):
+        print(path)
+
+
+@app.command()
 def best(
     study: StudyFile,
     confidence: Annotated[float, typer.Option(help="That no other value is better.", min=0.5, max=0.999)] = 0.95,

@@ -161,10 +161,13 @@ class Observations:
     readings: Readings
     inbox: Inbox[Any] | None = None
     knowledge: Any = None  # of the kind that the computation gives; read-only
+    decided: Intents | None = None  # what each robot decided in the iteration before; None in the first
 
     def having(self, inbox: Inbox[Any], knowledge: Any = None) -> Observations:
         """The same with what was heard, and what is known then; made in every iteration, faster than by `replace`."""
-        return Observations(self.iteration, self.pose, self.velocity, self.alive, self.readings, inbox, knowledge)
+        return Observations(
+            self.iteration, self.pose, self.velocity, self.alive, self.readings, inbox, knowledge, self.decided
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import PostOffice
 from swarmsim.core.parts import Now, Parts, Probe
-from swarmsim.core.state import Moment, Observations
+from swarmsim.core.state import Intents, Moment, Observations
 
 
 class Simulation:
@@ -36,6 +36,7 @@ class Simulation:
         self._blamed = blamed
         self._post: PostOffice[Any] = PostOffice()
         self._now = Now(0, self.state, self.state, 0.0)
+        self._decided: Intents | None = None
 
     @property
     def finished(self) -> bool:
@@ -71,7 +72,7 @@ class Simulation:
         events = parts.calendar.advance(self._now)
         state = parts.bodies.state() if parts.calendar else self.state
         pose, readings = parts.localisation.locate(state, parts.sensor.sense(state))
-        observations = Observations(state.iteration, pose, state.velocity, state.alive, readings)
+        observations = Observations(state.iteration, pose, state.velocity, state.alive, readings, decided=self._decided)
         said = parts.computation.say(observations)
         self._post.post(state.iteration, said)
         links = parts.topology.links(state)
@@ -79,7 +80,7 @@ class Simulation:
         inbox = self._post.open(state.iteration, delivery)
         observations = observations.having(inbox)
         knowledge = parts.computation.hear(observations)
-        intents = parts.strategy.step(observations.having(inbox, knowledge))
+        intents = self._decided = parts.strategy.step(observations.having(inbox, knowledge))
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)

@@ -157,6 +157,52 @@ def _revisit(now, i, here, maps, plans, patrol, rules, salt, work):
 
 
 @njit(cache=True)
+def _look_up(now, i, pose, news, maps, plans, patrol, rules, salts):
+    """See where robot i has got to, and drop its plan if it is done with.
+
+    Gives the robot's cell, whether it is due to look for something to explore, whether it is stuck, and its draw.
+    """
+    columns = maps.observed.shape[2]
+    u = (pose[i, 0] - rules.x0) / rules.cell
+    v = (pose[i, 1] - rules.y0) / rules.cell
+    here = int(math.floor(v)) * columns + int(math.floor(u))
+    _advance(plans, i, rules, u, v, columns)
+    stuck = _is_stuck(plans, i, rules, pose[i, 0], pose[i, 1])
+    draw = scramble(salts[i] + np.uint64(now))
+    arrived = plans.steps[i] > 0 and here == plans.path[i, plans.steps[i] - 1]
+    _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules)
+    return here, news[i] > 0 or now >= plans.idle[i], stuck, draw
+
+
+@njit(cache=True)
+def _keep_on(now, i, here, maps, plans, patrol, rules, work):
+    """Let robot i go on to its goal, by another way if this one is no longer open; gives whether it has a way."""
+    goal = plans.goal[i]
+    count = plans.steps[i]
+    keeps = rules.keep or patrol.since[i] > 0
+    is_open = count > 0 and _is_open(maps, i, now, rules, plans.path[i], plans.cursor[i] + 1, count)
+    if is_open and (goal < 0 or keeps):
+        return True
+    stand = plans.path[i, count - 1] if goal >= 0 and keeps else -1
+    _drop(plans, i)
+    if stand >= 0:
+        plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+        plans.goal[i] = goal if plans.steps[i] > 0 else -1
+        plans.planned[i] = plans.steps[i] > 0
+    return plans.steps[i] > 0
+
+
+@njit(cache=True)
+def _fall_back(now, i, here, stuck, draw, maps, plans, rules):
+    """Let robot i, which has nothing to explore, stand until its patience ends or, if it is stuck, give way."""
+    if stuck:
+        plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
+        plans.planned[i] = plans.steps[i] > 0
+    else:
+        plans.idle[i] = now + rules.patience
+
+
+@njit(cache=True)
 def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts, work):
     """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
 
@@ -173,47 +219,69 @@ def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts,
     6. If robots patrol, it goes instead to the nearest cell at least half as old as the one seen longest ago, until
        that has been seen by anybody it hears; on the way it looks for frontiers as in 5, and a frontier comes first.
     """
-    columns = maps.observed.shape[2]
     for i in range(len(alive)):
         plans.planned[i] = False
         if not alive[i]:
             _drop(plans, i)
             patrol.since[i] = 0
             continue
-        u = (pose[i, 0] - rules.x0) / rules.cell
-        v = (pose[i, 1] - rules.y0) / rules.cell
-        here = int(math.floor(v)) * columns + int(math.floor(u))
-        _advance(plans, i, rules, u, v, columns)
-        stuck = _is_stuck(plans, i, rules, pose[i, 0], pose[i, 1])
-        draw = scramble(salts[i] + np.uint64(now))
-        arrived = plans.steps[i] > 0 and here == plans.path[i, plans.steps[i] - 1]
-        _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules)
-
-        goal = plans.goal[i]
-        count = plans.steps[i]
-        due = news[i] > 0 or now >= plans.idle[i]
+        here, due, stuck, draw = _look_up(now, i, pose, news, maps, plans, patrol, rules, salts)
         patrols = patrol.since[i] > 0
+        looks = due or patrols
         if patrols and due:
             if _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
                 plans.planned[i] = True
                 continue
             plans.idle[i] = now + rules.patience
-        is_open = count > 0 and _is_open(maps, i, now, rules, plans.path[i], plans.cursor[i] + 1, count)
-        if is_open and (goal < 0 or rules.keep or patrols):
+            looks = False
+        if _keep_on(now, i, here, maps, plans, patrol, rules, work):
             continue
-        stand = plans.path[i, count - 1] if goal >= 0 and (rules.keep or patrols) else -1
-        _drop(plans, i)
-        if stand >= 0:
-            plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
-            plans.goal[i] = goal if plans.steps[i] > 0 else -1
-        if plans.steps[i] == 0:
-            patrol.since[i] = 0
-            if (due or patrols) and not _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
-                if _revisit(now, i, here, maps, plans, patrol, rules, tie_salts[i], work) or not stuck:
-                    plans.idle[i] = now + rules.patience
-                else:
-                    plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
-        plans.planned[i] = plans.steps[i] > 0
+        patrol.since[i] = 0
+        if looks and _explore(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+            plans.planned[i] = True
+        elif due or patrols:
+            if _revisit(now, i, here, maps, plans, patrol, rules, tie_salts[i], work):
+                plans.idle[i] = now + rules.patience
+                plans.planned[i] = True
+            else:
+                _fall_back(now, i, here, stuck, draw, maps, plans, rules)
+
+
+@njit(cache=True)
+def look(now, pose, alive, news, maps, plans, patrol, rules, salts, work):
+    """The same up to the choice: gives where each robot is, whether it has to choose, was stuck, its draw and old goal.
+
+    What is written is for `go`, or `stay`, to complete: rules 1 to 3 of `decide` are done with, nobody patrols.
+    """
+    count = len(alive)
+    here = np.full(count, -1, np.int32)
+    chooses = np.zeros(count, np.bool_)
+    stuck = np.zeros(count, np.bool_)
+    draws = np.zeros(count, np.uint64)
+    before = np.full(count, -1, np.int32)
+    for i in range(count):
+        plans.planned[i] = False
+        if not alive[i]:
+            _drop(plans, i)
+            continue
+        here[i], due, stuck[i], draws[i] = _look_up(now, i, pose, news, maps, plans, patrol, rules, salts)
+        before[i] = plans.goal[i]
+        chooses[i] = not _keep_on(now, i, here[i], maps, plans, patrol, rules, work) and due
+    return here, chooses, stuck, draws, before
+
+
+@njit(cache=True)
+def go(now, i, here, goal, stand, maps, plans, rules, work):
+    """Plan robot i's way from its cell to where it explores a goal from."""
+    plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
+    plans.goal[i] = goal
+    plans.planned[i] = True
+
+
+@njit(cache=True)
+def stay(now, i, here, stuck, draw, maps, plans, rules):
+    """Robot i found nothing to explore: rules 4 and 5 of `decide`."""
+    _fall_back(now, i, here, stuck, draw, maps, plans, rules)
 
 
 @njit(cache=True)

@@ -169,7 +169,12 @@ def _changes(path: Path, study: Study) -> dict[str, dict[str, Any]]:
     if math.prod(len(step) for step in steps) > MOST_RUNS:
         raise InputError(f"{path}: vary: more than {MOST_RUNS} conditions")
     grid = [{key: value for step in cell for key, value in step.items()} for cell in itertools.product(*steps)]
-    changes = {_label(cell): cell for cell in grid if cell or not study.condition}
+    changes: dict[str, dict[str, Any]] = {}
+    for cell in grid:
+        if cell or not study.condition:
+            if label(cell) in changes:
+                raise InputError(f"{path}: vary: {label(cell)!r} comes twice; expected each value once")
+            changes[label(cell)] = cell
     for named in study.condition:
         if named.name in changes:
             raise InputError(f"{path}: condition: the name {named.name!r} stands twice; expected each once")
@@ -187,16 +192,22 @@ def _place(study: Study, cell: dict[str, Any]) -> tuple[float | None, str]:
         return None, ""
     leading = {axis.together or axis.key: axis.key for axis in reversed(study.vary)}  # one key for each group
     others = {key: cell[key] for group, key in reversed(leading.items()) if group != (first.together or first.key)}
-    return float(value), _label(others) if others else ""
+    return float(value), label(others) if others else ""
 
 
-def _label(cell: dict[str, Any]) -> str:
+def label(cell: dict[str, Any]) -> str:
     """A short name such as "k=2, count=15"."""
     parts = []
     for key, value in cell.items():
-        shown = value.get("use", value) if isinstance(value, dict) else value
-        parts.append(f"{key.rpartition('.')[2]}={shown}")
+        parts.append(f"{key.rpartition('.')[2]}={shown(value)}")
     return ", ".join(parts) or "base"
+
+
+def shown(value: Any) -> Any:
+    """A part by its name and what else its table says, such as "k-random k=2"; anything else as it is."""
+    if not isinstance(value, dict) or "use" not in value:
+        return value
+    return " ".join([str(value["use"]), *(f"{key}={shown(one)}" for key, one in value.items() if key != "use")])
 
 
 def _scenario(place: str, table: Table, changes: dict[str, Any], folder: Path) -> Scenario:

@@ -15,6 +15,7 @@ from markdown_it import MarkdownIt
 from swarmsim.core.errors import InputError
 from swarmsim.recording.digests import versions
 from swarmsim.studies import reproduction as rep
+from swarmsim.studies.methods import TAUS, Compared
 from swarmsim.studies.plan import Study
 from swarmsim.studies.reproduction import Reproduction
 from swarmsim.studies.results import HEAD, Result, filled, lines
@@ -50,6 +51,19 @@ def study_pictures(study: Study, results: dict[str, Result]) -> dict[str, str]:
     """The same, but for the table, as addresses of pictures for a page, by caption."""
     drawn = _drawn(study, results, ())
     return {name.replace("_", " ").capitalize(): plots.address(drawn[name]) for name in drawn if name != "table"}
+
+
+def method_figures(found: Compared, title: str, folder: Path) -> list[Path]:
+    """Draw the ratios and the performance profiles of methods into a folder; gives the files. Raises InputError."""
+    groups = {
+        group: [plots.Ratios(one.method, one.ratio, one.interval, TAUS, one.profile) for one in standings]
+        for group, standings in found.groups.items()
+    }
+    figures = {"ratios": plots.ratios(groups, title), "profiles": plots.profiles(groups, title)}
+    try:
+        return [path for name, figure in figures.items() for path in plots.save(figure, folder / name)]
+    except OSError as problem:
+        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
 
 
 def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) -> dict[str, Figure]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,9 +63,13 @@ def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations
     tiles = readings.tiles and Tiles(readings.tiles.values[rows], readings.tiles.origins[rows])
     beams = readings.beams and Beams(readings.beams.bearings, readings.beams.ranges[rows])
     field = None if readings.field is None else readings.field[rows]
+    decided = observations.decided
+    if decided is not None:
+        columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
+        decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
     return replace(
         observations, pose=observations.pose[rows], velocity=observations.velocity[rows],
-        alive=observations.alive[rows], readings=Readings(tiles, beams, field),
+        alive=observations.alive[rows], readings=Readings(tiles, beams, field), decided=decided,
     )  # fmt: skip
 
 

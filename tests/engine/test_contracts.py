@@ -14,6 +14,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.scenario import load, tables
 from swarmsim.engine.build import build
+from swarmsim.operations.mapping.exploring import Exploring
 
 PARTS = '''
 from dataclasses import replace
@@ -421,7 +422,14 @@ SCENARIOS = {
     "reactive": "operations/wandering",
     "positions": "operations/rendezvous",
 }
+GOALS = ("market", "reserved-frontier")
+RULES = [name for name, kind in registry.known("strategy").items() if issubclass(kind, Exploring)]
 MINDS = [
+    *(
+        ("room", f'mind={{strategy={{use="{name}"}}, computation={{share={{use="{share}"}}}}}}')
+        for name in RULES
+        for share in ("tile-and-goal" if name in GOALS else "gossip",)
+    ),
     *(("room", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),

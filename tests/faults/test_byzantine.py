@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import made, moments_of, seen_as, setting_of, worded_of
+from conftest import Grids, made, moments_of, seen_as, setting_of, worded_of
 from numpy.testing import assert_array_equal
 
 from swarmsim.core import registry
@@ -19,7 +19,6 @@ from swarmsim.core.parts import Parts, Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Observations, Tiles
 from swarmsim.faults.byzantine import Byzantine, LyingComputation
 from swarmsim.network.channel import letters
-from swarmsim.operations.mapping.grids import OccupancyGrids
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
@@ -46,8 +45,8 @@ def setting(robots: int = SWARM) -> Setting:
     return setting_of(robots, LATTICE.shape, 1)
 
 
-def grids(robots: int = SWARM) -> OccupancyGrids:
-    return OccupancyGrids(robots, LATTICE, 0.9, 0.4, 0.12, 0.97)
+def grids(robots: int = SWARM) -> Grids:
+    return Grids(robots, LATTICE, 0.9, 0.4, 0.12, 0.97)
 
 
 class Ears:

@@ -71,8 +71,8 @@ class FrontierStrategy:
             math.ceil(per_iteration) + 3,
         )
         self._scratch = search.scratch(cells)
-        self._salts = _salts(setting, "unstick", count)
-        self._tie_salts = _salts(setting, "ties", count)
+        self._salts = salts(setting, "unstick", count)
+        self._tie_salts = salts(setting, "ties", count)
         if parameters.ties == "row-order":
             self._tie_salts[:] = 0
         self._columns = lattice.columns
@@ -97,6 +97,11 @@ class FrontierStrategy:
             self._tie_salts,
             self._scratch,
         )
+        return self._intents()
+
+    def _intents(self) -> Intents:
+        """The plans as they are now."""
+        plans = self._plans
         longest = int((plans.steps - plans.cursor).max(initial=0)) + 1
         waypoints = np.zeros((len(plans.steps), longest, 2))
         counts = decide.way_ahead(plans, self._rules, self._columns, waypoints)
@@ -122,7 +127,7 @@ class FrontierStrategy:
         )
 
 
-def _salts(setting: Setting, purpose: str, count: int) -> NDArray[np.uint64]:
+def salts(setting: Setting, purpose: str, count: int) -> NDArray[np.uint64]:
     """One random number of each robot's own, never 0."""
     streams = (setting.streams.open(purpose, robot) for robot in range(count))
     return np.array([stream.integers(1, 2**63) for stream in streams], np.uint64)

@@ -24,6 +24,10 @@ RELAYED: Final = struct.Struct(">HIhhB")
 #: and columns (2 each) of the smallest rectangle with all known cells, big-endian.
 MAP: Final = struct.Struct(">HIhhHH")
 
+#: After a tile: the row and column of the cell that its sender goes to explore (2 bytes each, signed; -1 for none) and
+#: how many cells of its way there are left (2), big-endian.
+GOAL: Final = struct.Struct(">hhH")
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileItems(Columns):
@@ -40,6 +44,19 @@ class RelayedItems(TileItems):
     """Tiles that come over several links."""
 
     hops: NDArray[np.uint8]  # (t,): links between the robot that sensed it and the one that tells it now
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalItems(TileItems):
+    """Tiles of robots that tell where they go."""
+
+    goals: NDArray[np.int32]  # (t, 2): row and column of the cell that the sender goes to explore; -1, -1 for none
+    left: NDArray[np.int32]  # (t,): cells of its way there that are left
+
+    @classmethod
+    def of(cls, tiles: TileItems, goals: NDArray[np.int32], left: NDArray[np.int32]) -> GoalItems:
+        """The same tiles, with goals and ways."""
+        return cls(tiles.values, tiles.origins, tiles.sources, tiles.sensed, goals, left)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +171,25 @@ class TileCodec:
         """Its sender, iteration and tile."""
         sender, iteration, origin, tile = unpack(data, self._shape)
         return sender, iteration, TileItems(tile[None], origin[None], _ints(sender), _ints(iteration))
+
+
+class GoalCodec:
+    """One robot's current tile a message, and where it goes."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._tile = TileCodec(shape)
+
+    def pack(self, sender: int, iteration: int, items: GoalItems) -> bytes:
+        """The message with its one tile and goal."""
+        goal = GOAL.pack(*items.goals[0].tolist(), int(items.left[0]))
+        return self._tile.pack(sender, iteration, items) + goal
+
+    def unpack(self, data: bytes) -> tuple[int, int, GoalItems]:
+        """Its sender, iteration, tile and goal."""
+        sender, iteration, items = self._tile.unpack(data[: -GOAL.size])
+        row, column, left = GOAL.unpack(data[-GOAL.size :])
+        goals = np.array([[row, column]], np.int32)
+        return sender, iteration, GoalItems.of(items, goals, _ints(left))
 
 
 class RelayCodec:

@@ -4,6 +4,7 @@ from swarmsim.view.plots.building import building
 from swarmsim.view.plots.conditions import comparison, distributions
 from swarmsim.view.plots.listing import table
 from swarmsim.view.plots.local_maps import local_maps
+from swarmsim.view.plots.methods import Ratios, profiles, ratios
 from swarmsim.view.plots.network import contact_times, degrees, network_course, who_heard_whom
 from swarmsim.view.plots.over_time import curves, padded
 from swarmsim.view.plots.rewiring import rewiring
@@ -12,7 +13,7 @@ from swarmsim.view.plots.style import COLOURS, FINEST
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "Steps", "address", "building", "comparison", "contact_times", "curves", "degrees",
-    "distributions", "local_maps", "network_course", "padded", "rewiring", "save", "scaling", "sweep", "table",
-    "who_heard_whom",
+    "COLOURS", "FINEST", "Ratios", "Steps", "address", "building", "comparison", "contact_times", "curves", "degrees",
+    "distributions", "local_maps", "network_course", "padded", "profiles", "ratios", "rewiring", "save", "scaling",
+    "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

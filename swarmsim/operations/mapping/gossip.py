@@ -1,0 +1,138 @@
+"""Gossip: besides its tile each robot tells one piece of its map an iteration, so that what it knows gets about."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, Final
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import memory
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.parts import Setting
+from swarmsim.core.state import FREE, OCCUPIED, Observations
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.message import (
+    TileItems,
+    current_tile_bytes,
+    pack,
+    pack_cells,
+    packed_bytes,
+    unpack,
+    unpack_cells,
+)
+from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+
+#: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
+PIECE: Final = struct.Struct(">hh")
+
+
+def piece_bytes(rows: int, columns: int) -> int:
+    """How much longer a piece of its sender's map makes a message: PIECE and the cells; 15 bytes for 6 x 7."""
+    return PIECE.size + packed_bytes(rows * columns)
+
+
+class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot tells its tile and, of its map cut into tiles, the piece that has waited longest since it changed.
+
+    Once all that changed has been told, it starts again with what it told longest ago. A piece is belief, not evidence:
+    it fills cells that the receiver does not know, and no others, as the sharing of whole maps does. What one robot
+    knows so spreads through the network like a rumour (Demers et al. 1987), in messages of constant length.
+    """
+
+    def build(self, setting: Setting) -> GossipSharing:
+        """The policy."""
+        return GossipSharing(setting.robots.count, setting.lattice)
+
+
+class GossipSharing:
+    """A tile and a piece of map a message."""
+
+    codec: Codec[Any]
+
+    def __init__(self, robots: int, lattice: Lattice) -> None:
+        self._robots = np.arange(robots, dtype=np.int32)
+        self._grid = lattice.shape
+        self._tile = (0, 0)  # rows and columns of tiles, once one was seen
+        self._changed, self._told = (np.empty((robots, 0), np.int32) for _ in range(2))  # iterations from 1; 0: never
+
+    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+        """Every live robot's own tile, then a piece of its map; the dead say nothing."""
+        tiles, alive, now = tiles_of(observations), observations.alive, observations.iteration
+        if not self._changed.size:
+            self._cut(*tiles.values.shape[1:])
+        robot, cell, _ = maps.changes.T
+        row, column = np.divmod(cell, self._grid[1])
+        self._changed[robot, row // self._tile[0] * self._across + column // self._tile[1]] = now + 1
+        tellers, pieces = self._chosen(alive)
+        self._told[tellers, pieces] = now + 1
+        corners = np.stack(np.divmod(pieces, self._across), axis=1) * np.array(self._tile)
+        speakers = np.concatenate([self._robots[alive], tellers])
+        order = np.argsort(speakers, kind="stable")
+        items = TileItems(
+            np.concatenate([tiles.values[alive], self._cells(maps, tellers, corners)])[order],
+            np.concatenate([tiles.origins[alive], corners.astype(np.int32)])[order],
+            np.concatenate([self._robots[alive], np.full(len(tellers), -1, np.int32)])[order],
+            np.full(len(order), now, np.int32),
+        )
+        sizes = alive * np.int32(current_tile_bytes(*self._tile))
+        sizes[tellers] += np.int32(piece_bytes(*self._tile))
+        return Said(items, np.searchsorted(speakers[order], self._robots, side="right"), sizes)
+
+    def _cut(self, rows: int, columns: int) -> None:
+        self._tile, self.codec = (rows, columns), GossipCodec((rows, columns))
+        self._across = -(-self._grid[1] // columns)
+        shape = (len(self._robots), -(-self._grid[0] // rows) * self._across)
+        self._changed, self._told = (memory.zeros(shape, np.int32) for _ in range(2))
+
+    def _chosen(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+        """Which robots have a piece to tell, and which it is: first what is news, then anything that they know of."""
+        never = np.iinfo(np.int32).max
+        is_news = self._changed > self._told
+        waiting = np.where(is_news, self._changed, never)
+        known = np.where(self._changed > 0, self._told, never)
+        pieces = np.where(is_news.any(axis=1), waiting.argmin(axis=1), known.argmin(axis=1))
+        tellers = self._robots[alive & (self._changed[self._robots, pieces] > 0)]
+        return tellers, pieces[tellers]
+
+    def _cells(self, maps: Maps, robots: NDArray[np.int32], corners: NDArray[np.int64]) -> NDArray[np.uint8]:
+        """What these robots' maps (r,) hold from these corners (r, 2) on, a tile each; nothing beyond the grid."""
+        where = corners[:, :, None, None] + np.indices(self._tile)
+        rows, columns = where[:, 0], where[:, 1]
+        inside = (rows < self._grid[0]) & (columns < self._grid[1])
+        at = robots[:, None, None], np.minimum(rows, self._grid[0] - 1), np.minimum(columns, self._grid[1] - 1)
+        states = np.where(maps.log_odds[at] > 0.0, np.uint8(OCCUPIED), np.uint8(FREE))
+        return np.asarray(states * (maps.observed[at] & inside), np.uint8)
+
+    def taken(self, observations: Observations) -> Inbox[TileItems]:
+        """All of it."""
+        return inbox_of(observations)
+
+
+class GossipCodec:
+    """One robot's current tile, then a piece of its map if it has one to tell."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        """`shape` of the tiles, in rows and columns."""
+        self._shape = shape
+
+    def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
+        """The message; its first item is the sender's own tile."""
+        pieces = zip(items.origins[1:].tolist(), items.values[1:], strict=True)
+        told = b"".join(PIECE.pack(row, column) + pack_cells(cells) for (row, column), cells in pieces)
+        return pack(sender, iteration, items.origins[0], items.values[0]) + told
+
+    def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
+        """Its sender, iteration, tile and piece of map."""
+        own = current_tile_bytes(*self._shape)
+        sender, iteration, origin, tile = unpack(data[:own], self._shape)
+        origins, values, sources = [origin], [tile], [sender]
+        if len(data) > own:
+            origins.append(np.array(PIECE.unpack_from(data, own), np.int32))
+            values.append(unpack_cells(data[own + PIECE.size :], self._shape))
+            sources.append(-1)
+        sensed = np.full(len(values), iteration, np.int32)
+        return sender, iteration, TileItems(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)

@@ -1,0 +1,147 @@
+"""Methods compared over many tasks: ratios, performance profiles and the probability that one is better than another.
+
+A study's axes that step together under one name are its methods; all other axes make its tasks, one world each or one
+world and network. Runs of different methods in one task are independent; tasks count alike.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.studies.plan import Plan, label, shown
+from swarmsim.studies.results import Result
+from swarmsim.studies.statistics import ranked
+from swarmsim.studies.survival import Interval
+
+RESAMPLES: Final = 2000  # of the stratified bootstrap
+TAUS: Final = np.geomspace(0.25, 4.0, 97)  # ratios at which profiles are taken
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How one method fares beside the first one, over all tasks of a group."""
+
+    method: str
+    runs: int
+    finished: int
+    ratio: float  # geometric mean over tasks of its mean iterations over those of the first method
+    interval: Interval  # 95 %, of runs drawn anew in every task
+    across: Interval | None  # 95 %, of tasks drawn anew as well: what other tasks of the kind would give; None for one
+    better: float  # probability of improvement on the first method, of a run in a task drawn at random
+    better_interval: Interval
+    profile: NDArray[np.float64]  # (len(TAUS),): share of runs within tau times the first method's mean of their task
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """All methods beside the first one, for each value of what groups are told apart by."""
+
+    methods: tuple[str, ...]
+    groups: dict[str, tuple[Standing, ...]]
+    tasks: int  # in each group
+
+
+def compare(plan: Plan, results: Mapping[str, Result], method: str = "method", within: str | None = None) -> Compared:
+    """Compare the methods of a study, those axes whose `together` is called so, separately for each value of a key.
+
+    An unfinished run counts with the iterations after which it was stopped, which flatters its method. Raises
+    InputError if there is no such axis, or runs are missing.
+    """
+    keys = [axis.key for axis in plan.study.vary if axis.together == method]
+    if not keys:
+        raise InputError(
+            f"{plan.path}: vary: no axis has together = {method!r}; expected one, whose values are compared"
+        )
+    if within is not None and within not in (axis.key for axis in plan.study.vary if axis.together != method):
+        raise InputError(f"{plan.path}: --within {within}: expected the key of another axis of the study")
+    times: dict[str, dict[str, dict[str, Result]]] = {}
+    for result in results.values():
+        changes = result.condition.changes
+        if any(key not in changes for key in keys):
+            continue
+        if result.missing or result.failed:
+            raise InputError(f"{plan.path}: {result.condition.name}: {result.missing} runs are missing; run it first")
+        group = label({within: changes[within]}) if within is not None else ""
+        task = json.dumps([value for key, value in changes.items() if key not in keys])
+        name = ", ".join(str(shown(changes[key])) for key in keys)
+        times.setdefault(group, {}).setdefault(name, {})[task] = result
+    methods = tuple(next(iter(times.values())))
+    groups = {
+        group: tuple(_standing(name, of[name], of[methods[0]]) for name in methods) for group, of in times.items()
+    }
+    return Compared(methods, groups, len(next(iter(times.values()))[methods[0]]))
+
+
+def _standing(name: str, ours: Mapping[str, Result], theirs: Mapping[str, Result]) -> Standing:
+    pairs = [(ours[task], theirs[task]) for task in ours]
+    generator = np.random.default_rng(0)
+    logs, wins = [], []
+    for mine, base in pairs:
+        x, y = (_counts(generator, len(result.times)) for result in (mine, base))
+        logs.append(np.log(((x @ mine.times) / len(mine.times)) / ((y @ base.times) / len(base.times))))
+        won = _wins(mine, base)
+        wins.append(np.einsum("ri,ij,rj->r", x, won, y) / won.size)
+    draws = np.array(logs)  # (tasks, RESAMPLES)
+    chosen = generator.integers(0, len(pairs), (len(pairs), RESAMPLES))
+    across = draws[chosen, generator.integers(0, RESAMPLES, chosen.shape)]
+    is_base = ours is theirs
+    relative = [np.where(mine.finished, mine.times / base.times.mean(), np.inf) for mine, base in pairs]
+    return Standing(
+        method=name,
+        runs=sum(len(mine.times) for mine, _ in pairs),
+        finished=int(sum(mine.finished.sum() for mine, _ in pairs)),
+        ratio=float(np.exp(np.mean([np.log(mine.times.mean() / base.times.mean()) for mine, base in pairs]))),
+        interval=(1.0, 1.0) if is_base else _percentiles(np.exp(draws.mean(axis=0))),
+        across=None if len(pairs) < 3 or is_base else _percentiles(np.exp(across.mean(axis=0))),
+        better=float(np.mean([_wins(mine, base).mean() for mine, base in pairs])),
+        better_interval=(0.5, 0.5) if is_base else _percentiles(np.mean(wins, axis=0)),
+        profile=np.array([(np.concatenate(relative) <= tau).mean() for tau in TAUS]),
+    )
+
+
+def _wins(mine: Result, base: Result) -> NDArray[np.float64]:
+    """Whether each run of the one (n,) was faster than each of the other (m,): 1, as fast: 1/2, or slower: 0.
+
+    Its mean is the probability of improvement of Agarwal et al., "Deep Reinforcement Learning at the Edge of the
+    Statistical Precipice", NeurIPS (2021), in one task.
+    """
+    x, y = (ranked(result.times, result.finished) for result in (mine, base))
+    return np.asarray((x[:, None] < y) + 0.5 * (x[:, None] == y), np.float64)
+
+
+def _counts(generator: np.random.Generator, runs: int) -> NDArray[np.float64]:
+    """How often each of so many runs (RESAMPLES, runs) is drawn in each resample."""
+    return generator.multinomial(runs, np.full(runs, 1.0 / runs), RESAMPLES).astype(np.float64)
+
+
+def _percentiles(drawn: NDArray[np.float64]) -> Interval:
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return float(low), float(high)
+
+
+HEAD = (
+    "method", "finished", "ratio", "95 % interval", "over other tasks", "better than the first", "95 % interval",
+)  # fmt: skip
+
+
+def lines(standings: tuple[Standing, ...]) -> list[tuple[str, ...]]:
+    """One line for each method, under HEAD."""
+    return [
+        (
+            one.method,
+            f"{one.finished} of {one.runs}",
+            f"{one.ratio:.3f}",
+            f"{one.interval[0]:.2f} to {one.interval[1]:.2f}",
+            "-" if one.across is None else f"{one.across[0]:.2f} to {one.across[1]:.2f}",
+            f"{100 * one.better:.0f} %",
+            f"{100 * one.better_interval[0]:.0f} to {100 * one.better_interval[1]:.0f} %",
+        )
+        for one in standings
+    ]

@@ -1,0 +1,130 @@
+"""Methods over many tasks: ratios, intervals and probabilities against numbers worked out by hand and by loops."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import ROOT, called
+
+from swarmsim.core.errors import InputError
+from swarmsim.studies import methods
+from swarmsim.studies.plan import open_study
+from swarmsim.view import plots
+
+STUDY = f"""
+title = "Two ways to map two rooms"
+scenario = "{ROOT}/scenarios/exploring.toml"
+seeds = 3
+keep = "summary"
+set = {{"robots.count" = 3, "stop.iterations" = 400, "network.topology.k" = 2}}
+[[vary]]
+key = "mind.strategy"
+together = "method"
+values = [{{use = "nearest-frontier"}}, {{use = "dispersed-frontier", weight = 5.0}}]
+[[vary]]
+key = "world.generate"
+together = "world"
+values = [
+    {{use = "rooms", width = 4.5, height = 3.0}},
+    {{use = "cave", width = 4.5, height = 4.5}},
+    {{use = "rooms", width = 4.5, height = 3.0}},
+]
+[[vary]]
+key = "world.seed"
+together = "world"
+values = [1, 2, 3]
+"""
+
+
+def plan_of(cells: dict[tuple[str, int], list[float]], limit: float = 1000.0):
+    """A study of these times by method and world, and its results."""
+    axes = (SimpleNamespace(key="mind", together="method"), SimpleNamespace(key="world", together=None))
+    plan = SimpleNamespace(path=Path("x.toml"), study=SimpleNamespace(vary=axes))
+    results = {
+        f"{name} {world}": SimpleNamespace(
+            condition=SimpleNamespace(name=f"{name} {world}", changes={"mind": name, "world": world}),
+            times=np.array(times), finished=np.array(times) < limit, missing=0, failed=(),
+        )
+        for (name, world), times in cells.items()
+    }  # fmt: skip
+    return plan, results
+
+
+def test_ratio_is_the_geometric_mean_over_worlds_and_better_the_mean_share_of_pairs() -> None:
+    plan, results = plan_of(
+        {("a", 1): [100.0, 200.0], ("a", 2): [50.0, 50.0], ("b", 1): [75.0, 75.0], ("b", 2): [100.0, 50.0]}
+    )
+    first, second = methods.compare(plan, results).groups[""]
+    assert (first.method, first.ratio, first.better, first.interval) == ("a", 1.0, 0.5, (1.0, 1.0))
+    assert second.ratio == pytest.approx(np.sqrt(0.5 * 1.5))
+    assert second.better == pytest.approx((1.0 + 0.25) / 2)  # 4 of 4 pairs, then two ties and two losses
+    assert second.across is None  # two worlds say nothing of others
+    at = int(np.flatnonzero(methods.TAUS >= 0.5)[0])
+    assert second.profile[at] == 0.5  # the two runs of 75 against a mean of 150
+    assert second.profile[-1] == 1.0
+
+
+def test_intervals_agree_with_a_bootstrap_by_loops() -> None:
+    rng = np.random.default_rng(3)
+    cells = {("a", w): rng.normal(100 + 10 * w, 9, 12) for w in range(4)}
+    cells |= {("b", w): rng.normal(80 + 9 * w, 15, 12) for w in range(4)}
+    plan, results = plan_of(cells)
+    found = methods.compare(plan, results).groups[""][1]
+    logs, wins = [], []
+    for _ in range(3000):
+        drawn = {key: rng.choice(times, len(times)) for key, times in cells.items()}
+        logs.append(np.mean([np.log(drawn["b", w].mean() / drawn["a", w].mean()) for w in range(4)]))
+        wins.append(np.mean([(drawn["b", w][:, None] < drawn["a", w]).mean() for w in range(4)]))
+    assert found.interval == pytest.approx(np.exp(np.quantile(logs, [0.025, 0.975])), abs=0.01)
+    assert found.better_interval == pytest.approx(np.quantile(wins, [0.025, 0.975]), abs=0.02)
+    assert found.across[0] < found.interval[0] < found.ratio < found.interval[1] < found.across[1]
+
+
+def test_what_did_not_finish_is_beaten_by_what_did_and_is_in_no_profile() -> None:
+    plan, results = plan_of({("a", 1): [900.0, 1000.0], ("b", 1): [950.0, 1000.0]})
+    _, second = methods.compare(plan, results).groups[""]
+    assert (second.finished, second.runs) == (1, 2)
+    assert second.better == pytest.approx((0.0 + 1.0 + 0.0 + 0.5) / 4)
+    assert second.profile[-1] == 0.5
+
+
+def test_studies_that_compare_nothing_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    plan = open_study(path)
+    with pytest.raises(InputError, match=r"no axis has together = 'mind'"):
+        methods.compare(plan, {}, "mind")
+    with pytest.raises(InputError, match=r"--within robots\.count: expected the key of another axis"):
+        methods.compare(plan, {}, within="robots.count")
+    done = called("study", "rank", path, "--store", tmp_path / "s.sqlite")
+    assert done.returncode == 2
+    assert "runs are missing; run it first" in " ".join(done.stderr.split())
+
+
+def test_a_study_of_methods_from_file_to_figures(tmp_path: Path) -> None:
+    path, store = tmp_path / "study.toml", ["--store", tmp_path / "s.sqlite"]
+    path.write_text(STUDY)
+    assert called("study", "run", path, "--quiet", *store).returncode == 0
+    done = called("study", "rank", path, "--out", tmp_path / "figures", *store)
+    assert done.returncode == 0, done.stderr
+    assert "3 tasks" in done.stdout
+    assert "6 of 6" not in done.stdout  # three worlds with three seeds each
+    assert {p.name for p in (tmp_path / "figures").iterdir()} == {
+        "ratios.png", "ratios.svg", "profiles.png", "profiles.svg",
+    }  # fmt: skip
+
+
+def test_two_equal_values_of_an_axis_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.replace('{use = "dispersed-frontier", weight = 5.0}', '{use = "nearest-frontier"}'))
+    with pytest.raises(InputError, match="comes twice"):
+        open_study(path)
+
+
+def test_profiles_leave_no_empty_panel() -> None:
+    one = plots.Ratios("a", 1.0, (1.0, 1.0), methods.TAUS, np.linspace(0.0, 1.0, len(methods.TAUS)))
+    figure = plots.profiles({"k=0": [one], "k=2": [one], "k=5": [one]}, "Profiles")
+    assert len(figure.axes) == 3
