@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swarmsim.cli.options import AllowCode
-from swarmsim.cli.progress import perform_all
+from swarmsim.cli.interruption import end_if_asked
+from swarmsim.cli.options import AllowCode, Overrides
+from swarmsim.cli.progress import perform_all, progress_bar
 from swarmsim.cli.tables import print_table
+from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from swarmsim.studies.engine import Task
     from swarmsim.studies.plan import Plan
-    from swarmsim.studies.store import Store
+    from swarmsim.studies.store import Row, Store
 
 app = typer.Typer(
     help="Run a scenario many times, varied, and tell what the runs say.\n\n"
@@ -121,7 +124,6 @@ def table(
 
     Example: swarmsim study table scenarios/studies/kit2018/network.toml --compare k=1
     """
-    from swarmsim.core.errors import InputError
     from swarmsim.studies import results as res
     from swarmsim.studies.plan import open_study
 
@@ -175,7 +177,6 @@ def export(
 
     Example: swarmsim study export scenarios/studies/kit2018/network.toml --csv runs/network.csv
     """
-    from swarmsim.core.errors import InputError
     from swarmsim.studies.plan import open_study
     from swarmsim.studies.results import gather, records, write_csv, write_parquet
 
@@ -254,6 +255,61 @@ def best(
     print(answer.sentence)
 
 
+@app.command()
+def worst(
+    scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
+    out: Annotated[Path, typer.Option(help="Scenario file to write, with the smallest timeline of faults.")],
+    set_: Overrides = None,
+    budget: Annotated[int, typer.Option(help="Timelines to try; more where shrinking needs them.", min=1)] = 300,
+    entries: Annotated[int, typer.Option(help="Faults of a timeline at most.", min=1, max=10)] = 3,
+    factor: Annotated[float, typer.Option(help="Times the sound run's iterations that are a failure.", min=1.0)] = 2.0,
+    seeds: Annotated[int, typer.Option(help="Seeds with each of which it has to fail.", min=1)] = 3,
+    seed: Annotated[int, typer.Option(help="Of the search.", min=0)] = 1,
+    workers: Workers = None,
+    scheduler: Scheduler = None,
+    allow_code: AllowCode = False,
+    quiet: Quiet = False,
+) -> None:
+    """Look for the smallest timeline of faults that makes the swarm fail: not done in twice the time.
+
+    Exit code 0: found and written; 1: none found; 2: bad input.
+
+    Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
+    """
+    from swarmsim.core.scenario import load
+    from swarmsim.engine.build import build
+    from swarmsim.studies import worst as search
+    from swarmsim.studies.engine import crew
+
+    if out.exists():
+        raise InputError(f"{out}: is there already; expected the name of a new file")
+    opened = load(scenario, set_ or [])
+    world = build(opened, str(scenario)).world
+    with progress_bar(quiet) as progress, crew(workers or os.cpu_count() or 1, scheduler) as perform:
+        bar = progress.add_task("searching", total=budget, text="")
+
+        def tell(words: str) -> None:
+            progress.console.print(words, markup=False, highlight=False)
+
+        def performed(tasks: Sequence[Task]) -> Iterator[Row]:
+            for row in perform(tasks):
+                end_if_asked()
+                yield row
+            progress.update(bar, completed=min(look.timelines, budget), text=f"{look.timelines} timelines")
+
+        look = search.Search(opened, world, performed, seeds, factor, tell)
+        answer = look.run(budget, entries, seed)
+    title = (
+        f"{scenario}: not done in {factor:g} times the {' / '.join(map(str, answer.sound))} iterations without faults"
+    )
+    print_table(title, search.HEAD, search.lines(answer))
+    print(f"{answer.timelines} timelines tried in {answer.runs} runs")
+    if answer.smallest is None:
+        raise typer.Exit(FAILED)
+    search.write(opened, answer, out)
+    print(f"{out}: swarmsim run {out}")
+
+
 def reproduce(
     paper: Annotated[str, typer.Argument(metavar="kit2018", help="The paper: kit2018.")],
     seeds: Annotated[int, typer.Option(help="Seeds of each condition.", min=2)] = 100,
@@ -271,7 +327,6 @@ def reproduce(
 
     Example: swarmsim reproduce kit2018 --seeds 30
     """
-    from swarmsim.core.errors import InputError
     from swarmsim.studies import report, reproduction
     from swarmsim.studies.results import missing
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from dask.distributed import Client, LocalCluster, as_completed
@@ -96,30 +97,41 @@ def _simulate(task: Task) -> Row:
     )
 
 
-def execute(tasks: Sequence[Task], workers: int, scheduler: str | None = None) -> Iterator[Row]:
-    """Perform all tasks and give each row as its run ends, in no particular order.
+@contextmanager
+def crew(workers: int, scheduler: str | None = None) -> Iterator[Callable[[Sequence[Task]], Iterator[Row]]]:
+    """Workers that perform tasks, as often as they are called, and give each row as its run ends, in no fixed order.
 
     A cluster of `workers` processes is started here unless the address of a `scheduler` is given. Raises
     InputError if that does not answer.
     """
     with ExitStack() as stack:
         client = stack.enter_context(_client(stack, workers, scheduler))
-        waiting = iter(tasks)
-        under_way: dict[str, Task] = {}
-        done = as_completed()
+        yield lambda tasks: _performed(client, tasks)
 
-        def hand_out(count: int) -> None:
-            for task in islice(waiting, count):
-                future = client.submit(perform, task, pure=False)
-                under_way[future.key] = task
-                done.add(future)
 
-        hand_out(AHEAD * max(1, sum(client.ncores().values())))
-        for future in done:
-            task = under_way.pop(future.key)
-            problem = future.exception()
-            yield future.result() if problem is None else _failed(task, f"{problem}; to repeat: {task.command}")
-            hand_out(1)
+def execute(tasks: Sequence[Task], workers: int, scheduler: str | None = None) -> Iterator[Row]:
+    """Perform all tasks once, as a `crew` does."""
+    with crew(workers, scheduler) as perform_all:
+        yield from perform_all(tasks)
+
+
+def _performed(client: Client, tasks: Sequence[Task]) -> Iterator[Row]:
+    waiting = iter(tasks)
+    under_way: dict[Any, Task] = {}
+    done = as_completed()
+
+    def hand_out(count: int) -> None:
+        for task in islice(waiting, count):
+            future = client.submit(perform, task, pure=False)
+            under_way[future.key] = task
+            done.add(future)
+
+    hand_out(AHEAD * max(1, sum(client.ncores().values())))
+    for future in done:
+        task = under_way.pop(future.key)
+        problem = future.exception()
+        yield future.result() if problem is None else _failed(task, f"{problem}; to repeat: {task.command}")
+        hand_out(1)
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Client:
