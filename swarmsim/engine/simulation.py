@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
-from swarmsim.core.messages import PostOffice
+from swarmsim.core.messages import Delivery, PostOffice
 from swarmsim.core.parts import Now, Parts, Probe
-from swarmsim.core.state import Intents, Moment, Observations
+from swarmsim.core.state import Intents, Moment, Observations, State
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Perceived:
+    """An iteration up to the decision."""
+
+    state: State
+    events: tuple[Event, ...]  # what began and ended at its start
+    links: NDArray[np.int32]  # (m, 2): receiver, sender
+    delivery: Delivery
+    observations: Observations  # all that minds may know, knowledge included
 
 
 class Simulation:
@@ -55,9 +71,28 @@ class Simulation:
         return self.finished
 
     def tick(self, probes: Sequence[Probe] = ()) -> Moment:
-        """One iteration, as `_tick` does it. Raises PartError for what a part that is not ours raises."""
+        """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves.
+
+        Raises PartError for what a part that is not ours raises.
+        """
+        with self._blaming():
+            perceived = self._perceive()
+            return self._act(perceived, self.parts.strategy.step(perceived.observations), probes)
+
+    def perceive(self) -> Perceived:
+        """The first half of a tick: what robots sense, hear and know. To be asked once, before `act`."""
+        with self._blaming():
+            return self._perceive()
+
+    def act(self, perceived: Perceived, intents: Intents, probes: Sequence[Probe] = ()) -> Moment:
+        """The other half: robots do what somebody else than their strategy has decided, and the task is measured."""
+        with self._blaming():
+            return self._act(perceived, intents, probes)
+
+    @contextmanager
+    def _blaming(self) -> Iterator[None]:
         try:
-            return self._tick(probes)
+            yield
         except (InputError, PartError):
             raise
         except Exception as problem:
@@ -66,8 +101,7 @@ class Simulation:
                 raise
             raise PartError(f"iteration {self.state.iteration}, {whose}") from problem
 
-    def _tick(self, probes: Sequence[Probe]) -> Moment:
-        """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves."""
+    def _perceive(self) -> Perceived:
         parts = self.parts
         events = parts.calendar.advance(self._now)
         state = parts.bodies.state() if parts.calendar else self.state
@@ -79,17 +113,25 @@ class Simulation:
         delivery = parts.channel.deliver(state, links, said.sizes)
         inbox = self._post.open(state.iteration, delivery)
         observations = observations.having(inbox)
-        knowledge = parts.computation.hear(observations)
-        intents = self._decided = parts.strategy.step(observations.having(inbox, knowledge))
+        observations = observations.having(inbox, parts.computation.hear(observations))
+        return Perceived(state, events, links, delivery, observations)
+
+    def _act(self, perceived: Perceived, intents: Intents, probes: Sequence[Probe]) -> Moment:
+        parts, state, seen = self.parts, perceived.state, perceived.observations
+        self._decided = intents
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
-        all_of_it = (parts.building, readings, links, delivery, inbox, knowledge, intents)
-        measured = parts.task.measure(Moment(state, events, *all_of_it, believed=pose, people=people))
+        assert seen.inbox is not None
+        all_of_it = (
+            parts.building, seen.readings, perceived.links, perceived.delivery, seen.inbox, seen.knowledge, intents,
+        )  # fmt: skip
+        measured = parts.task.measure(Moment(state, perceived.events, *all_of_it, believed=seen.pose, people=people))
         if measured.finished and not self.finished:
             self.finished_after = self.state.iteration
         self._now = Now(self.state.iteration, state, self.state, measured.progress)
-        moment = Moment(state, (*events, *self._ending()), *all_of_it, measured, pose, people)
+        events = (*perceived.events, *self._ending())
+        moment = Moment(state, events, *all_of_it, measured, seen.pose, people)
         for probe in probes:
             probe.sample(moment)
         return moment

@@ -112,8 +112,10 @@ def _world_key(scenario: Scenario) -> bytes:
     return msgspec.json.encode([scenario.world, scenario.grid.cell], order="deterministic")
 
 
-def open_study(path: Path, seeds: int | None = None) -> Plan:
+def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None) -> Plan:
     """Read a study and check every condition, down to a swarm ready to start; `seeds` replaces their number.
+
+    `changes`, by dotted key, come on top of what the study sets; its conditions come on top of those.
 
     Raises InputError that names the file, the condition and the key.
     """
@@ -122,15 +124,16 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
     except InputError as problem:
         text = str(problem)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from problem
+    study = msgspec.structs.replace(study, set={**study.set, **(changes or {})})
     chosen = study.seeds if seeds is None else seeds
     numbers = tuple(range(1, chosen + 1)) if isinstance(chosen, int) else tuple(chosen)
     if len(set(numbers)) < len(numbers):
         raise InputError(f"{path}: seeds: a seed is listed twice; expected each once")
     base = path.parent / study.scenario
     table = spelled_out(read_toml(base, "the study's scenario file"), str(base))
-    changes = _changes(path, study)
-    if len(changes) * len(numbers) > MOST_RUNS:
-        raise InputError(f"{path}: {len(changes)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
+    cells = _changes(path, study)
+    if len(cells) * len(numbers) > MOST_RUNS:
+        raise InputError(f"{path}: {len(cells)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
     named = {condition.name: condition for condition in study.condition}
 
     worlds: dict[bytes, str] = {}
@@ -152,7 +155,7 @@ def open_study(path: Path, seeds: int | None = None) -> Plan:
             return Condition(name, change, scenario, curve, named[name].x, named[name].series)
         return Condition(name, change, scenario, curve, *_place(study, change))
 
-    conditions = tuple(condition(name, change) for name, change in changes.items())
+    conditions = tuple(condition(name, change) for name, change in cells.items())
     return Plan(path, study, conditions, numbers, worlds, tuple(notices))
 
 

@@ -120,9 +120,9 @@ def _steps(values: Sequence[float], results: Sequence[Result], measure: str) -> 
     )
 
 
-def write(found: Reproduction, folder: Path) -> list[Path]:
-    """Write figures, report.md and report.html; gives the files."""
-    figures = _figures(found, folder)
+def write(found: Sequence[Reproduction], folder: Path) -> list[Path]:
+    """Write figures, report.md and report.html, with the readings one after the other; gives the files."""
+    figures = {name: caption for one in found for name, caption in _figures(one, folder).items()}
     text = _text(found, figures)
     (folder / "report.md").write_text(text, encoding="utf-8")
     body = MarkdownIt("commonmark").enable("table").render(text)
@@ -136,7 +136,7 @@ def write(found: Reproduction, folder: Path) -> list[Path]:
 
 def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
     """Draw the figures; gives their captions by file name."""
-    numbers, results = found.numbers, found.results
+    numbers, results, reading = found.numbers, found.results, found.reading
     nothing = (np.nan, np.nan)
     plots.save(
         plots.comparison(
@@ -148,11 +148,11 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
             "Published numbers beside ours",
             [n.ours.n for n in numbers],
         ),
-        folder / "comparison",
+        folder / f"{reading.name}-comparison",
     )
     curves = {name: result.curves for name, result in results["robustness"].items()}
     marks = {"20-15-10-5 units": [50, 100, 150]}
-    plots.save(plots.curves(curves, "Robustness (Fig. 4), k = 2", marks), folder / "robustness")
+    plots.save(plots.curves(curves, "Robustness (Fig. 4), k = 2", marks), folder / f"{reading.name}-robustness")
     for study, title in (("scalability", "Table I, k = 1"), ("network", "Table II, 15 robots")):
         found_here = results[study]
         published = {n.condition: n.published for n in numbers if n.study == study}
@@ -162,7 +162,7 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
             title,
             published,
         )
-        plots.save(figure, folder / study)
+        plots.save(figure, folder / f"{reading.name}-{study}")
     size = results["scalability"].values()
     described = [result.describe() for result in size]
     figure = plots.scaling(
@@ -174,42 +174,69 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
         "Scaling, k = 1",
         [len(result.rows) for result in size],
     )
-    plots.save(figure, folder / "scaling")
+    plots.save(figure, folder / f"{reading.name}-scaling")
     return {
-        "comparison": "Means with their 95 % intervals, 95 % prediction intervals of a single run, published numbers",
-        "robustness": "Coverage against iterations: mean and 95 % band over runs; the lines mark removals",
-        "scalability": "Iterations of every run against the number of robots",
-        "network": "Iterations of every run against the network",
-        "scaling": "Mean iterations against the number of robots, and T = a + b/N",
+        f"{reading.name}-comparison": "Means, their 95 % intervals, 95 % of single runs, published numbers",
+        f"{reading.name}-robustness": "Coverage: mean and 95 % band over runs; the lines mark removals",
+        f"{reading.name}-scalability": "Iterations of every run against the number of robots",
+        f"{reading.name}-network": "Iterations of every run against the network",
+        f"{reading.name}-scaling": "Mean iterations against the number of robots, and T = a + b/N",
     }
 
 
-def _text(found: Reproduction, figures: dict[str, str]) -> str:
-    seeds = len(next(iter(found.plans.values())).seeds)
-    a, b = rep.scaling_fit(found)
+def _text(found: Sequence[Reproduction], figures: dict[str, str]) -> str:
+    seeds = len(next(iter(found[0].plans.values())).seeds)
     parts = [
         "# Kit, Mateo and Bouffanais (2018), reproduced",
-        f"{seeds} seeds of each condition. {_capital(found.error_sentence)}.",
-        "## Numbers",
-        _table((*rep.HEAD[:-1], "kind"), rep.lines(found)),
-        "`calibrated` marks the numbers by which the choices that the paper leaves open were made (N=15 is 1NN again), "
-        "with other seeds than these; the others are predicted.",
-        _image("comparison", figures),
-        "## Claims",
-        _table(("claim", "verdict", "test"), [claim.line for claim in found.claims]),
-        "## Figures",
-        *(_image(name, figures) for name in figures if name != "comparison"),
-        "## Scaling",
-        f"T = {a:.0f} + {b:.0f} / N iterations, least squares over all runs.",
-        _table(("swarm", "speed-up over N=5", "efficiency", "Karp-Flatt serial share"), rep.scaling_lines(found)),
+        f"{seeds} seeds of each condition.",
+        "## Readings side by side",
+        _table(
+            ("condition", "published", *(cell for one in found for cell in (one.reading.title, "ratio"))),
+            rep.side_by_side(found),
+        ),
+        _table(
+            ("claim", *(one.reading.title for one in found)),
+            [(text, *(one.claims[place].verdict for one in found)) for place, text in enumerate(rep.CLAIMS)],
+        ),
+    ]
+    for one in found:
+        parts += _of_reading(one, figures)
+    parts += [
         "## Provenance",
         _table(
-            ("what", "value"), [("digest of the runs", found.digest), ("seeds", f"1 to {seeds}"), *versions().items()]
+            ("what", "value"),
+            [
+                *((f"digest of the runs, {one.reading.title}", one.digest) for one in found),
+                ("seeds", f"1 to {seeds}"), *versions().items(),
+            ],
         ),
         "Each run is repeated by `swarmsim run scenarios/kit2018.toml --seed N --set ...`; the studies stand in "
         "`scenarios/studies/kit2018/`.",
-    ]
+    ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
+
+
+def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
+    a, b = rep.scaling_fit(found)
+    name = found.reading.name
+    mine = [figure for figure in figures if figure.startswith(f"{name}-")]
+    return [
+        f"## The reading {found.reading.title}",
+        _table(("what the paper says", "how it is read"), found.reading.given),
+        "What it leaves open: "
+        + ", ".join(f"`{key} = {value}`" for key, value in found.reading.changes.items())
+        + f"{' and ' if found.reading.changes else ''}as `scenarios/kit2018.toml` has it; chosen by "
+        f"`scenarios/studies/kit2018/{found.reading.calibration}`.",
+        f"{_capital(found.error_sentence)}.",
+        _table((*rep.HEAD[:-1], "kind"), rep.lines(found)),
+        "`calibrated` marks the numbers by which the choices that the paper leaves open were made, with other seeds "
+        "than these; the others are predicted.",
+        _image(f"{name}-comparison", figures),
+        _table(("claim", "verdict", "test"), [claim.line for claim in found.claims]),
+        *(_image(figure, figures) for figure in mine if figure != f"{name}-comparison"),
+        f"T = {a:.0f} + {b:.0f} / N iterations, least squares over all runs.",
+        _table(("swarm", "speed-up over N=5", "efficiency", "Karp-Flatt serial share"), rep.scaling_lines(found)),
+    ]
 
 
 def _capital(sentence: str) -> str:

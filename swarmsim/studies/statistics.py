@@ -34,7 +34,7 @@ class Description:
     lower: float | None  # quartile
     upper: float | None
     restricted: RestrictedMean
-    prediction: Interval | None  # of one more run
+    prediction: Interval | None  # of one more run, on the log scale where all values are above 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def describe(
         median=quartiles[1],
         upper=quartiles[2],
         restricted=restricted_mean(values, ended, horizon),
-        prediction=prediction_interval(values) if whole else None,
+        prediction=prediction_interval(values, scale="log" if values.min() > 0.0 else "linear") if whole else None,
     )
 
 

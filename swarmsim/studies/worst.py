@@ -3,8 +3,8 @@
 A timeline fails if the task is not done, with any of the seeds tried, within so many times the iterations of the run
 without faults. Its size is the number of robot-iterations with a fault. Faults of one kind that strike everybody, early
 or late, for a moment or for good, come first, then timelines at random. Whatever fails is shrunk, as delta debugging
-shrinks inputs (Zeller and Hildebrandt 2002): entries are left out, robots halved and times cut as long as it still fails.
-What is found is small, then, but not proven to be smallest.
+shrinks inputs (Zeller and Hildebrandt 2002): entries are left out, robots halved and times cut as long as it still
+fails. What is found is small, then, but not proven to be smallest.
 """
 
 from __future__ import annotations

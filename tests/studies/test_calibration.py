@@ -1,15 +1,17 @@
-"""The calibration's rule: of all candidates the nearest to two published numbers."""
+"""The calibrations' rules: of all candidates the nearest to published numbers; and what numbers left out say."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from swarmsim.studies.calibration import candidates, head, lines
+from swarmsim.studies.calibration import Candidate, candidates, head, left_out, left_out_lines, lines, prediction_error
 from swarmsim.studies.plan import open_study
-from swarmsim.studies.reproduction import calibration_plan
+from swarmsim.studies.reproduction import READINGS, Number, agreement, calibration_plan, plans, published_numbers
+from swarmsim.studies.statistics import describe
 from swarmsim.studies.store import Row, Store
 
 STUDY = """
@@ -43,7 +45,7 @@ def ranked(tmp_path: Path, root: Path):
             identity = plan.identity(condition, seed)
             row = Row(identity, condition.name, seed, status, took or 5000, {}, None, None, {}, 0.0, None)
             store.add(row)
-        return candidates(plan, store)
+        return candidates(plan, store, published_numbers())
 
 
 def test_the_best_has_the_lowest_root_mean_square_of_both_log_ratios(ranked) -> None:
@@ -51,25 +53,61 @@ def test_the_best_has_the_lowest_root_mean_square_of_both_log_ratios(ranked) -> 
         {"mind.strategy.ties": "own-order"},
         {"mind.strategy.ties": "row-order"},
     ]
-    assert ranked[0].means == {1: 650.0, 5: 310.0}
+    assert ranked[0].means == {(15, "knn 1", False): 650.0, (15, "knn 5", False): 310.0}
     expected = math.sqrt((math.log(650 / 583) ** 2 + math.log(310 / 303) ** 2) / 2)
-    assert ranked[0].error == pytest.approx(expected)
+    assert ranked[0].error() == pytest.approx(expected)
 
 
 def test_a_candidate_with_an_unfinished_run_is_never_the_best(ranked) -> None:
-    assert math.isinf(ranked[1].error)
+    assert math.isinf(ranked[1].error())
     assert lines(ranked)[1] == ("row-order", "585", "not finished", "inf")
-    assert head(ranked) == ("ties", "1NN (583)", "5NN (303)", "rms log-ratio")
+    assert head(ranked) == ("ties", "15, knn 1 (583)", "15, knn 5 (303)", "rms log-ratio")
 
 
-def test_the_shipped_search_has_other_seeds_than_the_reproduction_and_holds_what_was_chosen(root: Path) -> None:
-    plan = calibration_plan()
+@pytest.mark.parametrize("reading", READINGS.values(), ids=READINGS)
+def test_what_a_reading_chose_is_one_candidate_of_its_search_which_has_other_seeds(reading) -> None:
+    plan = calibration_plan(reading)
     assert min(plan.seeds) > 1000
-    base = open_study(root / "scenarios" / "studies" / "kit2018" / "network.toml", 1)
-    chosen = next(condition for condition in base.conditions if condition.name == "1NN").scenario
+    chosen = next(one for one in plans(1, reading)["network"].conditions if one.name == "1NN").scenario
     same = [
         condition for condition in plan.conditions
         if condition.scenario.world.scale == chosen.world.scale and condition.scenario.robots == chosen.robots
         and condition.scenario.mind == chosen.mind and condition.scenario.network == chosen.network
     ]  # fmt: skip
     assert len(same) == 1
+
+
+def test_every_published_number_has_a_place_in_the_search_by_the_letter() -> None:
+    plan = calibration_plan(READINGS["letter"])
+    numbers = published_numbers()
+    from swarmsim.studies.calibration import row_of
+
+    rows = {row_of(condition) for condition in plan.conditions}
+    assert len(rows) == 14
+    assert {numbers[row] for row in rows} == set(numbers.values())
+
+
+def test_a_number_left_out_is_predicted_by_the_candidate_that_is_best_without_it() -> None:
+    rows = [(n, "knn 1", False) for n in (5, 10, 15)]
+    numbers = dict(zip(rows, (100.0, 200.0, 300.0), strict=True))
+    first = Candidate({"key": 1}, dict(zip(rows, (100.0, 200.0, 450.0), strict=True)), numbers, 9)
+    second = Candidate({"key": 2}, dict(zip(rows, (130.0, 200.0, 300.0), strict=True)), numbers, 9)
+    found = left_out([second, first])
+    assert [line.predicted for line in found] == [130.0, 200.0, 450.0]  # each time by the one that errs just there
+    assert prediction_error(found) == pytest.approx(math.sqrt((math.log(1.3) ** 2 + math.log(1.5) ** 2) / 3))
+    assert left_out_lines(found)[2] == ("15, knn 1", "300", "450", "1.50", "1")
+
+
+def test_published_numbers_agree_for_as_many_averaged_runs_as_chi_square_allows() -> None:
+    """One number that is off by 0.1 with a spread of 0.2, of 400 runs: 0.01 / (0.04 / M + 0.0001) <= 3.84."""
+    logs = np.random.default_rng(5).standard_normal(400)
+    times = 300.0 * np.exp(0.2 * (logs - logs.mean()) / logs.std(ddof=1))
+    ours = describe(times)
+    number = Number("network", "1NN", ours.mean * math.exp(0.1), ours, False, 0.2)
+    found = agreement([number, number])
+    assert found.freedom == 1  # the same number twice
+    assert found.most == max(m for m in range(1, 101) if 0.01 / (0.04 / m + 0.0001) <= 3.841) == 15
+    assert found.statistics[1] == pytest.approx(0.01 / 0.0401)
+    far = Number("network", "1NN", ours.mean * 2.0, ours, False, 0.2)
+    assert agreement([far]).most is None
+    assert "no agreement" in agreement([far]).sentence

@@ -104,7 +104,7 @@ def test_description_of_finished_runs():
     low, high = found.interval
     assert low < found.mean < high
     assert found.mean - low < high - found.mean  # BCa leans towards the long tail
-    assert found.prediction == prediction_interval(PLACEBO)
+    assert found.prediction == prediction_interval(PLACEBO, scale="log")
 
 
 def test_description_of_censored_runs():

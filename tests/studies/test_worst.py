@@ -34,14 +34,15 @@ def test_shrinking_finds_the_least_that_fails() -> None:
     """It takes seven crashed robots for 100 iterations, and nothing else does anything."""
     answer = search(
         lambda faults, seed: any(
-            f["use"] == "crash" and f["count"] >= 7 and f.get("lasts", 1000) >= 100 for f in faults
+            f["use"] == "crash" and f["count"] >= 7 and min(f.get("lasts", 1000), 2 * SOUND - f["at"]) >= 100
+            for f in faults
         )
     ).run(80)
     assert answer.sound == (SOUND,) * 3
     assert answer.limit == (2 * SOUND,) * 3
     (entry,) = answer.by_kind["crash"].timeline
     assert entry.count == 7
-    assert 100 <= entry.lasts < 115  # steps are of an eighth
+    assert 7 * 100 <= entry.size(2 * SOUND) < 7 * 115  # steps are of an eighth
     assert [kind for kind, failure in answer.by_kind.items() if failure is not None] == ["crash"]
     assert answer.smallest == answer.by_kind["crash"]
     assert answer.smallest.share == pytest.approx(answer.smallest.size / (15 * 400))

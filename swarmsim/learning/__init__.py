@@ -1,0 +1,14 @@
+"""Robots that learn: scenarios as environments of PettingZoo and Gymnasium, on the same engine as every run."""
+
+try:
+    import gymnasium  # noqa: F401
+    import pettingzoo  # noqa: F401
+except ImportError as problem:
+    raise ImportError(
+        "swarmsim.learning needs pettingzoo and gymnasium; install them with: pip install 'swarmsim-lab[learn]'"
+    ) from problem
+
+from swarmsim.learning.environment import ACTIONS, REWARDS, SwarmEnv
+from swarmsim.learning.single import RobotEnv
+
+__all__ = ["ACTIONS", "REWARDS", "RobotEnv", "SwarmEnv"]

@@ -1,0 +1,251 @@
+"""A scenario as a PettingZoo environment: every robot, or some of them, decides for itself in every iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pettingzoo import ParallelEnv
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import load
+from swarmsim.core.state import Intents, Measured, Moment, Observations
+from swarmsim.engine.build import Run, build
+from swarmsim.engine.simulation import Perceived
+
+#: What agents may decide: the place to go to straight, m from where they are, as far as `reach`; a velocity, ahead and
+#: turning; or the speeds of the left and the right wheel. All are numbers from -1 to 1, of the most there is.
+ACTIONS: Final = ("goal", "twist", "wheels")
+
+Reward = Callable[[Measured | None, Moment], NDArray[np.float64]]
+
+
+def progress(before: Measured | None, moment: Moment) -> NDArray[np.float64]:
+    """What the whole swarm has gained in the task's first measure, for every robot alike; less is more if it falls."""
+    name = next(iter(moment.measured.values))
+    gain = moment.measured.values[name] - (0.0 if before is None else before.values[name])
+    return np.full(moment.state.robots, gain)
+
+
+def own(before: Measured | None, moment: Moment) -> NDArray[np.float64]:
+    """What each robot has gained in the first measure of single robots; of coverage, the cells new on its own map."""
+    name = next(iter(moment.measured.robots))
+    values = np.asarray(moment.measured.robots[name], np.float64)
+    return np.asarray(values - (0.0 if before is None else before.robots[name]))
+
+
+#: Rewards by name: of the iteration's measures, with those of the one before (None in the first), one for each robot.
+REWARDS: Final[Mapping[str, Reward]] = {"progress": progress, "own": own}
+
+
+class SwarmEnv(ParallelEnv):  # type: ignore[misc]
+    """A scenario in which robots are agents: `robot_0`, `robot_1` and so on.
+
+    One step is one iteration. An agent observes its `tile` (rows, columns) of 0 unknown, 1 free and 2 occupied; its
+    `pose`, x and y in m and yaw in rad, as it believes it to be; and its `inbox`: how many others it `heard`, their
+    `tiles` (hears, rows, columns) and where these lie, `offsets` (hears, 2) in m from where it is. An agent whose robot
+    dies is terminated and leaves `agents` for good; all are terminated when the task is done, and truncated at the
+    scenario's limit. Robots that are no agents follow the scenario's own strategy.
+    """
+
+    metadata: dict[str, Any] = {"name": "swarmsim_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's own)
+
+    def __init__(
+        self,
+        scenario: str | Path,
+        overrides: Mapping[str, Any] | None = None,
+        *,
+        action: str = "twist",
+        reward: str | Reward = "progress",
+        learners: Sequence[int] | None = None,
+        hears: int = 5,
+        reach: float = 1.0,
+    ) -> None:
+        """A scenario file, with values by dotted key in the place of its own.
+
+        `action` is one of ACTIONS, `reward` one of REWARDS or a function like them, `learners` the robots that are
+        agents, all by default, `hears` how many others an observation has room for, the nearest first, and `reach` how
+        far off a goal can be, in m. Raises InputError for a scenario that cannot be, or whose robots sense no tiles.
+        """
+        if action not in ACTIONS:
+            raise InputError(f"action: {action!r}; expected one of {', '.join(ACTIONS)}")
+        if isinstance(reward, str) and reward not in REWARDS:
+            raise InputError(f"reward: {reward!r}; expected one of {', '.join(REWARDS)}, or a function")
+        self._name = str(scenario)
+        self._scenario = load(Path(scenario), changes=dict(overrides or {}))
+        self._run = build(self._scenario, self._name)
+        count = self._scenario.robots.count
+        chosen = list(range(count)) if learners is None else list(learners)
+        if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(count)):
+            raise InputError(f"learners: {chosen}; expected some of 0 to {count - 1}, each once")
+        self._action, self._reward = action, REWARDS[reward] if isinstance(reward, str) else reward
+        self._hears, self._reach = hears, reach
+        self._learners = np.array(chosen, np.int64)
+        self._robots = {f"robot_{robot}": robot for robot in chosen}
+        self.possible_agents: list[str] = list(self._robots)
+        self.agents: list[str] = []
+        self._seed = self._scenario.seed
+        self._fresh = self._scenario.seed
+        shape = self._tile_shape()
+        lattice = self._run.setting.lattice
+        right, top = lattice.x0 + lattice.columns * lattice.cell, lattice.y0 + lattice.rows * lattice.cell
+        room = max(right - lattice.x0, top - lattice.y0)
+        low, high = np.array([lattice.x0, lattice.y0]) - room, np.array([right, top]) + room
+        self._pose = spaces.Box(np.append(low, -np.pi), np.append(high, np.pi), dtype=np.float64)
+        self._offsets = spaces.Box(-4.0 * room, 4.0 * room, (hears, 2), np.float64)
+        self._observation_space = spaces.Dict(
+            {
+                "tile": spaces.Box(0, 2, shape, np.uint8),
+                "pose": self._pose,
+                "heard": spaces.Discrete(hears + 1),
+                "tiles": spaces.Box(0, 2, (hears, *shape), np.uint8),
+                "offsets": self._offsets,
+            }
+        )
+        self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def _tile_shape(self) -> tuple[int, int]:
+        state = self._run.simulation.state
+        tiles = self._run.simulation.parts.sensor.sense(state).tiles
+        if tiles is None:
+            raise InputError(f"{self._name}: sensor.use: robots that learn need tiles; expected ir-ring")
+        return tiles.values.shape[1], tiles.values.shape[2]
+
+    @property
+    def run(self) -> Run:
+        """The run that is going on; a new one after every `reset`."""
+        return self._run
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """The same for all agents."""
+        return self._observation_space
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Two numbers from -1 to 1 for all agents."""
+        return self._action_space
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, dict[str, NDArray[Any]]], dict[str, dict[str, Any]]]:
+        """Start the scenario anew; with a `seed`, from that one on, else each time from the next one."""
+        if seed is not None:
+            self._fresh = seed
+        self._seed, self._fresh = self._fresh, self._fresh + 1
+        scenario = msgspec.structs.replace(self._scenario, seed=self._seed)
+        self._run = build(scenario, self._name, self._run.world)
+        self._before: Measured | None = None
+        self._perceived: Perceived = self._run.simulation.perceive()
+        alive = self._perceived.state.alive
+        self.agents = [agent for agent, robot in self._robots.items() if alive[robot]]
+        return self._observed(self.agents), {agent: {} for agent in self.agents}
+
+    def step(
+        self, actions: Mapping[str, NDArray[np.float32]]
+    ) -> tuple[
+        dict[str, dict[str, NDArray[Any]]],
+        dict[str, float],
+        dict[str, bool],
+        dict[str, bool],
+        dict[str, dict[str, Any]],
+    ]:
+        """One iteration in which every agent does what its action says; agents without one stand."""
+        simulation = self._run.simulation
+        moment = simulation.act(self._perceived, self._intents(actions))
+        rewards = self._reward(self._before, moment)
+        self._before = moment.measured
+        over, finished = simulation.over, simulation.finished
+        if not over:
+            self._perceived = simulation.perceive()
+        alive = self._perceived.state.alive
+        acted, robots = self.agents, self._robots
+        ended = {agent: finished or not alive[robots[agent]] for agent in acted}
+        cut = {agent: over and not ended[agent] for agent in acted}
+        infos: dict[str, dict[str, Any]] = {agent: {} for agent in acted}
+        observed = self._observed(acted)
+        self.agents = [agent for agent in acted if not (ended[agent] or cut[agent])]
+        return observed, {agent: float(rewards[robots[agent]]) for agent in acted}, ended, cut, infos
+
+    def _intents(self, actions: Mapping[str, NDArray[np.float32]]) -> Intents:
+        simulation, robots = self._run.simulation, self._scenario.robots
+        observations = self._perceived.observations
+        wanted = np.zeros((robots.count, 2))
+        for agent, action in actions.items():
+            wanted[self._robots[agent]] = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
+        if self._action == "goal":
+            ways = {
+                robot: np.stack([pose, pose + self._reach * wanted[robot]])
+                for robot, pose in enumerate(observations.pose[:, :2])
+                if robot in self._learners
+            }
+            fresh = np.zeros(robots.count, np.bool_)
+            mine = Intents.along(ways, robots.count, self._run.setting.lattice.cells, fresh)
+        else:
+            speed, base = robots.each("speed"), robots.each("wheel_base")
+            if self._action == "twist":
+                twists = np.stack([wanted[:, 0] * speed, wanted[:, 1] * 2.0 * speed / base], axis=1)
+            else:
+                left, right = wanted.T * speed
+                twists = np.stack([(left + right) / 2.0, (right - left) / base], axis=1)
+            mine = Intents.twisting(twists)
+        if len(self._learners) == robots.count:
+            return mine
+        return _joined(mine, simulation.parts.strategy.step(observations), self._learners)
+
+    def _observed(self, agents: Sequence[str]) -> dict[str, dict[str, NDArray[Any]]]:
+        seen = self._perceived.observations
+        return {agent: self._of(seen, self._robots[agent]) for agent in agents}
+
+    def _of(self, seen: Observations, robot: int) -> dict[str, NDArray[Any]]:
+        tiles, inbox = seen.readings.tiles, seen.inbox
+        assert tiles is not None
+        assert inbox is not None
+        cell, lattice = self._run.setting.lattice.cell, self._run.setting.lattice
+        shape = tiles.values.shape[1:]
+        x, y, yaw = seen.pose[robot]
+        low, high = np.searchsorted(inbox.receivers, [robot, robot + 1])
+        heard = slice(low, high)
+        values, corners = getattr(inbox.content, "values", None), getattr(inbox.content, "origins", None)
+        told, offsets = np.zeros((self._hears, *shape), np.uint8), np.zeros((self._hears, 2))
+        count = 0
+        if values is not None and corners is not None and high > low:
+            middles = (corners[heard, ::-1] + np.array(shape[::-1]) / 2.0) * cell + (lattice.x0, lattice.y0)
+            apart = middles - (x, y)
+            nearest = np.argsort(np.hypot(apart[:, 0], apart[:, 1]), kind="stable")[: self._hears]
+            count = len(nearest)
+            told[:count], offsets[:count] = values[heard][nearest], apart[nearest]
+        turned = (yaw + np.pi) % (2.0 * np.pi) - np.pi
+        return {
+            "tile": tiles.values[robot].copy(),
+            "pose": np.clip([x, y, turned], self._pose.low, self._pose.high),
+            "heard": np.array(count),
+            "tiles": told,
+            "offsets": np.clip(offsets, self._offsets.low, self._offsets.high),
+        }
+
+    def render(self) -> None:
+        """Nothing: record the run and film it, see `run`."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def _joined(mine: Intents, theirs: Intents, learners: NDArray[np.int64]) -> Intents:
+    """The intents of some robots from the one, those of the others from the other."""
+    longest = max(mine.waypoints.shape[1], theirs.waypoints.shape[1])
+    pads = [np.pad(one.waypoints, ((0, 0), (0, longest - one.waypoints.shape[1]), (0, 0))) for one in (mine, theirs)]
+    nothing = np.full((len(mine.counts), 2), np.nan)
+    columns: list[tuple[NDArray[Any], NDArray[Any]]] = [
+        (mine.goals, theirs.goals), (pads[0], pads[1]), (mine.counts, theirs.counts), (mine.planned, theirs.planned),
+        (nothing if mine.twists is None else mine.twists, nothing if theirs.twists is None else theirs.twists),
+    ]  # fmt: skip
+    rows = []
+    for first, second in columns:
+        column = second.copy()
+        column[learners] = first[learners]
+        rows.append(column)
+    return Intents(*rows)

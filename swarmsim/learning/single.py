@@ -1,0 +1,52 @@
+"""One robot of a scenario as a Gymnasium environment; all others follow the scenario's own strategy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.learning.environment import Reward, SwarmEnv
+
+
+class RobotEnv(gymnasium.Env[dict[str, NDArray[Any]], NDArray[np.float32]]):
+    """The environment of `SwarmEnv` for one robot: the same observations, actions and rewards."""
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own)
+
+    def __init__(
+        self,
+        scenario: str | Path,
+        overrides: Mapping[str, Any] | None = None,
+        *,
+        robot: int = 0,
+        action: str = "twist",
+        reward: str | Reward = "own",
+        hears: int = 5,
+        reach: float = 1.0,
+    ) -> None:
+        """As for `SwarmEnv`; `robot` is the one that learns. Raises InputError."""
+        self.swarm = SwarmEnv(
+            scenario, overrides, action=action, reward=reward, learners=[robot], hears=hears, reach=reach
+        )
+        (self._agent,) = self.swarm.possible_agents
+        self.observation_space = self.swarm.observation_space(self._agent)
+        self.action_space = self.swarm.action_space(self._agent)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Start the scenario anew, as `SwarmEnv.reset`."""
+        super().reset(seed=seed)
+        observed, infos = self.swarm.reset(seed, options)
+        return observed[self._agent], infos[self._agent]
+
+    def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """One iteration of the whole swarm."""
+        observed, rewards, ended, cut, infos = self.swarm.step({self._agent: action})
+        agent = self._agent
+        return observed[agent], rewards[agent], ended[agent], cut[agent], infos[agent]

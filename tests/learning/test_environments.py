@@ -1,0 +1,165 @@
+"""Environments: the checks of PettingZoo and Gymnasium themselves, and that they are the same engine."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from gymnasium.utils.env_checker import check_env
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import load
+from swarmsim.engine.build import build
+from swarmsim.learning import ACTIONS, RobotEnv, SwarmEnv
+from swarmsim.learning.environment import _joined
+from swarmsim.recording.digests import Digests
+
+with warnings.catch_warnings():  # it warns of its own environments when it is imported
+    warnings.simplefilter("ignore")
+    from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+ROOM = ROOT / "scenarios" / "room.toml"
+DEATHS = {"faults": [{"use": "crash", "at": 3, "count": 1}, {"use": "remove", "at": 6, "count": 1}]}
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_pettingzoo_finds_nothing_wrong(action: str) -> None:
+    parallel_api_test(SwarmEnv(ROOM, {**DEATHS, "stop.iterations": 30}, action=action), num_cycles=80)
+    parallel_seed_test(lambda: SwarmEnv(ROOM, DEATHS, action=action), num_cycles=25)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_gymnasium_finds_nothing_wrong() -> None:
+    check_env(RobotEnv(ROOM, {"stop.iterations": 40}), skip_render_check=True)
+
+
+def still(env: SwarmEnv) -> dict[str, np.ndarray]:
+    return {agent: np.zeros(2, np.float32) for agent in env.agents}
+
+
+def test_who_dies_is_terminated_once_and_leaves() -> None:
+    env = SwarmEnv(ROOM, DEATHS)
+    env.reset(seed=1)
+    left = [len(env.agents)]
+    gone: list[str] = []
+    for _ in range(8):
+        _, rewards, ended, cut, _ = env.step(still(env))
+        assert set(rewards) == set(ended) == set(cut)
+        gone += [agent for agent, over in ended.items() if over]
+        left.append(len(env.agents))
+    assert left == [3, 3, 3, 2, 2, 2, 1, 1, 1]
+    assert len(gone) == len(set(gone)) == 2
+    assert not set(gone) & set(env.agents)
+
+
+def test_agents_are_truncated_at_the_limit_and_terminated_when_the_task_is_done() -> None:
+    env = SwarmEnv(ROOM, {"stop.iterations": 4})
+    env.reset(seed=1)
+    for _ in range(3):
+        assert env.step(still(env))[2:4] == (dict.fromkeys(env.agents, False),) * 2
+    _, _, ended, cut, _ = env.step(still(env))
+    assert (set(ended.values()), set(cut.values()), env.agents) == ({False}, {True}, [])
+    env = SwarmEnv(ROOM, {"task.share": 0.01})
+    env.reset(seed=1)
+    _, _, ended, cut, _ = env.step(still(env))
+    assert (set(ended.values()), set(cut.values()), env.agents) == ({True}, {False}, [])
+
+
+def test_observations_are_tile_pose_and_inbox_of_the_engine() -> None:
+    two = {"network.topology.k": 2}
+    env = SwarmEnv(ROOM, two, hears=2)
+    observed, _ = env.reset(seed=5)
+    seen = env._perceived.observations
+    for robot, agent in enumerate(env.agents):
+        mine = observed[agent]
+        assert env.observation_space(agent).contains(mine)
+        np.testing.assert_array_equal(mine["tile"], seen.readings.tiles.values[robot])
+        np.testing.assert_allclose(mine["pose"], seen.pose[robot])
+        senders = seen.inbox.senders[seen.inbox.receivers == robot]
+        assert mine["heard"] == len(senders) == 2
+        places = seen.pose[senders, :2] - seen.pose[robot, :2]
+        order = np.argsort(np.hypot(*places.T))
+        assert np.abs(mine["offsets"] - places[order]).max() <= 0.08  # half a cell
+        np.testing.assert_array_equal(mine["tiles"], seen.readings.tiles.values[senders[order]])
+    few, _ = SwarmEnv(ROOM, two, hears=1).reset(seed=5)
+    assert few["robot_0"]["heard"] == 1
+    np.testing.assert_array_equal(few["robot_0"]["tiles"][0], observed["robot_0"]["tiles"][0])
+
+
+@pytest.mark.parametrize(("action", "wanted"), [("twist", (1.0, 0.0)), ("wheels", (1.0, 1.0)), ("goal", (0.0, 0.0))])
+def test_actions_move_robots_as_they_say(action: str, wanted: tuple[float, float]) -> None:
+    env = SwarmEnv(ROOT / "scenarios" / "worlds" / "warehouse.toml", action=action)
+    env.reset(seed=2)
+    before = env.run.simulation.state.pose.copy()
+    for _ in range(3):
+        env.step({agent: np.array(wanted, np.float32) for agent in env.agents})
+    moved = env.run.simulation.state.pose - before
+    along = moved[:, 0] * np.cos(before[:, 2]) + moved[:, 1] * np.sin(before[:, 2])
+    if action == "goal":
+        assert np.abs(moved[:, :2]).max() < 0.02
+    else:
+        assert np.median(along) == pytest.approx(3 * 0.15, abs=0.1)
+
+
+def test_turning_wheels_and_twists_are_the_same() -> None:
+    places = []
+    for action, wanted in (("twist", (0.0, 1.0)), ("wheels", (-1.0, 1.0))):
+        env = SwarmEnv(ROOM, action=action)
+        env.reset(seed=1)
+        env.step({agent: np.array(wanted, np.float32) for agent in env.agents})
+        places.append(env.run.simulation.state.pose)
+    np.testing.assert_allclose(places[0], places[1], atol=1e-9)
+
+
+def test_rewards_are_gains_and_can_be_of_ones_own() -> None:
+    env = SwarmEnv(ROOM)
+    env.reset(seed=1)
+    sums = sum(env.step(still(env))[1]["robot_0"] for _ in range(3))
+    assert sums == pytest.approx(env._before.values["coverage"])
+    env = SwarmEnv(ROOM, reward="own")
+    env.reset(seed=1)
+    _, rewards, *_ = env.step(still(env))
+    np.testing.assert_allclose(list(rewards.values()), env._before.robots["covered"])
+    env = SwarmEnv(ROOM, reward=lambda before, moment: -np.arange(3.0))
+    env.reset(seed=1)
+    assert list(env.step(still(env))[1].values()) == [0.0, -1.0, -2.0]
+
+
+def test_the_others_follow_the_scenarios_own_strategy() -> None:
+    """An environment without learners that act is the run itself: what a learner does not do, the strategy does."""
+    env = RobotEnv(ROOM, robot=2)
+    env.reset(seed=3)
+    digests, plain = Digests(), Digests()
+    run = build(load(ROOM, ["seed=3"]), str(ROOM)).simulation
+    for _ in range(20):
+        perceived = env.swarm._perceived
+        theirs = env.swarm.run.simulation.parts.strategy.step(perceived.observations)
+        joined = _joined(theirs, theirs, np.array([2]))
+        env.swarm.run.simulation.act(perceived, joined, [digests])
+        env.swarm._perceived = env.swarm.run.simulation.perceive()
+        run.tick([plain])
+    np.testing.assert_array_equal(env.swarm.run.simulation.state.pose, run.state.pose)
+
+
+def test_seeds_count_on_from_the_one_given() -> None:
+    env = SwarmEnv(ROOM)
+    first = [env.reset(seed=7 if number == 0 else None)[0]["robot_0"]["pose"] for number in range(3)]
+    again = [SwarmEnv(ROOM).reset(seed=seed)[0]["robot_0"]["pose"] for seed in (7, 8, 9)]
+    np.testing.assert_array_equal(first, again)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"action": "fly"}, "action: 'fly'; expected one of goal, twist, wheels"),
+        ({"reward": "fame"}, "reward: 'fame'; expected one of progress, own, or a function"),
+        ({"learners": [3]}, r"learners: \[3\]; expected some of 0 to 2"),
+        ({"overrides": {"sensor.use": "none", "mind.use": "x"}}, "mind"),
+    ],
+)
+def test_what_cannot_be_is_refused(keys: dict, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        SwarmEnv(ROOM, **keys)
