@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test docs test-browser test-slow bench bench-peers learning soak bounds golden format clean
+.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging soak bounds golden format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -28,6 +28,9 @@ test-slow: .venv/test
 
 bench: .venv/test
 	$(BIN)/pytest benchmarks -m bench -s
+
+merging: .venv/test
+	$(BIN)/python benchmarks/merging/merging.py
 
 learning: .venv/test
 	$(BIN)/python benchmarks/learning/train.py

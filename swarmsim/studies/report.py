@@ -145,17 +145,25 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
             np.array([n.ours.interval or nothing for n in numbers]),
             np.array([n.ours.prediction or nothing for n in numbers]),
             np.array([n.published for n in numbers]),
-            "Published numbers beside ours",
+            f"Published numbers beside ours, {reading.title}",
             [n.ours.n for n in numbers],
         ),
         folder / f"{reading.name}-comparison",
     )
     curves = {name: result.curves for name, result in results["robustness"].items()}
     marks = {"20-15-10-5 units": [50, 100, 150]}
-    plots.save(plots.curves(curves, "Robustness (Fig. 4), k = 2", marks), folder / f"{reading.name}-robustness")
-    for study, title in (("scalability", "Table I, k = 1"), ("network", "Table II, 15 robots")):
+    plots.save(
+        plots.curves(curves, f"Robustness (Fig. 4), k = 2, {reading.title}", marks),
+        folder / f"{reading.name}-robustness",
+    )
+    for study, title in (
+        ("scalability", f"Table I, k = 1, {reading.title}"),
+        ("network", f"Table II, 15 robots, {reading.title}"),
+    ):
         found_here = results[study]
-        published = {n.condition: n.published for n in numbers if n.study == study}
+        published = {
+            reading.chain if n.condition == "chain" else n.condition: n.published for n in numbers if n.study == study
+        }
         figure = plots.distributions(
             {name: result.times for name, result in found_here.items()},
             {name: result.finished for name, result in found_here.items()},
@@ -171,7 +179,7 @@ def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
         np.array([d.interval or nothing for d in described]),
         rep.scaling_fit(found),
         {r.condition.scenario.robots.count: n.published for r, n in zip(size, numbers, strict=False)},
-        "Scaling, k = 1",
+        f"Scaling, k = 1, {reading.title}",
         [len(result.rows) for result in size],
     )
     plots.save(figure, folder / f"{reading.name}-scaling")

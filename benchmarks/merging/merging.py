@@ -1,0 +1,138 @@
+"""How often maps of robots that know nothing of each other's places are put together rightly, wrongly or not at all.
+
+Two robots have each mapped a part of a generated building; the parts overlap by a share of the smaller one. The other
+robot's map comes turned and shifted at random, and, with noise, with cells that are wrong. Run: `make merging`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import deque
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from swarmsim.core.scenario import load
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.engine.build import build
+from swarmsim.operations.mapping.registration import Meeting, register
+
+SCENARIO = Path(__file__).parents[2] / "scenarios" / "exploring.toml"
+KINDS = {
+    "rooms": {"use": "rooms", "width": 12.0, "height": 7.5},
+    "office": {"use": "office", "width": 13.5, "height": 9.0},
+    "maze": {"use": "maze", "width": 7.65, "height": 5.4},
+    "cave": {"use": "cave", "width": 12.0, "height": 9.0},
+}
+WITHIN = 7.0  # cells that robots which meet are apart at most: about 1 m
+RIGHT = 2.0  # cells by which no cell of the overlap may lie beside its place
+
+
+def building(kind: str, seed: int) -> np.ndarray:
+    """The map that is complete and right."""
+    run = build(load(SCENARIO, changes={"world.generate": KINDS[kind], "world.seed": seed}), kind)
+    return np.where(run.domain, np.where(run.arena.occupied, OCCUPIED, FREE), UNKNOWN).astype(np.uint8)
+
+
+def part(truth: np.ndarray, share: float, start: tuple[int, int]) -> np.ndarray:
+    """What a robot has mapped that started there: the cells nearest to it by the way."""
+    wanted, seen, queue = int(share * np.count_nonzero(truth)), np.zeros(truth.shape, bool), deque([start])
+    found = np.zeros_like(truth)
+    seen[start] = True
+    while queue and wanted > 0:
+        row, column = queue.popleft()
+        found[row, column] = truth[row, column]
+        wanted -= 1
+        if truth[row, column] == OCCUPIED:
+            continue
+        for there in ((row, column + 1), (row + 1, column), (row, column - 1), (row - 1, column)):
+            if truth[there] != UNKNOWN and not seen[there]:
+                seen[there] = True
+                queue.append(there)
+    return found
+
+
+def trial(asked: tuple[str, int, float | None, float]) -> tuple[float, bool, bool, float, float] | None:
+    """One pair: its overlap, whether it was merged, whether rightly, and the errors in cells and rad."""
+    kind, seed, wanted, noise = asked
+    random = np.random.default_rng([seed, int(100 * (wanted or 0)), int(1000 * noise)])
+    truth = building(kind, 5000 + seed % 10)
+    free = np.argwhere(truth == FREE)
+    share = 0.5 if wanted else 0.3
+    for _ in range(200):
+        first, second = (part(truth, share, tuple(free[random.integers(len(free))])) for _ in range(2))
+        both = (first != UNKNOWN) & (second != UNKNOWN)
+        overlap = both.sum() / min(np.count_nonzero(first), np.count_nonzero(second))
+        if (wanted is None and overlap == 0.0) or (wanted is not None and abs(overlap - wanted) < 0.03):
+            break
+    else:
+        return None
+    first, second = (disturbed(one, noise, random) for one in (first, second))
+    turn, side = random.uniform(-np.pi, np.pi), int(np.ceil(np.hypot(*truth.shape))) + 4
+    matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    middle, centre = (np.array(truth.shape) - 1) / 2.0, np.full(2, (side - 1) / 2.0) + random.uniform(-1.0, 1.0, 2)
+    other = ndimage.affine_transform(second, matrix, middle - matrix @ centre, (side, side), order=0, cval=UNKNOWN)
+    met = meet(both, random, wanted is None, truth)
+    if met is None:
+        return None
+    there = (np.array(met[1]) - middle) @ matrix + centre
+    match = register(first, other, Meeting(met[0], (float(there[0]), float(there[1])), WITHIN))
+    if match is None or not match.accepted():
+        return overlap, False, False, np.nan, np.nan
+    if wanted is None:
+        return overlap, True, False, np.nan, np.nan
+    places = np.argwhere(both).astype(float)  # where they are, and where the answer puts them
+    turned = (places - middle) @ matrix + centre
+    apart = match.transform.apply(turned + 0.5) - 0.5 - places
+    wrong = (match.transform.turn + turn + np.pi) % (2.0 * np.pi) - np.pi
+    error = float(np.hypot(*apart.T).max())
+    return overlap, True, error <= RIGHT, error, abs(wrong)
+
+
+def meet(both: np.ndarray, random: np.random.Generator, apart: bool, truth: np.ndarray) -> tuple | None:
+    """Two places less than a metre apart that both have mapped; any two places if they only believe to meet."""
+    places = np.argwhere((truth == FREE) & (both | apart))
+    if len(places) < 2:
+        return None
+    first = places[random.integers(len(places))]
+    near = places if apart else places[np.hypot(*(places - first).T) <= WITHIN]
+    second = near[random.integers(len(near))]
+    return tuple(map(float, first)), tuple(map(float, second))
+
+
+def disturbed(cells: np.ndarray, noise: float, random: np.random.Generator) -> np.ndarray:
+    """The map with this share of its known cells wrong."""
+    wrong = (random.random(cells.shape) < noise) & (cells != UNKNOWN)
+    return np.where(wrong, np.where(cells == FREE, OCCUPIED, FREE), cells).astype(np.uint8)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--pairs", type=int, default=60, help="of each kind of building in each row")
+    parser.add_argument("--workers", type=int, default=2)
+    arguments = parser.parse_args()
+    rows = [(overlap, 0.0) for overlap in (0.2, 0.3, 0.5, 0.7)] + [(0.3, 0.01), (0.3, 0.03), (None, 0.0), (None, 0.01)]
+    print("buildings  overlap  noise  pairs  right  wrong  none  error, cells  error, rad")
+    with ProcessPoolExecutor(arguments.workers) as pool:
+        for overlap, noise in rows:
+            for kinds in (("rooms", "office", "maze"), ("cave",)):
+                asked = [(kind, seed, overlap, noise) for kind in kinds for seed in range(arguments.pairs)]
+                found = [one for one in pool.map(trial, asked, chunksize=4) if one is not None]
+                if not found:
+                    continue
+                merged, right = np.array([one[1] for one in found]), np.array([one[2] for one in found])
+                errors = np.array([one[3:] for one in found])[right]
+                mean = errors.mean(axis=0) if len(errors) else (np.nan, np.nan)
+                print(
+                    f"{'walls' if len(kinds) > 1 else 'cave':9}  {'none' if overlap is None else f'{overlap:.0%}':>7}  "
+                    f"{noise:5.0%}  {len(found):5}  {right.mean():5.1%}  {(merged & ~right).mean():5.1%}  "
+                    f"{(~merged).mean():5.1%}  {mean[0]:12.2f}  {mean[1]:10.4f}",
+                    flush=True,
+                )
+
+
+if __name__ == "__main__":
+    main()
