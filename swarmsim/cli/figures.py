@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.network import save_all
+from swarmsim.cli.options import AllowCode
 
 if TYPE_CHECKING:
     from swarmsim.recording.reader import Recording
@@ -88,6 +89,45 @@ def network(
     title = f"Who hears whom: {opened.scenario.title}\nseed {opened.scenario.seed}, iterations {at} and {and_}"
     stem = out or opened.path.parent / f"network-{at}-{and_}"
     for path in save_all({stem: plots.rewiring(Scene(opened), heard, title)}, "--out", PRINT):
+        print(path)
+
+
+@app.command()
+def provenance(
+    recording: Run,
+    robot: Annotated[int, typer.Option(metavar="I", help="The robot, by number from 0.")],
+    at: Annotated[int | None, typer.Option(metavar="N", help="The iteration; default: the last.")] = None,
+    out: Stem = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Draw who sensed what a robot knows, over how many links it came and how old it is; the run is simulated again.
+
+    Example: swarmsim figure provenance runs/basilica-1 --robot 3 --at 200
+    """
+    import numpy as np
+
+    from swarmsim.core.errors import InputError
+    from swarmsim.engine.build import build
+    from swarmsim.operations.mapping.provenance import MapProvenance
+    from swarmsim.recording.reader import Recording
+    from swarmsim.view import plots
+    from swarmsim.view.scene import Scene
+
+    opened = Recording(recording)
+    if "changes" not in opened:
+        raise InputError(f"{recording}: these robots kept no maps; expected the run of a swarm that maps")
+    last = opened.iterations - 1 if at is None else at
+    _check_iteration(opened, "--at", last)
+    _robots(opened, str(robot))
+    made = build(opened.scenario, str(recording), opened.world)
+    probe = MapProvenance(opened.scenario.robots.count, made.setting.lattice)
+    while made.simulation.state.iteration <= last and not made.simulation.over:
+        made.simulation.tick([probe])
+    title = f"What robot {robot} knows: {opened.scenario.title}\nseed {opened.scenario.seed}, iteration {last}"
+    by, hops = probe.origins.by[robot], probe.origins.hops[robot]
+    figure = plots.provenance(Scene(opened), robot, by, hops, probe.age(robot), np.array(probe.ages), title)
+    stem = out or opened.path.parent / f"provenance-{robot}-{last}"
+    for path in save_all({stem: figure}, "--out", PRINT):
         print(path)
 
 

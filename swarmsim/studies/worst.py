@@ -1,10 +1,10 @@
 """Where a swarm breaks: the smallest timelines of faults that make it fail, by random search and shrinking.
 
 A timeline fails if the task is not done, with any of the seeds tried, within so many times the iterations of the run
-without faults. Its size is the number of robot-iterations with a fault. Faults of one kind that strike everybody, early
-or late, for a moment or for good, come first, then timelines at random. Whatever fails is shrunk, as delta debugging
-shrinks inputs (Zeller and Hildebrandt 2002): entries are left out, robots halved and times cut as long as it still
-fails. What is found is small, then, but not proven to be smallest.
+without faults. Its size is the number of robots struck and, of equally many, that of robot-iterations with a fault.
+Faults of one kind that strike everybody, early or late, for a moment or for good, come first, then timelines at random.
+Whatever fails is shrunk, as delta debugging shrinks inputs (Zeller and Hildebrandt 2002): entries are left out, robots
+halved and times cut as long as it still fails. What is found is small, then, but not proven to be smallest.
 """
 
 from __future__ import annotations
@@ -77,6 +77,7 @@ class Failure:
     """A timeline that makes the swarm fail with every seed tried."""
 
     timeline: Timeline
+    robots: int  # struck, counted once for each entry
     size: int  # robot-iterations with a fault
     share: float  # the same of all robot-iterations of the run
 
@@ -131,7 +132,10 @@ class Search:
                 for first, lasts in ((late, 1), (half, 1), (0, 1), (late, None), (half, None), (0, None))
             ]
             fatal = [timeline for timeline, fails in zip(everybody, self._failing(everybody), strict=True) if fails]
-            of_kind = self._shrunk(min(fatal, key=self._size)) if fatal else None
+            ends = {min(fatal, key=self._size), max(fatal, key=self._size)} if fatal else set()
+            of_kind = min(
+                (self._shrunk(timeline) for timeline in sorted(ends, key=self._size)), key=_order, default=None
+            )
             by_kind[kind] = of_kind
             self._tell(f"{kind}: never fails" if of_kind is None else described(of_kind))
         found = [failure for failure in by_kind.values() if failure is not None]
@@ -143,7 +147,7 @@ class Search:
             if not drawn:
                 break
             for timeline, failing in zip(drawn, self._failing(drawn), strict=True):
-                if failing and (smallest is None or self._size(timeline) < smallest.size):
+                if failing and (smallest is None or self._size(timeline) < (smallest.robots, smallest.size)):
                     smallest = min([self._shrunk(timeline), *([smallest] if smallest else [])], key=_order)
                     self._tell(f"smaller: {described(smallest)}")
         return Answer(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs)
@@ -155,7 +159,7 @@ class Search:
     def _drawn(self, generator: np.random.Generator, most: int, smallest: Failure | None) -> Timeline:
         """A random timeline, smaller than the smallest that is known to fail; an empty one if none turns up."""
         kinds, robots, limit = self._kinds(), self._scenario.robots.count, min(self.limit)
-        room = robots * limit if smallest is None else smallest.size
+        room = (most * robots + 1, 0) if smallest is None else (smallest.robots, smallest.size)
         for _ in range(TRIES):
             chosen = generator.integers(1, most + 1)
             timeline = []
@@ -170,8 +174,9 @@ class Search:
                 return found
         return ()
 
-    def _size(self, timeline: Timeline) -> int:
-        return sum(entry.size(min(self.limit)) for entry in timeline)
+    def _size(self, timeline: Timeline) -> tuple[int, int]:
+        """Robots struck, and robot-iterations with a fault."""
+        return sum(entry.count for entry in timeline), sum(entry.size(min(self.limit)) for entry in timeline)
 
     def _failing(self, timelines: Sequence[Timeline]) -> list[bool]:
         """Whether each makes every seed fail; a seed is only tried on those that failed with the ones before."""
@@ -194,8 +199,8 @@ class Search:
                     timeline = batch[failing.index(True)]
                     break
             else:
-                size = self._size(timeline)
-                return Failure(timeline, size, size / (self._scenario.robots.count * min(self.limit)))
+                robots, size = self._size(timeline)
+                return Failure(timeline, robots, size, size / (self._scenario.robots.count * min(self.limit)))
 
     def _steps(self, timeline: Timeline) -> set[Timeline]:
         """Timelines that are a step smaller."""
@@ -242,8 +247,8 @@ class Search:
         return [rows[task.identity] for task in tasks]
 
 
-def _order(failure: Failure) -> tuple[int, int]:
-    return failure.size, len(failure.timeline)
+def _order(failure: Failure) -> tuple[int, int, int]:
+    return failure.robots, failure.size, len(failure.timeline)
 
 
 def described(failure: Failure) -> str:
@@ -279,7 +284,7 @@ def lines(answer: Answer) -> list[tuple[str, ...]]:
         else (
             name,
             "; ".join(entry.words() for entry in failure.timeline),
-            str(sum(entry.count for entry in failure.timeline)),
+            str(failure.robots),
             str(failure.size),
             f"{100.0 * failure.share:.1f} %",
         )

@@ -16,6 +16,7 @@ from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.changes import ChangeMeasures
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.measures import MapMeasures
+from swarmsim.operations.mapping.provenance import MapProvenance
 
 CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0, robots="covered", format=".1f")
 
@@ -28,6 +29,7 @@ class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the domain
+    provenance: bool = False  # measure the age and origin of what robots know, too; takes memory for each map
 
     def build(self, setting: Setting) -> CoverageTask:
         """The task."""
@@ -42,7 +44,7 @@ class CoverageTask:
 
     def __init__(self, parameters: Coverage, setting: Setting) -> None:
         count, cells = setting.robots.count, setting.lattice.rows * setting.lattice.columns
-        self._setting, self._wanted = setting, parameters.share
+        self._setting, self._wanted, self._traces = setting, parameters.share, parameters.provenance
         self._held = memory.zeros((count, cells), np.bool_)  # which cells each map holds
         self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
         self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
@@ -69,5 +71,6 @@ class CoverageTask:
 
     def summaries(self) -> Sequence[Summary]:
         """What maps are judged by, and how well they follow a building that changes."""
-        robots = self._setting.robots.count
-        return MapMeasures(robots, self._setting.building.domain), ChangeMeasures(self._setting.building)
+        robots, building = self._setting.robots.count, self._setting.building
+        always = MapMeasures(robots, building.domain), ChangeMeasures(building)
+        return (*always, MapProvenance(robots, self._setting.lattice)) if self._traces else always

@@ -7,6 +7,7 @@ from swarmsim.view.plots.local_maps import local_maps
 from swarmsim.view.plots.methods import Ratios, profiles, ratios
 from swarmsim.view.plots.network import contact_times, degrees, network_course, who_heard_whom
 from swarmsim.view.plots.over_time import curves, padded
+from swarmsim.view.plots.provenance import provenance
 from swarmsim.view.plots.rewiring import rewiring
 from swarmsim.view.plots.sheet import address, save
 from swarmsim.view.plots.style import COLOURS, FINEST
@@ -14,6 +15,6 @@ from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
     "COLOURS", "FINEST", "Ratios", "Steps", "address", "building", "comparison", "contact_times", "curves", "degrees",
-    "distributions", "local_maps", "network_course", "padded", "profiles", "ratios", "rewiring", "save", "scaling",
-    "sweep", "table", "who_heard_whom",
+    "distributions", "local_maps", "network_course", "padded", "profiles", "provenance", "ratios", "rewiring", "save",
+    "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip
