@@ -80,7 +80,7 @@ def test_the_commands_of_a_page_run_in_their_order(copy: Path, tmp_path: Path, d
         page = (tmp_path / "runs" / "kit2018" / "report.html").read_text()
         assert "20-15-10-5 units" in page
         sources = re.findall(r'src="([^"]+)"', page)
-        assert len(sources) == 5
+        assert len(sources) == 10  # five figures of each reading
         assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
