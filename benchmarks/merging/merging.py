@@ -59,22 +59,25 @@ def trial(asked: tuple[str, int, float | None, float]) -> tuple[float, bool, boo
     kind, seed, wanted, noise = asked
     random = np.random.default_rng([seed, int(100 * (wanted or 0)), int(1000 * noise)])
     truth = building(kind, 5000 + seed % 10)
-    free = np.argwhere(truth == FREE)
-    share = 0.5 if wanted else 0.3
-    for _ in range(200):
-        first, second = (part(truth, share, tuple(free[random.integers(len(free))])) for _ in range(2))
-        both = (first != UNKNOWN) & (second != UNKNOWN)
-        overlap = both.sum() / min(np.count_nonzero(first), np.count_nonzero(second))
-        if (wanted is None and overlap == 0.0) or (wanted is not None and abs(overlap - wanted) < 0.03):
-            break
+    if wanted is None:  # robots that only believe to meet: they are in two different buildings
+        others = building(kind, 6000 + seed % 10)
+        first, second = (part(one, 0.5, some(one, random)) for one in (truth, others))
+        both, overlap = np.ones(truth.shape, bool), 0.0
     else:
-        return None
+        for _ in range(200):
+            first, second = (part(truth, 0.5, some(truth, random)) for _ in range(2))
+            both = (first != UNKNOWN) & (second != UNKNOWN)
+            overlap = both.sum() / min(np.count_nonzero(first), np.count_nonzero(second))
+            if abs(overlap - wanted) < 0.03:
+                break
+        else:
+            return None
     first, second = (disturbed(one, noise, random) for one in (first, second))
     turn, side = random.uniform(-np.pi, np.pi), int(np.ceil(np.hypot(*truth.shape))) + 4
     matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    middle, centre = (np.array(truth.shape) - 1) / 2.0, np.full(2, (side - 1) / 2.0) + random.uniform(-1.0, 1.0, 2)
+    middle, centre = (np.array(second.shape) - 1) / 2.0, np.full(2, (side - 1) / 2.0) + random.uniform(-1.0, 1.0, 2)
     other = ndimage.affine_transform(second, matrix, middle - matrix @ centre, (side, side), order=0, cval=UNKNOWN)
-    met = meet(both, random, wanted is None, truth)
+    met = meet(both, random, wanted is None, (first == FREE, second == FREE))
     if met is None:
         return None
     there = (np.array(met[1]) - middle) @ matrix + centre
@@ -91,15 +94,24 @@ def trial(asked: tuple[str, int, float | None, float]) -> tuple[float, bool, boo
     return overlap, True, error <= RIGHT, error, abs(wrong)
 
 
-def meet(both: np.ndarray, random: np.random.Generator, apart: bool, truth: np.ndarray) -> tuple | None:
-    """Two places less than a metre apart that both have mapped; any two places if they only believe to meet."""
-    places = np.argwhere((truth == FREE) & (both | apart))
-    if len(places) < 2:
+def some(truth: np.ndarray, random: np.random.Generator) -> tuple[int, int]:
+    """A free cell."""
+    free = np.argwhere(truth == FREE)
+    return tuple(free[random.integers(len(free))])
+
+
+def meet(
+    both: np.ndarray, random: np.random.Generator, apart: bool, free: tuple[np.ndarray, np.ndarray]
+) -> tuple | None:
+    """Two places less than a metre apart that both have mapped; any place of each if they only believe to meet."""
+    first, second = (np.argwhere(one & both) for one in free)
+    if not len(first) or not len(second):
         return None
-    first = places[random.integers(len(places))]
-    near = places if apart else places[np.hypot(*(places - first).T) <= WITHIN]
-    second = near[random.integers(len(near))]
-    return tuple(map(float, first)), tuple(map(float, second))
+    here = first[random.integers(len(first))]
+    near = second if apart else second[np.hypot(*(second - here).T) <= WITHIN]
+    if not len(near):
+        return None
+    return tuple(map(float, here)), tuple(map(float, near[random.integers(len(near))]))
 
 
 def disturbed(cells: np.ndarray, noise: float, random: np.random.Generator) -> np.ndarray:
