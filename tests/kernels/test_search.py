@@ -48,8 +48,8 @@ def standable(wall, observed, footprint=ONE_CELL, barred=None):
     return free if barred is None else free & (barred <= NOW)
 
 
-def distances(standing, start, neighbours):
-    """Lengths (rows, columns) of the shortest ways from `start`, in cells, by scipy; inf where there is none."""
+def distances(standing, start, neighbours, straight=1.0, diagonal=math.sqrt(2.0)):
+    """Costs (rows, columns) of the cheapest ways from `start`, by scipy, in cells at first; inf where there is none."""
     rows, columns = standing.shape
     standing = standing.copy()
     standing.flat[start] = True
@@ -61,7 +61,7 @@ def distances(standing, start, neighbours):
             legal &= shifted(standing, dr, 0) & shifted(standing, 0, dc)
         heads.append(index[legal])
         tails.append(index[legal] + dr * columns + dc)
-        costs.append(np.full(legal.sum(), math.hypot(dr, dc)))
+        costs.append(np.full(legal.sum(), diagonal if dr and dc else straight))
     edges = (np.concatenate(costs), (np.concatenate(heads), np.concatenate(tails)))
     graph = coo_array(edges, shape=(standing.size, standing.size)).tocsr()
     return dijkstra(graph, indices=start).reshape(rows, columns)

@@ -5,27 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
-from test_search import NOW, ONE_CELL, PLUS, frontiers, maps, random_map, rules, shifted, standable
+from test_search import NOW, ONE_CELL, PLUS, distances, frontiers, maps, random_map, rules, standable
 
 from swarmsim.kernels import survey
-
-
-def costs_from(standing: np.ndarray, start: int, neighbours: int) -> np.ndarray:
-    """Costs (rows, columns) of the cheapest ways, 5 a straight step and 7 a diagonal one, by scipy."""
-    index = np.arange(standing.size).reshape(standing.shape)
-    heads, tails, costs = [], [], []
-    for dr, dc in [(0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)][:neighbours]:
-        legal = standing & shifted(standing, dr, dc)
-        if dr and dc:
-            legal &= shifted(standing, dr, 0) & shifted(standing, 0, dc)
-        heads.append(index[legal])
-        tails.append(index[legal] + dr * standing.shape[1] + dc)
-        costs.append(np.full(legal.sum(), 7.0 if dr and dc else 5.0))
-    heads, tails, costs = map(np.concatenate, (heads, tails, costs))
-    graph = coo_array((costs, (heads, tails)), shape=(standing.size, standing.size)).tocsr()
-    return dijkstra(graph, indices=start).reshape(standing.shape)
 
 
 def surveyed(wall, observed, here, others, before=-1, grain=7, neighbours=8, footprint=ONE_CELL):
@@ -62,7 +44,7 @@ def test_pieces_ways_and_sizes_are_right_on_random_maps(neighbours, footprint, g
             continue
         here, *others = rng.choice(np.flatnonzero(standing), 3, replace=False)
         found = surveyed(wall, observed, here, others, -1, grain, neighbours, footprint)
-        ways = [costs_from(standing, start, neighbours) for start in (here, *others)]
+        ways = [distances(standing, start, neighbours, 5.0, 7.0) for start in (here, *others)]
         frontier = frontiers(wall, observed)
         wanted = pieces_of(frontier, grain)
         for goal, stand, size, unknown, cost in zip(

@@ -8,7 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarmsim.studies.calibration import Candidate, candidates, head, left_out, left_out_lines, lines, prediction_error
+from swarmsim.studies.calibration import (
+    Candidate,
+    candidates,
+    head,
+    left_out,
+    left_out_lines,
+    lines,
+    prediction_error,
+    row_of,
+)
 from swarmsim.studies.plan import open_study
 from swarmsim.studies.reproduction import READINGS, Number, agreement, calibration_plan, plans, published_numbers
 from swarmsim.studies.statistics import describe
@@ -80,8 +89,6 @@ def test_what_a_reading_chose_is_one_candidate_of_its_search_which_has_other_see
 def test_every_published_number_has_a_place_in_the_search_by_the_letter() -> None:
     plan = calibration_plan(READINGS["letter"])
     numbers = published_numbers()
-    from swarmsim.studies.calibration import row_of
-
     rows = {row_of(condition) for condition in plan.conditions}
     assert len(rows) == 14
     assert {numbers[row] for row in rows} == set(numbers.values())
