@@ -48,7 +48,7 @@ def standable(wall, observed, footprint=ONE_CELL, barred=None):
     return free if barred is None else free & (barred <= NOW)
 
 
-def distances(standing, start, neighbours, straight=1.0, diagonal=math.sqrt(2.0)):
+def distances(standing, start, neighbours, straight=1.0, diagonal=search.SQRT2):
     """Costs (rows, columns) of the cheapest ways from `start`, by scipy, in cells at first; inf where there is none."""
     rows, columns = standing.shape
     standing = standing.copy()
