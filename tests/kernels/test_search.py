@@ -1,6 +1,5 @@
 """Maps, frontiers and paths against dictionaries, shifted arrays and scipy's Dijkstra."""
 
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
