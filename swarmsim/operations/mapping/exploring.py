@@ -116,6 +116,7 @@ class ExploringStrategy(FrontierStrategy):
         middles = np.clip(np.add(heard.content.origins, (height // 2, width // 2)), 0, np.subtract(self._shape, 1))
         cells = (middles @ (self._columns, 1)).astype(np.int32)
         reach = min(height, width) // 2
+        disc = survey.disc(reach)
         for i in np.flatnonzero(chooses).tolist():
             mine = slice(starts[i], starts[i + 1])
             others = cells[mine] if self._rule.asks else cells[:0]
@@ -129,7 +130,7 @@ class ExploringStrategy(FrontierStrategy):
                 goals=np.stack(np.divmod(found.goals, self._columns), axis=1).astype(np.int32),
                 ways=np.where(found.costs == survey.FAR, np.inf, found.costs / survey.STRAIGHT),
                 sizes=found.sizes,
-                unknown=found.unknown / survey.disc(reach),
+                unknown=found.unknown / disc,
                 present=found.present,
                 others=_others(heard, mine),
                 random=self._random[i],
