@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
 
-.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging soak bounds golden format clean
+.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging external soak bounds golden format clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -31,6 +31,9 @@ bench: .venv/test
 
 merging: .venv/test
 	$(BIN)/python benchmarks/merging/merging.py
+
+external: .venv/test
+	$(BIN)/python benchmarks/external/external.py
 
 learning: .venv/test
 	$(BIN)/python benchmarks/learning/train.py

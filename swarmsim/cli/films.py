@@ -39,6 +39,9 @@ def video(
     beside: Annotated[
         Path | None, typer.Option("--side-by-side", metavar="RUN_B", help="A second run to show in step.")
     ] = None,
+    frames: Annotated[
+        bool, typer.Option("--frames", help="Show how robots that share by merge find each other's frames.")
+    ] = False,
     cards: Annotated[bool, typer.Option(help="Begin with the scenario and end with the result.")] = True,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
@@ -47,6 +50,8 @@ def video(
     Example: swarmsim video runs/basilica-1 basilica.mp4 --speed 40
 
     One robot's own map, on paper: swarmsim video runs/basilica-1 three.mp4 --focus 3 --theme light
+
+    With --frames the run is simulated again.
     """
     from swarmsim.recording.reader import Recording
     from swarmsim.view.look import look
@@ -54,6 +59,10 @@ def video(
 
     how = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)
     check_film(out, how)
+    if frames:
+        with progress_bar(quiet) as progress, told_if_interrupted(lambda: f"{out} was not written"):
+            _film_of_frames(recording, out, progress, how)
+        return
     with progress_bar(quiet) as progress:
         other = None if beside is None else Recording(beside)
         with told_if_interrupted(lambda: f"{out} was not written"):
@@ -72,6 +81,36 @@ def film(
         progress.update(task, completed=frame, total=frames, text=f"frame {frame} of {frames}")
 
     write_film(recording, out, how, beside, at)
+    progress.console.print(f"film: {out}")
+
+
+def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> None:
+    from swarmsim.core.errors import InputError
+    from swarmsim.engine.build import build
+    from swarmsim.recording.reader import Recording
+    from swarmsim.view.gathering import Gathering
+    from swarmsim.view.scene import Scene
+    from swarmsim.view.video import write_pictures
+
+    opened = Recording(path)
+    share = opened.scenario.mind.computation.get("share", {}).get("use")
+    if share != "merge":
+        raise InputError(
+            f"--frames: the robots of {path} share by {share}; expected mind.computation.share.use = merge"
+        )
+    made = build(opened.scenario, str(path), opened.world)
+    gathering = Gathering(Scene(opened), made.setting.start, how)
+    task = progress.add_task("filming", total=None, text="")
+
+    def at(frame: int, of: int) -> None:
+        progress.update(task, completed=frame, total=of, text=f"frame {frame} of {of}")
+
+    def tick() -> bool:
+        if not made.simulation.over:
+            made.simulation.tick([gathering])
+        return not made.simulation.over
+
+    write_pictures(out, how, lambda taken: gathering.pictures(tick, at, taken))
     progress.console.print(f"film: {out}")
 
 

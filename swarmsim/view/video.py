@@ -164,6 +164,17 @@ class Stage:
         return surface
 
 
+def write_pictures(
+    out: Path, film: Film, pictures: Callable[[Callable[[pygame.Surface], bytes]], Iterator[bytes]]
+) -> None:
+    """Write a film of other pictures than those of a stage: H.264. It appears whole or not at all."""
+    check_film(out, film)
+    if out.suffix.lower() != ".mp4":
+        raise InputError(f"{out}: such a film ends in .mp4")
+    with _whole(out) as part:
+        _write_mp4(part, pictures(_memory), film.size, film.fps)
+
+
 def _write_mp4(part: Path, pictures: Iterable[bytes], size: tuple[int, int], fps: int) -> None:
     """H.264 with half the colour resolution, as every player knows it."""
     film = imageio_ffmpeg.write_frames(

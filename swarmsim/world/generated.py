@@ -1,9 +1,9 @@
-"""Buildings that are made: rooms, an office, a maze, a cave; another one for every seed."""
+"""Buildings that are made: rooms, an office, a maze, a cave, a field of obstacles; another one for every seed."""
 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -15,6 +15,7 @@ from swarmsim.world.masonry import Drawn, Grid, open_between, pierce, strip
 
 Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+DRAWS: Final = 200  # of obstacles, before it is plain that there are too many
 
 
 class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -201,3 +202,40 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             raise InputError("filled: rock alone is left; expected less of it, or a larger building")
         largest = int(np.bincount(pieces.ravel())[1:].argmax()) + 1
         return grid.drawn(pieces != largest)
+
+
+class Obstacles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A hall with square obstacles at random places of a coarse grid; robots start in its lower left corner.
+
+    What the obstacles cut off from that corner is solid too. That is a tenth of the free squares at most, or they are
+    drawn again.
+    """
+
+    width: Metres = 9.3  # m, outside
+    height: Metres = 9.3  # m, outside
+    block: Metres = 0.45  # m, side of an obstacle
+    filled: Annotated[float, Meta(ge=0.0, le=0.5)] = 0.3  # share of the grid's squares with an obstacle
+    wall: Metres = 0.15  # m, thickness
+
+    def build(self, site: Site) -> Drawn:
+        """The building. Raises InputError for a size without two squares each way."""
+        grid = Grid(self, site)
+        block, wall = (grid.count(key, getattr(self, key)) for key in ("block", "wall"))
+        down, across = (grid.rows - 2 * wall) // block, (grid.columns - 2 * wall) // block
+        if down < 2 or across < 2:
+            raise InputError(f"width: fewer than two squares of {self.block:g} m each way; expected it larger")
+        for _ in range(DRAWS):
+            taken = np.zeros((down, across), np.bool_)
+            taken.flat[grid.random.permutation(taken.size)[: round(self.filled * taken.size)]] = True
+            taken[:2, :2] = False
+            pieces, _ = ndimage.label(~taken)
+            floor = pieces == pieces[0, 0]
+            if np.count_nonzero(floor) >= 0.9 * np.count_nonzero(~taken):
+                break
+        else:
+            raise InputError(f"filled: {self.filled:g} of all squares cut the hall into pieces; expected fewer")
+        solid = np.ones((down * block + 2 * wall, across * block + 2 * wall), np.bool_)
+        solid[wall:-wall, wall:-wall] = np.kron(~floor, np.ones((block, block), np.bool_))
+        start = np.zeros_like(solid)
+        start[wall : wall + 2 * block, wall : wall + 2 * block] = True
+        return grid.drawn(solid, start)

@@ -34,7 +34,7 @@ LIES = [
     {"failure": "replay", "age": 2},
 ]
 SPOOFS = [{"failure": "spoof"}, {"failure": "spoof", "id": 4}]
-POLICIES = sorted(registry.known("sharing"))
+POLICIES = sorted(registry.known("sharing").keys() - {"merge"})  # with that, robots believe no stranger anything
 
 
 def named(table: dict) -> str:

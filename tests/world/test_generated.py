@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import decode
@@ -13,7 +14,7 @@ from swarmsim.engine.build import build
 from swarmsim.engine.inspection import inspect
 from swarmsim.world.source import floor_plan, read_world
 
-KINDS = ("rooms", "office", "maze", "cave")
+KINDS = ("rooms", "office", "maze", "cave", "obstacles")
 
 
 def scenario(kind: str, seed: int, **keys: object):
@@ -53,6 +54,20 @@ def test_sizes_are_those_asked_for() -> None:
     assert len(found.doors) >= len(found.rooms) - 1
 
 
+def test_obstacles_fill_the_share_that_was_asked_for_and_leave_the_start_free() -> None:
+    for seed in range(8):
+        run = build(scenario("obstacles", seed, width=6.3, height=6.3, block=0.3, filled=0.3), "made.toml")
+        low, left = (round((0.15 - at) / 0.15) for at in (run.arena.lattice.y0, run.arena.lattice.x0))
+        inside = run.arena.occupied[low : low + 40, left : left + 40]
+        squares = inside.reshape(20, 2, 20, 2).all(axis=(1, 3))
+        assert (squares == inside.reshape(20, 2, 20, 2).any(axis=(1, 3))).all()  # whole squares alone
+        assert not squares[:2, :2].any()
+        assert 0.29 <= squares.mean() <= 0.37  # at most a tenth of what is free is filled besides
+        assert (run.setting.start[:, :2] < 0.15 + 0.6).all()
+        assert ndimage.label(~squares)[1] == 1  # all floor hangs together
+        assert run.reachable.any()
+
+
 def test_a_maze_without_loops_is_a_tree() -> None:
     made = scenario("maze", 8, loops=0.0)
     run = build(made, "made.toml")
@@ -75,6 +90,8 @@ def test_a_maze_without_loops_is_a_tree() -> None:
         ("maze", {"width": 1.0}, "width: fewer than two passages"),
         ("cave", {"filled": 0.6, "width": 1.5, "height": 1.5}, "filled: rock alone is left"),
         ("rooms", {"width": 1e9}, r"world\.generate\.width: expected `float` <= 1000"),
+        ("obstacles", {"filled": 0.5}, "filled: 0.5 of all squares cut the hall into pieces"),
+        ("obstacles", {"width": 0.9}, "width: fewer than two squares"),
         ("castle", {}, r"world\.generate\.use: no generator is called 'castle'"),
     ],
 )

@@ -48,7 +48,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     to be: itself, or one whose tile of now it hears. That is for sensors to which robots look like walls; what they
     leave on maps all the same is unlearned by later free readings.
 
-    `share` says what a robot tells: `current-tile`, `relay` or `map`, a table with `use` and the policy's own keys.
+    `share` says what a robot tells: `current-tile`, `gossip`, ..., a table with `use` and the policy's own keys.
     `trust` is the defence against robots that lie. With "own" a robot's own sensing voids, for good, what it hears of
     a cell; with "quorum", besides, what it hears of others counts only once `quorum` different senders have said the
     same.
@@ -162,7 +162,8 @@ class MapComputation:
         self._rewritten = True
 
     def _maps(self, changes: NDArray[np.int32], news: NDArray[np.int32], taken: Inbox[Any]) -> Maps:
-        return Maps(self._observed, self._log_odds, changes, news, taken)
+        frames = getattr(self._sharing, "frames", None)  # of most policies robots need none
+        return Maps(self._observed, self._log_odds, changes, news, taken, frames)
 
     def _changes(self, tiles: Tiles, taken: Inbox[Any]) -> NDArray[np.int32]:
         """Which cells have another state than was last reported: under tiles or, if need be, everywhere."""

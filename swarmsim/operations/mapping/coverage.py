@@ -14,6 +14,7 @@ from swarmsim.core.parts import Curve, Setting, Summary
 from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.changes import ChangeMeasures
+from swarmsim.operations.mapping.frames import FrameMeasures
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.measures import MapMeasures
 from swarmsim.operations.mapping.provenance import MapProvenance
@@ -72,5 +73,5 @@ class CoverageTask:
     def summaries(self) -> Sequence[Summary]:
         """What maps are judged by, and how well they follow a building that changes."""
         robots, building = self._setting.robots.count, self._setting.building
-        always = MapMeasures(robots, building.domain), ChangeMeasures(building)
+        always = MapMeasures(robots, building.domain), ChangeMeasures(building), FrameMeasures(building.domain)
         return (*always, MapProvenance(robots, self._setting.lattice)) if self._traces else always

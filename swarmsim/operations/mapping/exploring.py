@@ -19,7 +19,7 @@ from swarmsim.kernels import decide, search, survey
 from swarmsim.operations.mapping.frontier import FrontierStrategy, NearestFrontier
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import GoalItems
-from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+from swarmsim.operations.mapping.sharing import tiles_of
 
 Grain = Annotated[int, Meta(ge=1)] | None
 
@@ -111,7 +111,7 @@ class ExploringStrategy(FrontierStrategy):
             self._scratch,
         )  # fmt: skip
         height, width = tiles_of(observations).values.shape[1:]
-        heard = _latest_tiles(inbox_of(observations))
+        heard = _latest_tiles(maps.taken)
         starts = np.searchsorted(heard.receivers, np.arange(len(here) + 1))
         middles = np.clip(np.add(heard.content.origins, (height // 2, width // 2)), 0, np.subtract(self._shape, 1))
         cells = (middles @ (self._columns, 1)).astype(np.int32)

@@ -18,6 +18,16 @@ from swarmsim.operations.mapping.message import TileItems
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Frames:
+    """What robots that started without knowing each other's places know of each other's frames of reference."""
+
+    known: NDArray[np.bool_]  # (n, n): whether the robot of the row can place what the one of the column says
+    #: (n, n, 3): where it places that, in truth: a turn about the grid's corner (rad), then rows and columns (cells).
+    #: All are 0 where it is right.
+    errors: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Maps(Knowledge):
     """The map of every robot, as the computation holds it: views, which cannot be written to."""
 
@@ -25,7 +35,8 @@ class Maps(Knowledge):
     log_odds: NDArray[np.float32]  # (n, rows, columns): of being occupied; 0 where nothing is known
     changes: NDArray[np.int32]  # (c, 3): robot, row-major cell, new state UNKNOWN, FREE or OCCUPIED
     news: NDArray[np.int32]  # (n,): cells that what was sensed and heard now has shown to each robot for the first time
-    taken: Inbox[TileItems]  # the tiles taken in of what was heard
+    taken: Inbox[TileItems]  # the tiles taken in of what was heard, where the robot places them
+    frames: Frames | None = None  # None: all know each other's places from the start
 
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """What has changed, and by whose word."""
@@ -67,7 +78,9 @@ class MapAuditor(Auditor):
             return f"changes: {changes.dtype} of shape {changes.shape}; expected int32 of (c, 3)"
         if observed.dtype != np.bool_ or observed.shape[0] != len(self._known) or observed.size != self._known.size:
             return f"observed: {observed.dtype} of shape {observed.shape}; expected one grid of bool for each robot"
-        self._learn(observations)
+        wrong_word = self._learn(knowledge, observations)
+        if wrong_word is not None:
+            return wrong_word
         words = observed.reshape(len(observed), -1).view(np.uint64)
         wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, observations.iteration)
         if wrong == 1:
@@ -80,15 +93,23 @@ class MapAuditor(Auditor):
             return f"robot {at}'s map holds {held} cells, but its changes say {told}"
         return None
 
-    def _learn(self, observations: Observations) -> None:
+    def _learn(self, knowledge: Any, observations: Observations) -> str | None:
+        """Note what was shown; robots that place what they hear by an estimate are shown it there."""
         tiles, inbox = observations.readings.tiles, observations.inbox
         assert tiles is not None
         assert inbox is not None
+        if knowledge.frames is not None:
+            heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
+            inbox = knowledge.taken
+            for pair in zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True):
+                if pair not in heard:
+                    return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(
             self._shown.reshape(rows), observations.alive, tiles.values, tiles.origins,
             inbox.receivers, inbox.content.values, inbox.content.origins,
         )  # fmt: skip
+        return None
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Their evidence is gone with their maps."""

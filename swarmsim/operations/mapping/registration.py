@@ -14,11 +14,12 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage
+from scipy import fft, ndimage, optimize
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 
 Cells = NDArray[np.uint8]  # (rows, columns): UNKNOWN, FREE or OCCUPIED
+Points = NDArray[np.float64]  # (p, 2): row and column
 
 COARSE: Final = np.deg2rad(3.0)  # between the turns that are tried first ...
 FINE: Final = np.deg2rad(0.5)  # ... and between those around the best of them
@@ -26,6 +27,9 @@ KEPT: Final = 12  # turns around which is tried again
 WALL: Final = 4.0  # what a wall on a wall counts; beside it, half of that
 FLOOR: Final = 0.3  # what free floor on free floor counts, away from walls
 CLASH: Final = 20.0  # what a wall on free floor costs, away from walls, since the same place cannot be both ...
+ROUNDED: Final = 1.5  # cells by which robots may seem to have been farther apart than they were
+NEAR: Final = 2.0  # cells from a wall, within which another one may be the same ...
+LEVER: Final = 20.0  # ... when a transform settles; cells by which a turn is weighed against a shift
 LENIENT: Final = 8.0  # ... but less while turns are coarse, and the ends of a map may lie beside their place
 
 
@@ -37,11 +41,22 @@ class Transform:
     rows: float  # cells
     columns: float  # cells
 
-    def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def apply(self, points: Points) -> Points:
         """Points (p, 2) of the one map, row and column in cells, in the other."""
         cos, sin = np.cos(self.turn), np.sin(self.turn)
         row, column = points.T
         return np.stack([row * cos + column * sin + self.rows, column * cos - row * sin + self.columns], axis=1)
+
+    def after(self, first: Transform) -> Transform:
+        """What comes of another transform and then this one."""
+        ((rows, columns),) = self.apply(np.array([[first.rows, first.columns]]))
+        turn = (self.turn + first.turn + np.pi) % (2.0 * np.pi) - np.pi
+        return Transform(float(turn), float(rows), float(columns))
+
+    def inverse(self) -> Transform:
+        """The transform that takes this one back."""
+        ((rows, columns),) = Transform(-self.turn, 0.0, 0.0).apply(np.array([[-self.rows, -self.columns]]))
+        return Transform(-self.turn, float(rows), float(columns))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,29 +74,59 @@ class Match:
         return self.agreement >= agreement and self.walls >= walls and self.margin >= margin
 
 
-@dataclass(frozen=True, slots=True)
-class Meeting:
-    """What two robots that meet know of each other: they are near, each somewhere on its own map."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Meetings:
+    """What two robots that have met know of each other: each time they were near, each somewhere on its own map."""
 
-    fixed: tuple[float, float]  # row and column, in cells, of the robot of the one map
-    moving: tuple[float, float]  # the same of the other, on the other map
-    within: float  # cells that they are apart at most
+    fixed: Points  # (m, 2): row and column, in cells, where the robot of the one map was each time
+    moving: Points  # (m, 2): the same of the other, on the other map
+    within: float  # cells that they were apart at most
 
 
-def register(fixed: Cells, moving: Cells, meeting: Meeting) -> Match | None:
-    """How `moving` lies in `fixed`, by a meeting of their robots; None if either has no walls to go by."""
+def register(fixed: Cells, moving: Cells, meetings: Meetings) -> Match | None:
+    """How `moving` lies in `fixed`, by meetings of their robots; None if there are no walls to go by, or no answer."""
     if not (fixed == OCCUPIED).any() or not (moving == OCCUPIED).any():
         return None
-    judge = _Judge(fixed, moving, meeting)
+    judge = _Judge(fixed, moving, meetings)
     coarse = [judge.best(turn, lenient=True) for turn in np.arange(-np.pi, np.pi - 1e-9, COARSE)]
     coarse.sort(key=lambda peak: -peak.score)
     tried = {round((peak.turn + step) / FINE) for peak in coarse[:KEPT] for step in np.arange(-COARSE, COARSE, FINE)}
     peaks = [judge.best(FINE * turn) for turn in sorted(tried)]
     best = max(peaks, key=lambda peak: peak.score)
+    if best.score <= 0.0:
+        return None
     rival = max([judge.second(best), *(peak.score for peak in peaks if _apart(peak.turn, best.turn) > 2.0 * COARSE)])
     overlap, agreement, walls = judge.compared(best)
-    margin = 1.0 - max(rival, 0.0) / best.score if best.score > 0.0 else 0.0
-    return Match(judge.transform(best), overlap, agreement, walls, margin)
+    return Match(
+        _settled(judge.transform(best), fixed, moving), overlap, agreement, walls, 1.0 - max(rival, 0.0) / best.score
+    )
+
+
+def _settled(first: Transform, fixed: Cells, moving: Cells) -> Transform:
+    """A transform moved a little, so that walls lie on walls to less than a cell.
+
+    Least squares over how far each of the one map's walls lies from the nearest wall of the other, where that is near,
+    as in iterative closest points (Besl and McKay 1992) with a loss that forgets what is far.
+    """
+    away = ndimage.distance_transform_edt(fixed != OCCUPIED)
+    walls: Points = np.argwhere(moving == OCCUPIED).astype(np.float64) + 0.5
+    walls = walls[ndimage.map_coordinates(away, (first.apply(walls) - 0.5).T, order=1, mode="nearest") <= NEAR]
+    if len(walls) < 3:
+        return first
+    pivot: Points = np.asarray(walls.mean(axis=0), np.float64)
+    ((row, column),) = first.apply(pivot[None])
+
+    def placed(change: NDArray[np.float64]) -> Transform:
+        turn = Transform(first.turn + change[0] / LEVER, 0.0, 0.0)
+        ((rows, columns),) = turn.apply(pivot[None])
+        return Transform(turn.turn, float(row + change[1] - rows), float(column + change[2] - columns))
+
+    def distances(change: NDArray[np.float64]) -> NDArray[np.float64]:
+        at = (placed(change).apply(walls) - 0.5).T
+        return np.asarray(ndimage.map_coordinates(away, at, order=1, mode="nearest"))
+
+    found = optimize.least_squares(distances, np.zeros(3), loss="soft_l1", f_scale=0.5, diff_step=0.05, max_nfev=40)
+    return placed(found.x) if np.abs(found.x).max() <= NEAR else first
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +145,8 @@ def _apart(one: float, other: float) -> float:
 class _Judge:
     """The scores of all shifts of one map over the other, turn by turn."""
 
-    def __init__(self, fixed: Cells, moving: Cells, meeting: Meeting) -> None:
-        self._fixed, self._moving, self._meeting = fixed, moving, meeting
+    def __init__(self, fixed: Cells, moving: Cells, meetings: Meetings) -> None:
+        self._fixed, self._moving, self._meetings = fixed, moving, meetings
         self._side = int(np.ceil(np.hypot(*moving.shape))) + 2  # of the square that holds the moving map at any turn
         self._shape = tuple(fft.next_fast_len(side + self._side, real=True) for side in fixed.shape)
         near = ndimage.maximum_filter((fixed == OCCUPIED).astype(np.float32), 3)
@@ -138,34 +183,36 @@ class _Judge:
         )
         return np.asarray(fft.irfft2(sums, self._shape, workers=1), np.float32)
 
-    def _window(self, turn: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The rows and columns of shifts that leave the robots as near to each other as they are."""
+    def _window(self, turn: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """The rows and columns of shifts, and which of them leave the robots as near to each other as they were."""
         middle = (np.array(self._moving.shape) - 1) / 2.0
-        cos, sin = np.cos(turn), np.sin(turn)
-        row, column = np.array(self._meeting.moving) - middle
-        centre = (self._side - 1) / 2.0
-        place = np.array([row * cos + column * sin + centre, column * cos - row * sin + centre])
-        shift = np.round(np.array(self._meeting.fixed) - place).astype(np.int64)
-        reach = np.arange(-int(self._meeting.within), int(self._meeting.within) + 1)
-        return (shift[0] + reach) % self._shape[0], (shift[1] + reach) % self._shape[1]
+        away = Transform(turn, 0.0, 0.0).apply(self._meetings.moving - middle) + (self._side - 1) / 2.0
+        wanted = self._meetings.fixed - away  # (m, 2): the shift that puts them on one place
+        reach = self._meetings.within + ROUNDED
+        low, high = np.ceil(wanted.max(axis=0) - reach), np.floor(wanted.min(axis=0) + reach)
+        down, right = (np.arange(low[axis], high[axis] + 1.0) for axis in (0, 1))
+        apart = np.hypot(down[:, None, None] - wanted[:, 0], right[None, :, None] - wanted[:, 1])
+        near: NDArray[np.bool_] = np.asarray((apart <= reach).all(axis=2))
+        return down.astype(np.int64) % self._shape[0], right.astype(np.int64) % self._shape[1], near
 
     def best(self, turn: float, lenient: bool = False) -> _Peak:
         """The best shift at a turn."""
-        rows, columns = self._window(turn)
-        scores = self._scores(turn, lenient)[np.ix_(rows, columns)]
+        rows, columns, near = self._window(turn)
+        if not near.any():
+            return _Peak(float(turn), 0, 0, -np.inf)
+        scores = np.where(near, self._scores(turn, lenient)[np.ix_(rows, columns)], -np.inf)
         row, column = np.unravel_index(int(scores.argmax()), scores.shape)
         return _Peak(float(turn), int(rows[row]), int(columns[column]), float(scores[row, column]))
 
     def second(self, best: _Peak) -> float:
         """The score of the best shift at the same turn that is another one: more than three cells away."""
-        rows, columns = self._window(best.turn)
+        rows, columns, near = self._window(best.turn)
         down, right = (
             np.minimum((at - peak) % side, (peak - at) % side)
             for at, peak, side in ((rows, best.row, self._shape[0]), (columns, best.column, self._shape[1]))
         )
         scores = self._scores(best.turn)[np.ix_(rows, columns)]
-        others = (down[:, None] > 3) | (right > 3)
-        return float(scores[others].max(initial=0.0))
+        return float(scores[near & ((down[:, None] > 3) | (right > 3))].max(initial=0.0))
 
     def shift(self, peak: _Peak) -> tuple[int, int]:
         """Where the lower left cell of the turned square lies in the fixed map."""

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-from swarmsim.operations.mapping.registration import Match, Meeting, Transform, register
+from swarmsim.operations.mapping.registration import Match, Meetings, Transform, register
 
 
 def rooms() -> np.ndarray:
@@ -32,6 +32,12 @@ def turned(cells: np.ndarray, turn: float, aside: tuple[float, float] = (0.3, -0
     return other, lambda points: (points - middle) @ matrix + centre
 
 
+def met_at(*places) -> Meetings:
+    """Meetings at places of the one map and the other, in turn."""
+    fixed, moving = np.array(places[::2], float), np.array(places[1::2], float)
+    return Meetings(fixed, moving, 7.0)
+
+
 @pytest.mark.parametrize("turn", np.deg2rad([0.0, 17.3, 90.0, -121.9, 180.0]))
 def test_two_parts_of_a_building_are_put_together(turn: float) -> None:
     whole = rooms()
@@ -39,33 +45,59 @@ def test_two_parts_of_a_building_are_put_together(turn: float) -> None:
     west[:, 38:], east[:, :20] = UNKNOWN, UNKNOWN  # they share 18 columns of 60
     other, where = turned(east, turn)
     met = np.array([20.0, 28.0])
-    match = register(west, other, Meeting((22.0, 26.0), tuple(where(met)), 7.0))
+    match = register(west, other, met_at((22.0, 26.0), tuple(where(met))))
     assert match is not None
     assert match.accepted()
     places = np.argwhere((west != UNKNOWN) & (east != UNKNOWN)).astype(float)
     error = match.transform.apply(where(places) + 0.5) - 0.5 - places
-    assert np.hypot(*error.T).max() < 1.5
-    assert abs((match.transform.turn + turn + np.pi) % (2 * np.pi) - np.pi) < 0.05
+    assert np.hypot(*error.T).max() < 1.0
+    assert abs((match.transform.turn + turn + np.pi) % (2 * np.pi) - np.pi) < 0.02
 
 
 def test_maps_that_fit_in_two_ways_are_not_believed() -> None:
     """A corridor is the same from both ends."""
     corridor = np.full((9, 60), OCCUPIED, np.uint8)
     corridor[1:-1] = FREE
-    match = register(corridor, corridor, Meeting((4.0, 30.0), (4.0, 29.5), 7.0))
+    match = register(corridor, corridor, met_at((4.0, 30.0), (4.0, 29.5)))
     assert match is not None
     assert not match.accepted()
 
 
+def test_meetings_at_both_ends_tell_which_of_two_ways_it_is() -> None:
+    corridor = np.full((9, 60), OCCUPIED, np.uint8)
+    corridor[1:-1] = FREE
+    other, where = turned(corridor, 0.4)
+    ends = np.array([[4.0, 4.0], [4.0, 54.0]])
+    first, second = where(ends)
+    match = register(corridor, other, met_at((4.0, 6.0), first, (5.0, 52.0), second))
+    assert match is not None
+    assert abs(match.transform.turn + 0.4) < 0.02
+    assert np.hypot(*(match.transform.apply(where(ends) + 0.5) - 0.5 - ends).T).max() < 1.0
+
+
+def test_meetings_that_contradict_each_other_give_no_answer() -> None:
+    assert register(rooms(), rooms(), met_at((5.0, 5.0), (5.0, 5.0), (5.0, 6.0), (30.0, 50.0))) is None
+
+
+def test_transforms_one_after_the_other_and_back() -> None:
+    random = np.random.default_rng(4)
+    points = random.uniform(-50.0, 50.0, (20, 2))
+    for _ in range(20):
+        one, other = (Transform(*random.uniform((-np.pi, -40.0, -40.0), (np.pi, 40.0, 40.0))) for _ in range(2))
+        np.testing.assert_allclose(one.after(other).apply(points), one.apply(other.apply(points)), atol=1e-9)
+        np.testing.assert_allclose(one.inverse().apply(one.apply(points)), points, atol=1e-9)
+        assert abs(one.after(other).turn) <= np.pi + 1e-12
+
+
 def test_maps_without_walls_give_no_answer() -> None:
     floor = np.full((20, 20), FREE, np.uint8)
-    assert register(floor, rooms(), Meeting((5.0, 5.0), (5.0, 5.0), 7.0)) is None
-    assert register(rooms(), floor, Meeting((5.0, 5.0), (5.0, 5.0), 7.0)) is None
+    assert register(floor, rooms(), met_at((5.0, 5.0), (5.0, 5.0))) is None
+    assert register(rooms(), floor, met_at((5.0, 5.0), (5.0, 5.0))) is None
 
 
 def test_other_buildings_are_not_believed() -> None:
     other = np.rot90(rooms())[::-1].copy()  # a mirror image: no turn makes one of the other
-    match = register(rooms(), other, Meeting((8.0, 6.0), (6.0, 30.0), 7.0))
+    match = register(rooms(), other, met_at((8.0, 6.0), (6.0, 30.0)))
     assert match is not None
     assert match.agreement < 0.97 or match.walls < 25 or not match.accepted()
 

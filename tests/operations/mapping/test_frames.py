@@ -1,0 +1,226 @@
+"""Robots without a common frame of reference believe no stranger, find frames where they meet, and pass them on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import Grids, called, made, moments_of, seen_as, setting_of
+from numpy.testing import assert_allclose, assert_array_equal
+
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Delivery, PostOffice
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
+from swarmsim.engine import contracts
+from swarmsim.operations.mapping.frames import (
+    MAP,
+    PLACE,
+    TILE,
+    FrameMeasures,
+    Merge,
+    MergeItems,
+    MergeSharing,
+    moved,
+    presented,
+)  # fmt: skip
+from swarmsim.operations.mapping.maps import Frames, MapAuditor
+from swarmsim.operations.mapping.registration import Transform
+
+SHAPE = (30, 40)
+LATTICE = Lattice(0.0, 0.0, 0.15, *SHAPE)
+TILE_SHAPE = (6, 7)
+
+
+def test_a_tile_that_is_placed_rightly_stays_as_it_is() -> None:
+    random = np.random.default_rng(1)
+    values = random.integers(0, 3, (9, *TILE_SHAPE)).astype(np.uint8)
+    origins = random.integers(-3, 30, (9, 2)).astype(np.int32)
+    placed, at = moved(values, origins, np.zeros((9, 3)))
+    assert_array_equal(placed, values)
+    assert_array_equal(at, origins)
+
+
+def test_a_tile_is_moved_by_whole_cells() -> None:
+    values = np.random.default_rng(2).integers(0, 3, (1, *TILE_SHAPE)).astype(np.uint8)
+    placed, at = moved(values, np.array([[4, 5]], np.int32), np.array([[0.0, 3.2, -2.4]]))
+    assert_array_equal(placed, values)
+    assert_array_equal(at, [[7, 3]])
+
+
+def test_a_tile_is_turned_about_the_corner_of_the_grid() -> None:
+    """A quarter turn counter-clockwise takes row r, column c to row c, column -r."""
+    values = np.random.default_rng(3).integers(0, 3, (1, 7, 7)).astype(np.uint8)
+    placed, at = moved(values, np.array([[10, 20]], np.int32), np.array([[np.pi / 2.0, 0.0, 40.0]]))
+    assert_array_equal(at, [[20, 40 - 17]])
+    for row in range(7):
+        for column in range(7):
+            assert placed[0, column, 6 - row] == values[0, row, column]
+
+
+def test_a_map_is_presented_in_the_frame_of_its_robot() -> None:
+    cells = np.full(SHAPE, UNKNOWN, np.uint8)
+    cells[10:20, 12:30] = FREE
+    cells[10, 12:30] = OCCUPIED
+    frame = Transform(np.pi / 2.0, 0.0, 0.0)
+    shown, corner = presented(cells, frame)
+    for row, column in ((10, 12), (10, 29), (19, 12), (15, 20)):
+        there = np.floor(frame.apply(np.array([[row + 0.5, column + 0.5]])))[0].astype(int) - corner
+        assert shown[tuple(there)] == cells[row, column]
+    assert np.count_nonzero(shown) == np.count_nonzero(cells)
+
+
+def sharing(robots: int, **keys) -> MergeSharing:
+    start = np.random.default_rng(6).uniform((1.0, 1.0, -3.0), (4.0, 3.0, 3.0), (robots, 3))
+    return Merge(**keys).build(setting_of(robots, SHAPE, 1, start=start))
+
+
+class Swarm:
+    """A policy whose robots stand and hear each other along given links."""
+
+    def __init__(self, robots: int) -> None:
+        self.policy, self.post, self.maps = sharing(robots), PostOffice(), Grids(robots, LATTICE, 0.9, 0.4, 0.12, 0.97)
+        self.alive, self.now = np.ones(robots, np.bool_), 0
+        self.pose = np.stack([np.arange(robots) * 3.0, np.zeros(robots), np.zeros(robots)], axis=1)
+
+    def hear(self, *links: tuple[int, int]):
+        values = np.full((len(self.alive), *TILE_SHAPE), FREE, np.uint8)
+        tiles = Tiles(values, np.full((len(self.alive), 2), 5, np.int32))
+        observed = seen_as(self.now, self.pose, self.alive, tiles)
+        said = self.policy.say(observed, self.maps)
+        assert contracts.message_sizes(said, self.policy.codec, self.now) is None
+        self.post.post(self.now, said)
+        rows = [(receiver, sender, self.now, int(said.sizes[sender])) for receiver, sender in sorted(links)]
+        letters = np.array(rows, np.int32).reshape(-1, 4)
+        inbox = self.post.open(self.now, Delivery(letters, (), self.now))
+        self.now += 1
+        return self.policy.taken(replace(observed, inbox=inbox))
+
+    def find(self, hearer: int, other: int, walls: int, aside: float = 0.0) -> None:
+        """Let a robot find a frame, rightly but for a shift by some cells."""
+        own = self.policy._own
+        right = own[hearer].after(Transform(0.0, aside, 0.0)).after(own[other].inverse())
+        self.policy._learn(hearer, other, right, walls)
+
+    def error(self, hearer: int, other: int) -> np.ndarray:
+        assert self.policy.frames.known[hearer, other]
+        return self.policy.frames.errors[hearer, other]
+
+
+def test_what_strangers_say_is_not_taken_in() -> None:
+    swarm = Swarm(3)
+    assert len(swarm.hear((0, 1), (1, 0), (2, 1))) == 0
+    swarm.find(0, 1, 100)
+    heard = swarm.hear((0, 1), (1, 0), (2, 1))
+    assert set(zip(heard.receivers.tolist(), heard.senders.tolist(), strict=True)) >= {(0, 1)}
+    assert not ((heard.receivers == 2) | (heard.senders == 2)).any()
+
+
+def test_the_other_one_learns_of_a_frame_that_was_found() -> None:
+    swarm = Swarm(2)
+    swarm.find(0, 1, 100)
+    swarm.hear((1, 0))
+    assert_allclose(swarm.error(1, 0), 0.0, atol=1e-4)
+
+
+def test_frames_are_passed_on_by_those_in_between() -> None:
+    swarm = Swarm(3)
+    swarm.find(0, 1, 100)
+    swarm.find(1, 2, 60)
+    for _ in range(4):
+        swarm.hear((0, 1), (1, 0), (1, 2), (2, 1))
+    for hearer in range(3):
+        for other in range(3):
+            assert_allclose(swarm.error(hearer, other), 0.0, atol=1e-4)
+    assert swarm.policy._weight[0, 2] == int(0.8 * 60)
+
+
+def test_a_better_founded_frame_takes_the_place_of_another_and_no_worse_one_does() -> None:
+    swarm = Swarm(2)
+    swarm.find(0, 1, 50, aside=3.0)
+    assert swarm.error(0, 1)[1] == pytest.approx(3.0)
+    swarm.find(0, 1, 40)
+    assert swarm.error(0, 1)[1] == pytest.approx(3.0)
+    swarm.find(0, 1, 90)
+    assert_allclose(swarm.error(0, 1), 0.0, atol=1e-9)
+
+
+def test_what_an_acquaintance_says_is_put_where_it_is_believed_to_be() -> None:
+    swarm = Swarm(2)
+    swarm.find(0, 1, 50, aside=3.0)
+    heard = swarm.hear((0, 1))
+    assert_array_equal(heard.content.origins[heard.content.sources == 1], [[8, 5]])
+
+
+def test_a_message_packs_to_its_bytes_with_all_its_parts() -> None:
+    swarm = Swarm(2)
+    random = np.random.default_rng(8)
+    values = random.integers(0, 3, (4, *TILE_SHAPE)).astype(np.uint8)
+    origins = np.array([[3, 4], [6, 7], [0, 0], [12, 14]], np.int32)
+    values[2] = UNKNOWN
+    items = MergeItems(
+        values, origins, np.array([1, -1, -1, -1], np.int32), np.full(4, 5, np.int32),
+        np.array([TILE, TILE, PLACE, MAP], np.uint8), np.array([-1, -1, 0, -1], np.int32),
+        np.array([0, 0, 77, 0], np.int32),
+        np.array([[0, 0, 0], [0, 0, 0], [0.5, -3.25, 60.0], [0, 0, 0]], np.float32),
+    )  # fmt: skip
+    swarm.hear()
+    codec = swarm.policy.codec
+    sender, iteration, back = codec.unpack(codec.pack(1, 5, items))
+    assert (sender, iteration) == (1, 5)
+    for before, after in zip(items.arrays(), back.arrays(), strict=True):
+        assert_array_equal(before, after)
+
+
+def test_robots_find_each_others_frames_and_finish() -> None:
+    run = made(scenario="merging")
+    probe = FrameMeasures(run.domain)
+    assert run.simulate([probe])
+    summary = probe.summary()
+    assert summary["frames_found"] == 42
+    assert summary["frames_off"] == 0
+    assert summary["frames_error"] < 1.0
+    assert 1 < summary["frames_joined"] <= run.simulation.state.iteration
+
+
+def test_robots_that_never_meet_know_what_they_sensed_alone() -> None:
+    run = made("seed=1", 'mind.computation.share={use="merge", within=0.001}', "stop.iterations=60", scenario="merging")
+    moments = moments_of(run)
+    frames = moments[-1].knowledge.frames
+    assert_array_equal(frames.known, np.eye(7, dtype=bool))
+    assert all(len(moment.knowledge.taken) == 0 for moment in moments)
+
+
+def test_other_policies_have_no_frames_to_measure(room) -> None:
+    run = made("seed=1", "stop.iterations=5")
+    probe = FrameMeasures(run.domain)
+    run.simulation.run([probe])
+    assert probe.summary() == {}
+
+
+def test_the_audit_finds_what_nobody_has_told() -> None:
+    run = made("seed=1", "stop.iterations=3", scenario="exploring")
+    moment = moments_of(run)[-1]
+    taken = moment.knowledge.taken.take(np.arange(1))
+    observed = seen_as(3, moment.state.pose, moment.state.alive, moment.readings.tiles)
+    observed = replace(observed, inbox=taken.take(np.arange(0)))
+    knowledge = replace(moment.knowledge, taken=taken, frames=Frames(np.eye(12, dtype=bool), np.zeros((12, 12, 3))))
+    assert "has not told it" in (MapAuditor(run.setting).audit(knowledge, observed) or "")
+
+
+def test_a_film_of_frames_is_written_and_refused_for_other_runs(tmp_path, room) -> None:
+    out = tmp_path / "run"
+    scenario = "scenarios/merging.toml"
+    assert (
+        called("run", scenario, "--out", str(out), "--set", "stop.iterations=30", "--quiet").returncode == 1
+    )  # not finished
+    film = tmp_path / "frames.mp4"
+    done = called("video", str(out), str(film), "--frames", "--size", "480x270", "--speed", "60", "--quiet")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert film.stat().st_size > 2000
+    refused = called("video", str(out), str(tmp_path / "frames.gif"), "--frames", "--quiet")
+    assert refused.returncode == 2
+    assert "ends in .mp4" in refused.stderr
+    refused = called("video", str(room), str(tmp_path / "no.mp4"), "--frames", "--quiet")
+    assert refused.returncode == 2
+    assert "expected mind.computation.share.use = merge" in refused.stderr
