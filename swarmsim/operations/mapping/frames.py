@@ -38,6 +38,7 @@ WALLS: Final = 40  # of one map that lie on walls of the other at least, for a f
 MARGIN: Final = 0.15  # ... by how much better it is than the next best ...
 SURE: Final = 200  # ... and walls beyond which nobody looks for a better founded one
 PATIENCE: Final = 5  # times `again` before a robot looks for a better founded frame than one that it knows
+MOST: Final = 0xFFFF  # walls that a message can tell of
 SECOND_HAND: Final = 0.8  # of the walls that founded a frame, what counts after each robot that passes it on
 EXACT: Final = 2.0  # cells: a frame that puts some place of the building farther off than that is not exact
 
@@ -103,7 +104,7 @@ class MergeSharing(GossipSharing):
         self._tried = np.full((count, count), -PATIENCE * parameters.again, np.int64)
         self._met: dict[tuple[int, int], list[NDArray[np.float64]]] = {}  # where hearer and teller were, in cells
         self._sensed: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)
-        self._by_itself: NDArray[np.uint8] | None = None  # what of its map each robot has sensed itself
+        self._maps: Maps | None = None  # those of the end of the last iteration
         #: What robots know of each other's frames, and how wrong it is.
         self.frames = Frames(np.eye(count, dtype=np.bool_), np.zeros((count, count, 3)))
 
@@ -114,8 +115,7 @@ class MergeSharing(GossipSharing):
     def say(self, observations: Observations, maps: Maps) -> Said[Any]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
         said = super().say(observations, maps)
-        now, robots = observations.iteration, self._robots
-        tile = self._tile
+        self._maps, now, robots, tile = maps, observations.iteration, self._robots, self._tile
         tiles, nobody = tiles_of(observations), np.empty(0, np.int32)
         unheard = np.empty((0, *tile), np.uint8), np.empty((0, 2), np.int32)
         occupancy.mark(self._sensed, observations.alive, tiles.values, tiles.origins, nobody, *unheard)
@@ -133,8 +133,7 @@ class MergeSharing(GossipSharing):
         offering = np.flatnonzero(self._offers & observations.alive).astype(np.int32)
         if len(offering):
             self._offered[offering] = now
-            self._by_itself = cells_of(maps) * self._sensed
-            known = self._by_itself[offering]
+            known = self._sensed_by_itself(maps)[offering]
             owners, origins, values = pieces(known, tile)
             items.append(MergeItems.of(_tiles(values, origins, now), MAP))
             speakers.append(offering[owners])
@@ -143,6 +142,10 @@ class MergeSharing(GossipSharing):
         order = np.argsort(whole, kind="stable")
         content = MergeItems.joined(items).take(order)
         return Said(content, np.searchsorted(whole[order], robots, side="right"), sizes)
+
+    def _sensed_by_itself(self, maps: Maps) -> NDArray[np.uint8]:
+        """What of its map each robot has sensed itself, as `cells_of` gives it."""
+        return np.asarray(cells_of(maps) * self._sensed)
 
     def _next_frames(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Who has a frame to tell, and whose: of those it knows the one that it has told longest ago."""
@@ -193,9 +196,10 @@ class MergeSharing(GossipSharing):
 
     def _find_frames(self, observations: Observations, inbox: Inbox[Any]) -> None:
         """Lay the maps of strangers on one's own."""
-        part, cells = np.flatnonzero(inbox.content.part == MAP), self._by_itself
-        if not len(part) or cells is None:
+        part = np.flatnonzero(inbox.content.part == MAP)
+        if not len(part) or self._maps is None:
             return
+        cells = self._sensed_by_itself(self._maps)
         wanted = self._wanted(observations.iteration)
         for hearer, teller in np.unique(
             np.stack([inbox.receivers[part], inbox.senders[part]], axis=1), axis=0
@@ -208,7 +212,7 @@ class MergeSharing(GossipSharing):
             told = _assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
             found = self._compared(cells[hearer], told, self._own[teller], met)
             if found is not None:
-                self._learn(hearer, teller, self._own[hearer].after(found[0]), found[1])
+                self._learn(hearer, teller, self._own[hearer].after(found[0]), min(found[1], MOST))
 
     def _compared(
         self, own: Cells, told: Cells, frame: Transform, met: NDArray[np.float64]
