@@ -53,6 +53,7 @@ def video(
 
     With --frames the run is simulated again.
     """
+    from swarmsim.core.errors import InputError
     from swarmsim.recording.reader import Recording
     from swarmsim.view.look import look
     from swarmsim.view.video import Film, check_film
@@ -60,6 +61,8 @@ def video(
     how = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)
     check_film(out, how)
     if frames:
+        if any(given is not None for given in (show, hide, focus, robots, beside)):
+            raise InputError("--frames: such a film has a look of its own; expected --fps, --speed, --size or --theme")
         with progress_bar(quiet) as progress, told_if_interrupted(lambda: f"{out} was not written"):
             _film_of_frames(recording, out, progress, how)
         return
