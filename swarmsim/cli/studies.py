@@ -19,7 +19,6 @@ from swarmsim.core.errors import InputError
 if TYPE_CHECKING:
     from swarmsim.studies.engine import Task
     from swarmsim.studies.plan import Plan
-    from swarmsim.studies.reproduction import Reading
     from swarmsim.studies.store import Row, Store
 
 app = typer.Typer(
@@ -29,7 +28,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-FAILED = 1  # exit code: some run failed, or some claim does not hold
+FAILED = 1  # exit code: some run failed, some claim does not hold, or nothing was found
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
 Seeds = Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the study's.", min=1)]
@@ -49,7 +48,7 @@ def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_c
     from swarmsim.studies.results import gather
 
     opened = open_study(study, seeds)
-    with _store(store, study) as results:
+    with opened_store(store, study) as results:
         found = gather(opened, results)
     seconds = [row.seconds for result in found.values() for row in result.rows]
     changes = {c.name: ", ".join(f"{key} = {value}" for key, value in c.changes.items()) for c in opened.conditions}
@@ -85,7 +84,7 @@ def run(
     opened = open_study(study, seeds)
     for notice in () if quiet else opened.notices:
         print(f"notice: {notice}")
-    with _store(store, study) as results:
+    with opened_store(store, study) as results:
         perform_all(missing(opened, results, retry), results, workers, scheduler, quiet)
         failed = [row for result in gather(opened, results).values() for row in result.failed]
     for row in failed:
@@ -103,7 +102,7 @@ def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow
     from swarmsim.studies.results import gather
 
     opened = open_study(study, seeds)
-    with _store(store, study) as results:
+    with opened_store(store, study) as results:
         found = gather(opened, results)
     rows = [
         (name, str(int(r.finished.sum())), str(int((~r.finished).sum())), str(len(r.failed)), str(r.missing))
@@ -129,7 +128,7 @@ def table(
     from swarmsim.studies.plan import open_study
 
     opened = open_study(study, seeds)
-    with _store(store, study) as kept:
+    with opened_store(store, study) as kept:
         found = res.gather(opened, kept)
     if measure is None:
         print_table(f"{opened.study.title}: iterations", *res.filled(res.HEAD, res.lines(found)))
@@ -160,7 +159,7 @@ def plot(
     from swarmsim.studies.results import gather
 
     opened = open_study(study, seeds)
-    with _store(store, study) as results:
+    with opened_store(store, study) as results:
         for path in study_figures(opened.study, gather(opened, results), out, measure or ()):
             print(path)
 
@@ -184,7 +183,7 @@ def export(
     if csv is None and parquet is None:
         raise InputError("study export: nothing to write; name a file with --csv or --parquet")
     opened = open_study(study, seeds)
-    with _store(store, study) as kept:
+    with opened_store(store, study) as kept:
         rows = records(opened, gather(opened, kept))
     for path, write in ((csv, write_csv), (parquet, write_parquet)):
         if path is not None:
@@ -215,7 +214,7 @@ def rank(
     from swarmsim.studies.results import digest, gather
 
     opened = open_study(study, seeds)
-    with _store(store, study) as kept:
+    with opened_store(store, study) as kept:
         results = gather(opened, kept)
     found = methods.compare(opened, results, method, within)
     for group, standings in found.groups.items():
@@ -246,7 +245,7 @@ def best(
     from swarmsim.studies.plan import open_study
 
     opened = open_study(study, 1)
-    with _store(store, study) as results:
+    with opened_store(store, study) as results:
 
         def more(tasks: Sequence[Task]) -> None:
             perform_all(tasks, results, workers, scheduler, quiet)
@@ -311,78 +310,6 @@ def worst(
     print(f"{out}: swarmsim run {out}")
 
 
-def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="kit2018", help="The paper: kit2018.")],
-    seeds: Annotated[int, typer.Option(help="Seeds of each condition.", min=2)] = 100,
-    reading: Annotated[
-        list[str] | None, typer.Option(help="How the paper is read: letter or arrival; repeatable; default: both.")
-    ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("runs/kit2018"),
-    workers: Workers = None,
-    scheduler: Scheduler = None,
-    quiet: Quiet = False,
-    calibrate: Annotated[
-        bool, typer.Option("--calibrate", help="Instead, rank all candidates of the readings' calibrations.")
-    ] = False,
-) -> None:
-    """Do the experiments of the reference paper and print its numbers beside ours, for each way to read it.
-
-    Exit code 0: every claim holds in every reading; 1: some claim does not; 2: bad input.
-
-    Example: swarmsim reproduce kit2018 --seeds 30 --reading letter
-    """
-    from swarmsim.studies import report, reproduction
-    from swarmsim.studies.results import missing
-
-    if paper != "kit2018":
-        raise InputError(f"reproduce {paper}: no such paper; known: kit2018")
-    known = reproduction.READINGS
-    for name in reading or ():
-        if name not in known:
-            raise InputError(f"--reading {name}: no such reading; known: {', '.join(known)}")
-    readings = [known[name] for name in dict.fromkeys(reading or known)]
-    if calibrate:
-        for one in readings:
-            _calibrate(one, out, workers, scheduler, quiet)
-        return
-    plans = [reproduction.plans(seeds, one) for one in readings]
-    begun = time.perf_counter()
-    with _store(out / "results.sqlite", out) as results:
-        # A run that two tables or readings share is done once.
-        opened = [plan for of_reading in plans for plan in of_reading.values()]
-        tasks = {task.identity: task for plan in opened for task in missing(plan, results)}
-        perform_all(list(tasks.values()), results, workers, scheduler, quiet)
-        found = [reproduction.evaluate(one, of, results) for one, of in zip(readings, plans, strict=True)]
-    seconds = time.perf_counter() - begun
-    if not quiet:
-        for read in found:
-            title = f"Kit, Mateo and Bouffanais (2018), {read.reading.title}, {seeds} seeds"
-            print_table(title, reproduction.HEAD, reproduction.lines(read))
-            print(read.error_sentence)
-            print_table(f"claims, {read.reading.title}", reproduction.CLAIMED, [claim.line for claim in read.claims])
-            print(f"digest of the runs: {read.digest}")
-        print(f"{len(tasks)} runs in {seconds:.1f} s")
-    for path in report.write(found, out):
-        if not quiet:
-            print(path)
-    raise typer.Exit(0 if all(claim.verdict == "holds" for read in found for claim in read.claims) else FAILED)
-
-
-def _calibrate(reading: Reading, out: Path, workers: int | None, scheduler: str | None, quiet: bool) -> None:
-    from swarmsim.studies import calibration, reproduction
-    from swarmsim.studies.results import missing
-
-    opened = reproduction.calibration_plan(reading)
-    with _store(out / f"calibration-{reading.name}.sqlite", out) as results:
-        perform_all(missing(opened, results), results, workers, scheduler, quiet)
-        found = calibration.candidates(opened, results, reproduction.published_numbers())
-    print_table(f"{opened.study.title}, {len(opened.seeds)} seeds", calibration.head(found), calibration.lines(found))
-    if len(found[0].means) > 2:
-        left_out = calibration.left_out(found)
-        print_table("each number predicted by the others", calibration.LEFT_OUT, calibration.left_out_lines(left_out))
-        print(f"root-mean-square log-ratio of these predictions: {calibration.prediction_error(left_out):.3f}")
-
-
 def _trial(opened: Plan) -> float:
     """Seconds that one run of a study takes here, in the mean over its conditions' first 100 iterations."""
     from swarmsim.engine.build import build
@@ -399,7 +326,8 @@ def _trial(opened: Plan) -> float:
     return sum(seconds) / len(seconds)
 
 
-def _store(asked: Path | None, study: Path) -> Store:
+def opened_store(asked: Path | None, study: Path) -> Store:
+    """The store that was asked for, or the one of that study."""
     from swarmsim.studies.store import Store
 
     return Store(asked or Path("runs") / "studies" / f"{study.stem}.sqlite")
