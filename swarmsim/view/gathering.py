@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
 from swarmsim.operations.mapping.registration import Transform
-from swarmsim.operations.mapping.sharing import cells_of
+from swarmsim.operations.mapping.sharing import cells_of, mark_sensed
 from swarmsim.view.camera import Camera
 from swarmsim.view.scene import Bounds, Scene
 from swarmsim.view.symbols import Lettering, Pen, opaque
@@ -77,12 +77,7 @@ class Gathering:
         tiles, frames = moment.readings.tiles, moment.knowledge.frames
         assert tiles is not None
         self._moment = moment
-        rows, columns = self._sensed.shape[1:]
-        for robot in np.flatnonzero(moment.state.alive).tolist():
-            row, column = (tiles.origins[robot][:, None] + np.argwhere(tiles.values[robot] != UNKNOWN).T).tolist()
-            kept = [(r, c) for r, c in zip(row, column, strict=True) if 0 <= r < rows and 0 <= c < columns]
-            if kept:
-                self._sensed[robot][tuple(np.array(kept).T)] = True
+        mark_sensed(self._sensed, moment.state.alive, tiles)
         for robot in range(len(self._roots)):
             first = frames.known[:, robot] & (self._roots == np.arange(len(self._roots)))
             self._roots[robot] = int(np.flatnonzero(first[: robot + 1] | (np.arange(robot + 1) == robot))[0])

@@ -21,12 +21,11 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Observations
-from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.message import MapCodec, TileItems, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.registration import Cells, Meetings, Transform, register
-from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, inbox_of, tiles_of
+from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, inbox_of, mark_sensed, tiles_of
 
 #: Whose frame it is and how well founded (2 bytes each), then how it lies in the sender's: a turn (rad), rows and
 #: columns (cells), 4 bytes each.
@@ -116,9 +115,7 @@ class MergeSharing(GossipSharing):
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
         said = super().say(observations, maps)
         self._maps, now, robots, tile = maps, observations.iteration, self._robots, self._tile
-        tiles, nobody = tiles_of(observations), np.empty(0, np.int32)
-        unheard = np.empty((0, *tile), np.uint8), np.empty((0, 2), np.int32)
-        occupancy.mark(self._sensed, observations.alive, tiles.values, tiles.origins, nobody, *unheard)
+        mark_sensed(self._sensed, observations.alive, tiles_of(observations))
         speakers = [np.repeat(robots, np.diff(said.ends, prepend=0))]
         items = [MergeItems.of(said.content, TILE)]
         sizes = said.sizes + observations.alive.astype(np.int32)

@@ -12,6 +12,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.parts import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
+from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
     GOAL,
@@ -153,6 +154,12 @@ def cells_of(maps: Maps) -> NDArray[np.uint8]:
     cells = np.uint8(OCCUPIED - FREE) * (maps.log_odds > 0.0) + np.uint8(FREE)
     cells *= maps.observed
     return cells
+
+
+def mark_sensed(sensed: NDArray[np.bool_], alive: NDArray[np.bool_], tiles: Tiles) -> None:
+    """Note in `sensed` (n, rows, columns) what each live robot's own tile shows."""
+    nobody = np.empty(0, np.int32)
+    occupancy.mark(sensed, alive, tiles.values, tiles.origins, nobody, tiles.values[:0], tiles.origins[:0])
 
 
 def enclosing_cells(maps: NDArray[np.uint8]) -> NDArray[np.int32]:
