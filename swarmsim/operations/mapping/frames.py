@@ -23,7 +23,7 @@ from swarmsim.core.parts import Setting
 from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Observations
 from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.maps import Frames, Maps
-from swarmsim.operations.mapping.message import MapCodec, TileItems, current_tile_bytes, map_bytes, pieces
+from swarmsim.operations.mapping.message import MapCodec, TileItems, assembled, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.registration import Cells, Meetings, Transform, register
 from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, inbox_of, mark_sensed, tiles_of
 
@@ -206,7 +206,7 @@ class MergeSharing(GossipSharing):
                 continue
             self._tried[hearer, teller] = observations.iteration
             rows = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
-            told = _assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
+            told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
             found = self._compared(cells[hearer], told, self._own[teller], met)
             if found is not None:
                 self._learn(hearer, teller, self._own[hearer].after(found[0]), min(found[1], MOST))
@@ -362,15 +362,6 @@ def _cropped(cells: Cells) -> tuple[Cells, NDArray[np.int64]]:
     """The known part of a map and the cell it begins at."""
     rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
     return cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], np.array([rows[0], columns[0]])
-
-
-def _assembled(values: NDArray[np.uint8], origins: NDArray[np.int32], grid: tuple[int, int]) -> Cells:
-    """The map of which these are the pieces."""
-    height, width = values.shape[1:]
-    cells = np.full((grid[0] + height, grid[1] + width), UNKNOWN, np.uint8)
-    for (row, column), tile in zip(origins.tolist(), values, strict=True):
-        cells[row : row + height, column : column + width] = tile
-    return cells[: grid[0], : grid[1]]
 
 
 def _into_own_frame(pose: NDArray[np.float64], lattice: Lattice) -> Transform:

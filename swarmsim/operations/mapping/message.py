@@ -230,11 +230,7 @@ class MapCodec:
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message with the smallest rectangle that holds all known cells."""
-        (rows, columns), (high, wide) = self._grid, self._shape
-        cells = np.full((rows + high, columns + wide), UNKNOWN, np.uint8)
-        for (row, column), tile in zip(items.origins, items.values, strict=True):
-            cells[row : row + high, column : column + wide] = tile
-        return pack_map(sender, iteration, cells[:rows, :columns])
+        return pack_map(sender, iteration, assembled(items.values, items.origins, self._grid))
 
     def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
         """Its sender, iteration and the pieces of the map."""
@@ -265,3 +261,12 @@ def pieces(
     owners, row, column = np.nonzero(strips.reshape(robots, down, across, shape[1]).any(axis=3))
     origins = np.stack([row * shape[0], column * shape[1]], axis=1).astype(np.int32)
     return owners, origins, cut[owners, row, column]
+
+
+def assembled(values: NDArray[np.uint8], origins: NDArray[np.int32], grid: tuple[int, int]) -> NDArray[np.uint8]:
+    """The map (rows, columns) of a `grid` of which these tiles (t, rows, columns) are the `pieces`."""
+    height, width = values.shape[1:]
+    cells = np.full((grid[0] + height, grid[1] + width), UNKNOWN, np.uint8)
+    for (row, column), tile in zip(origins.tolist(), values, strict=True):
+        cells[row : row + height, column : column + width] = tile
+    return cells[: grid[0], : grid[1]]
