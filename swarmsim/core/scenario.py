@@ -23,23 +23,37 @@ _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our
 
 
 Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
-Names = Annotated[list[Annotated[str, Meta(min_length=1)]], Meta(min_length=1)]
+Name = Annotated[str, Meta(min_length=1)]
+Names = Annotated[list[Name], Meta(min_length=1)]
 
 
 class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """The building: a drawing (SVG), a map (map_server YAML, PGM, PNG), polygons (GeoJSON, WKT), or one that is made.
+    """The building: a drawing, a map, polygons, a plan of a building program, or one that is made.
 
-    `scale` multiplies the metres of the file, or `width` says how many metres its page is wide. `layers` says by which
-    ids, labels or classes a drawing's layers (walls, pillars, furniture, spawn, unknown) are known, where they are not
-    called so. `spawn` is an area in which robots may start, called `spawn`; where the file has none either, the largest
-    free space is. What a map does not know is a wall, or a space that does not count.
+    `scale` multiplies the metres of the file, or `width` says how many metres its page is wide; `resolution` is that of
+    a bitmap without a YAML. `layers` says by which ids, labels or classes a drawing's layers (walls, pillars,
+    furniture, doors, spawn, unknown) are known, where they are not called so, and `floor` which names are floor.
+    `level` is the storey of a file with several. `solid` says whether all that a drawing without layers shows is
+    solid, or its strokes alone, with floor between them; left out, the drawing decides. Closed rooms get doors
+    `doors` wide; left out, they do where a drawing of rooms has none. `border` closes a building that is open to the
+    page's edge; left out, it does where that is needed. What robots cannot enter is ignored, filled or refused, by
+    `pockets`. Solid specks up to `despeckle` are dropped. `spawn` is an area in which robots may start, called
+    `spawn`; where the file has none either, the floor is. What a map does not know is a wall, or a space that does
+    not count.
     """
 
     file: str = ""
     scale: Positive | None = None
     width: Positive | None = None  # m, of the whole page
-    resolution: Positive | None = None  # m, one pixel of a bitmap without a YAML
+    resolution: Positive | None = None  # m, one pixel
     layers: dict[str, Names] = of(default_factory=dict)
+    floor: list[Name] = of(default_factory=list)
+    level: str = ""
+    solid: Literal["all", "strokes"] | None = None
+    doors: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None  # m, 0 for none
+    border: bool | None = None
+    pockets: Literal["ignore", "fill", "refuse"] = "ignore"
+    despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2
     spawn: tuple[Edges, Edges, Positive, Positive] | None = None  # x, y of the lower left corner, width, height in m
     unknown: Literal["wall", "space"] = "wall"
     generate: Table = of(default_factory=dict)  # none unless it has a `use`

@@ -15,7 +15,7 @@ from shapely import MultiPolygon, affinity
 from swarmsim.core.errors import InputError
 from swarmsim.world.areas import joined, polygons
 from swarmsim.world.layers import normal
-from swarmsim.world.plan import LAYERS, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
+from swarmsim.world.plan import FLOOR_LAYER, LAYERS, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.problems import Problems
 from swarmsim.world.viewport import LARGEST
 
@@ -63,7 +63,9 @@ def read(
         raise InputError(f"world.layers.{min(unknown)}: no such layer; expected {', '.join(LAYERS)}")
     problems = Problems(name)
     notices: list[str] = []
-    shapes = list(_shapes(table, {**{one: [one] for one in LAYERS}, **(layers or {})}, problems, notices))
+    shapes = list(
+        _shapes(table, {**{one: [one] for one in LAYERS if one != FLOOR_LAYER}, **(layers or {})}, problems, notices)
+    )
     problems.complain()
     says_solid = any(layer in SOLID_LAYERS for layer, _, _ in shapes)
     found: defaultdict[tuple[str, str], list[shapely.Geometry]] = defaultdict(list)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from swarmsim.core.errors import InputError
 from swarmsim.world.elements import Element
-from swarmsim.world.plan import LAYERS, SOLID_LAYERS
+from swarmsim.world.plan import FLOOR_LAYER, LAYERS, SOLID_LAYERS
 
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 _ESCAPED = re.compile(r"_x([0-9a-f]{2,4})_", re.IGNORECASE)  # Illustrator's way to write what an id cannot hold
@@ -70,6 +70,8 @@ class LayerNames:
     def _is(self, element: Element, layer: str) -> bool:
         if layer in self._given:
             return any(_answers(element, name) for name in self._given[layer])
+        if layer == FLOOR_LAYER:
+            return False
         return any(normal(own) == layer for own in names_of(element))
 
 

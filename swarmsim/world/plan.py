@@ -12,7 +12,9 @@ from swarmsim.core.events import Box
 SOLID_LAYERS = ("walls", "pillars", "furniture")  #: layers that stop robots and beams
 SPAWN_LAYER = "spawn"  #: the layer whose elements are the areas in which robots may start
 UNKNOWN_LAYER = "unknown"  #: the layer of what a map does not know
-LAYERS = (*SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER)
+DOORS_LAYER = "doors"  #: the layer of what cuts an opening into what is solid
+FLOOR_LAYER = "floor"  #: the layer of rooms, which have walls along their borders; a drawing's only if the user says so
+LAYERS = (*SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, DOORS_LAYER, FLOOR_LAYER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +29,8 @@ class FloorPlan:
         default_factory=MultiPolygon
     )  # what nobody knows; in `walls` as well where it counts as solid
     notices: tuple[str, ...] = ()  # what was passed over, in sentences that name the file
+    border: MultiPolygon = field(default_factory=MultiPolygon)  # what closes an open building; solid, but no wall of it
+    openings: tuple[Box, ...] = ()  # doors that were made, for pictures
 
     @property
     def width(self) -> float:
