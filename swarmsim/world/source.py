@@ -19,7 +19,8 @@ from swarmsim.core.scenario import World
 from swarmsim.core.streams import Streams
 from swarmsim.world import geojson, rosmap
 from swarmsim.world.areas import joined, polygons
-from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
+from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
+from swarmsim.world.shapes import Drawing
 from swarmsim.world.svg import read_floor_plan
 
 _DECLARED: Final = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
@@ -54,8 +55,23 @@ def read_world(world: World, cell: float) -> str:
         raise InputError(f"world.resolution: {path} has no pixels; expected scale, or width in metres")
     text = _text(path)
     if ending == ".wkt":
-        return geojson.written(geojson.read_wkt(text, str(path), world.scale or 1.0, world.width))
+        return geojson.written(_plan_of(geojson.read_wkt(text, str(path), world)))
+    if text.lstrip().startswith(("{", "[")):
+        return geojson.written(_plan_of(geojson.read(text, str(path), world)))
     return text
+
+
+def _plan_of(drawing: Drawing) -> FloorPlan:
+    """The floor plan of a drawing by its layers alone."""
+    says = any(shape.layer in SOLID_LAYERS for shape in drawing.shapes)
+    layers = {
+        layer: joined([s.fill for s in drawing.shapes if (s.layer or ("" if says else "walls")) == layer])
+        for layer in (*SOLID_LAYERS, UNKNOWN_LAYER)
+    }
+    unknown = layers.pop(UNKNOWN_LAYER)
+    spawns = {s.spawn: s.fill for s in drawing.shapes if s.layer == SPAWN_LAYER}
+    notices = tuple(f"{drawing.name}: {notice}" for notice in drawing.notices)
+    return FloorPlan(joined(layers.values()), layers, spawns, drawing.page, unknown, notices)
 
 
 def floor_plan(text: str, world: World) -> FloorPlan:
@@ -70,7 +86,7 @@ def _floor_plan(text: str, place: bytes) -> FloorPlan:
     bitmap = Path(world.file).suffix.lower() in (".yaml", ".yml", ".wkt", *rosmap.PICTURES)
     across = None if bitmap else world.width
     if text.lstrip().startswith(("{", "[")):
-        plan = geojson.read(text, name, 1.0 if bitmap else scale, across, world.layers)
+        plan = geojson.plan_from(text, name, 1.0 if bitmap else scale, across, world.layers)
     else:
         plan = read_floor_plan(text, name, scale, across, world.layers)
     walls, spawns = plan.walls, dict(plan.spawns)

@@ -223,7 +223,7 @@ def test_a_map_keeps_unknown_unknown(tmp_path_factory: pytest.TempPathFactory, s
 def test_a_world_as_polygons_or_as_a_drawing_is_the_same(name: str) -> None:
     plan = opened(WORLDS / name)
     for again in (
-        geojson.read(geojson.written(plan), "w.geojson"),
+        geojson.plan_from(geojson.written(plan), "w.geojson"),
         read_floor_plan(drawing.drawn(plan, "A <plan>"), "w.svg"),
     ):
         assert again.page == pytest.approx(plan.page)
