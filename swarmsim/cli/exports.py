@@ -62,9 +62,13 @@ def export(
 
 
 def _map(opened: Recording, name: Path, out: Path, robot: int | None, at: int | None) -> list[Path]:
+    from shapely import box
+
     from swarmsim.core.errors import InputError
     from swarmsim.operations.mapping.replay import MapReplay
     from swarmsim.world import rosmap
+    from swarmsim.world.rasters import cropped
+    from swarmsim.world.source import floor_plan
 
     if "changes" not in opened:
         raise InputError(f"{name}: these robots kept no maps; expected the run of a swarm that maps")
@@ -77,7 +81,9 @@ def _map(opened: Recording, name: Path, out: Path, robot: int | None, at: int | 
     replay = MapReplay(opened)
     replay.advance(iteration)
     states = replay.collective() if robot is None else replay.maps[robot]
-    return list(rosmap.write(out, states, opened.lattice))
+    plan = floor_plan(opened.world, opened.scenario.world)
+    areas = [box(*plan.page), *plan.layers.values(), plan.border]
+    return list(rosmap.write(out, *cropped(states, opened.lattice, areas)))
 
 
 def _whole(opened: Recording, out: Path, write: Write, quiet: bool) -> Path:

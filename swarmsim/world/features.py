@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import shapely
@@ -52,14 +52,18 @@ class _Part:
 
 
 def drawn(
-    features: Sequence[Feature], name: str, world: World, page: Box | None = None, in_metres: bool = False
+    features: Sequence[Feature],
+    name: str,
+    world: World,
+    page: Box | None = None,
+    unit: Literal["m", "degrees", ""] = "",
 ) -> Drawing:
     """What features show, in metres.
 
-    Their coordinates are metres, x right and y up, or degrees where they cannot be metres and nothing says that they
-    are. A feature's layer is what its properties say (`layer`, `class`, `name`, `id`), by the names of layers or those
-    that the user gives; the tags of indoor maps say as well what is a room, a wall or a door. Raises InputError with
-    all that is wrong, or with the levels to choose from.
+    Where nothing says the `unit` of their coordinates, these are metres, x right and y up, or degrees if all of it is
+    too small for metres. A feature's layer is what its properties say (`layer`, `class`, `name`, `id`), by the names of
+    layers or those that the user gives; the tags of indoor maps say as well what is a room, a wall or a door. Raises
+    InputError with all that is wrong, or with the levels to choose from.
     """
     if unknown := set(world.layers) - set(LAYERS):
         raise InputError(f"world.layers.{min(unknown)}: no such layer; expected {', '.join(LAYERS)}")
@@ -71,10 +75,10 @@ def drawn(
     ]
     notices: list[str] = []
     parts = _on_level(parts, name, world, notices)
-    unit = "m"
-    if not in_metres and world.scale is None and _in_degrees(parts, indoors, page):
+    if not unit:
+        unit = "degrees" if world.scale is None and _in_degrees(parts, indoors, page) else "m"
+    if unit == "degrees":
         parts, page = _projected(parts, indoors, page)
-        unit = "degrees"
         notices.append("its coordinates are degrees of longitude and latitude, which were turned into metres")
     shapes = _indoors(parts, notices) if indoors else _plain(parts, name, notices)
     return sheet(name, shapes, world, page, unit, notices)

@@ -111,7 +111,7 @@ def read(source: str, name: str, world: World) -> Drawing:
     """
     table = parsed(source, name)
     page = _page(table, name)
-    return drawn(features(table, name), name, world, page, in_metres=_MARK in table)
+    return drawn(features(table, name), name, world, page, unit="m" if _MARK in table else "")
 
 
 def features(table: dict[str, Any], name: str) -> list[Feature]:
