@@ -16,7 +16,7 @@ from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import polygons
 from swarmsim.world.doorways import WIDTH, Walls
-from swarmsim.world.indoor import IGNORED, NO_FLOOR, OPEN, PLACES, ROOM, kind_of, role_of, width_of
+from swarmsim.world.indoor import IGNORED, NO_FLOOR, OPEN, OUTLINE, PLACES, ROOM, kind_of, role_of, width_of
 from swarmsim.world.layers import normal
 from swarmsim.world.levels import chosen, levels_of
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, LAYERS, SPAWN_LAYER
@@ -28,6 +28,7 @@ from swarmsim.world.viewport import LARGEST
 
 _NAMES: Final = ("layer", "class", "name", "id")  # of properties, which may name the layer of a feature
 _KINDS: Final = ("category", "indoor", "room", "type")  # likewise, for names that the user gives
+_ANYWHERE: Final = ("", IGNORED, OUTLINE, NO_FLOOR, DOORS_LAYER, SPAWN_LAYER)  # what makes no level
 _WALL: Final = 0.1  # m, a wall that is a line without a width
 _GAP: Final = 0.5  # m, a gap between rooms that is the wall between them
 _SPECK: Final = 1e-3  # m2 of such a gap
@@ -135,7 +136,7 @@ def _role(properties: Mapping[str, Any], world: World) -> tuple[str, bool]:
 
 def _on_level(parts: list[_Part], name: str, world: World, notices: list[str]) -> list[_Part]:
     """What lies on the level that the user means; doors and the like without a level lie on all."""
-    places = [part for part in parts if part.role not in ("", IGNORED, NO_FLOOR, DOORS_LAYER, SPAWN_LAYER)]
+    places = [part for part in parts if not part.shape.is_empty and part.role not in _ANYWHERE]
     rooms = Counter(level for part in places for level in levels_of(part.feature.properties))
     names: dict[str, list[str]] = {}
     for part in parts:
@@ -143,6 +144,7 @@ def _on_level(parts: list[_Part], name: str, world: World, notices: list[str]) -
         if own.get("feature_type") == "level" and isinstance(own.get("id"), str):
             names[own["id"]] = [*_ordinal(own), *_labels(own.get("name")), *_labels(own.get("short_name"))]
     wanted = chosen(world.level, rooms, names, name, notices)
+    parts = [part for part in parts if not part.shape.is_empty]
     kept = [part for part in parts if not (on := levels_of(part.feature.properties)) or on & wanted or not wanted]
     if len(wanted) < len(rooms):
         notices.append(f"one of its {len(rooms)} levels is read")
@@ -224,13 +226,13 @@ def _indoors(parts: Sequence[_Part], notices: list[str]) -> list[Shape]:
                 rooms.append(_shape(part, area, FLOOR_LAYER))
             case "room" if not walled and not area.is_empty:
                 rooms.append(_shape(part, area, FLOOR_LAYER))
-            case "open" if not area.is_empty:
+            case "open" | "outline" if (walled or part.role == OPEN) and not area.is_empty:
                 open_.append(_shape(part, area, FLOOR_LAYER))
             case _ if part.role in LAYERS and not area.is_empty:
                 solid.append(_shape(part, area, part.role))
-            case _ if part.role not in (IGNORED, ROOM):
+            case _ if part.role not in (IGNORED, ROOM, OUTLINE):
                 other[kind_of(part.feature.properties)] += 1
-    floor = [*rooms, *_joined(open_, rooms)]
+    floor = [*rooms, *_joined(open_, rooms, [_area(part) for part in parts if walled and part.role == NO_FLOOR])]
     lines = [
         shapely.boundary(part.shape) if _flat(part.shape) else part.shape for part in parts if part.role == "walls"
     ]
@@ -238,9 +240,10 @@ def _indoors(parts: Sequence[_Part], notices: list[str]) -> list[Shape]:
     for part in doors:
         if _flat(part.shape):
             # A door that is drawn as an area fills the wall; one that leads outside is a part of it.
-            leads_out = not _touches_two(part.shape, floor) if floor else not inside.covers(part.shape)
+            walls_only = walled or not floor
+            leads_out = not (inside.covers(part.shape) if walls_only else _touches_two(part.shape, floor))
             closed += leads_out
-            if not leads_out or not floor:
+            if not leads_out or walls_only:
                 solid.append(_shape(part, _area(part), "walls" if leads_out else DOORS_LAYER))
         elif (opening := walls.opening(_single(part.shape), width_of(part.feature.properties) or WIDTH)) is not None:
             solid.append(_shape(part, MultiPolygon([opening]), DOORS_LAYER))
@@ -258,7 +261,7 @@ def _indoors(parts: Sequence[_Part], notices: list[str]) -> list[Shape]:
 
 def _area(part: _Part) -> MultiPolygon:
     shape = part.shape if part.shape.is_valid else shapely.make_valid(part.shape)
-    if part.role in (FLOOR_LAYER, OPEN, ROOM):
+    if part.role in (FLOOR_LAYER, OPEN, ROOM, OUTLINE):
         return polygons(shape)
     return thick(shape, width_of(part.feature.properties) or _WALL)[0]
 
@@ -271,10 +274,10 @@ def _single(shape: shapely.Geometry) -> shapely.Geometry:
     return shapely.get_parts(shape)[0]
 
 
-def _joined(open_: Sequence[Shape], rooms: Sequence[Shape]) -> list[Shape]:
-    """Floor that is open towards other floor, in one piece where it touches, without the rooms in it."""
+def _joined(open_: Sequence[Shape], rooms: Sequence[Shape], stairs: Sequence[MultiPolygon]) -> list[Shape]:
+    """Floor that is open towards other floor, in one piece where it touches, without the rooms and stairs in it."""
     whole = shapely.union_all([shape.fill for shape in open_])
-    pieces = polygons(whole.difference(shapely.union_all([room.fill for room in rooms]))).geoms
+    pieces = polygons(whole.difference(shapely.union_all([*(room.fill for room in rooms), *stairs]))).geoms
     found = []
     for piece in pieces:
         own = next(shape for shape in open_ if shape.fill.intersects(piece))
@@ -292,8 +295,8 @@ def _between(floor: Sequence[Shape]) -> list[Shape]:
 
 def _outline(shapes: Sequence[Shape], parts: Sequence[_Part]) -> shapely.Geometry:
     """What lies inside of a building's outer walls."""
-    doors = [polygons(part.shape) for part in parts if part.role == DOORS_LAYER and part.shape.is_valid]
-    whole = polygons(shapely.union_all([*(shape.fill for shape in shapes), *doors]))
+    more = [_area(part) for part in parts if part.role in (DOORS_LAYER, OUTLINE, ROOM, NO_FLOOR) and _flat(part.shape)]
+    whole = polygons(shapely.union_all([*(shape.fill for shape in shapes), *more]))
     filled = shapely.union_all([shapely.Polygon(piece.exterior) for piece in whole.geoms])
     return shapely.buffer(filled, -_WALL / 2.0)
 

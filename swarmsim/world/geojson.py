@@ -71,8 +71,11 @@ def plan_from(
         known.update(layers or {})
     found: defaultdict[tuple[str, str], list[MultiPolygon]] = defaultdict(list)
     for place, properties, geometry in _features(table, problems):
+        if geometry is None:
+            continue
         called = [properties[key] for key in _NAMES if isinstance(properties.get(key), str)]
         shape, wrong = _geometry(geometry)
+        wrong = wrong or not_a_place(shape)
         wrong = wrong or not_an_area(shape)
         if not wrong and shape.length == 0.0:
             points += 1
@@ -115,10 +118,14 @@ def read(source: str, name: str, world: World) -> Drawing:
 
 
 def features(table: dict[str, Any], name: str) -> list[Feature]:
-    """The features of a GeoJSON object that have a geometry. Raises InputError with all that is wrong."""
+    """The features of a GeoJSON object. Raises InputError with all that is wrong.
+
+    Empty coordinates are no geometry, as RFC 7946 allows: such features are there for what they say.
+    """
     problems, found = Problems(name), []
     for place, properties, geometry in _features(table, problems):
-        shape, wrong = _geometry(geometry)
+        shape, wrong = (MultiPolygon(), "") if geometry is None else _geometry(geometry)
+        wrong = wrong or ("" if shape.is_empty else not_a_place(shape))
         if wrong:
             problems.add(f"{place}: {wrong}")
         else:
@@ -193,7 +200,7 @@ def _plan(
 
 
 def _features(table: dict[str, Any], problems: Problems) -> Iterator[tuple[str, dict[str, Any], Any]]:
-    """Place, properties and geometry of each feature that has one; tells what is wrong with them."""
+    """Place, properties and geometry, or None, of each feature; tells what is wrong with them."""
     features = table.get("features") if table.get("type") == "FeatureCollection" else [table]
     if not isinstance(features, list):
         problems.add("features is no list; expected a list of features")
@@ -210,8 +217,6 @@ def _features(table: dict[str, Any], problems: Problems) -> Iterator[tuple[str, 
         for key in ("id", "feature_type"):
             if isinstance(feature.get(key), str):
                 properties.setdefault(key, feature[key])
-        if feature.get("type") == "Feature" and feature.get("geometry") is None:
-            continue
         yield place, properties, feature.get("geometry") if feature.get("type") == "Feature" else feature
 
 
@@ -225,7 +230,7 @@ def _geometry(geometry: Any) -> tuple[shapely.Geometry, str]:
         shape = None
     if shape is None:
         return MultiPolygon(), "its geometry is not GeoJSON; expected such as a Polygon with closed rings of [x, y]"
-    return shape, not_a_place(shape)
+    return shape, ""
 
 
 def _page(table: dict[str, Any], name: str) -> Box | None:

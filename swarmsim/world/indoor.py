@@ -11,16 +11,19 @@ from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER
 OPEN: Final = "open"  #: floor without walls towards other such floor, as a corridor's parts
 ROOM: Final = "room"  #: floor where no walls are drawn, or else a name for what lies between them
 NO_FLOOR: Final = "no floor"  #: stairs, lifts, and rooms that are not for the public
-IGNORED: Final = "ignored"  #: outlines, and what stands for a whole level or building
+OUTLINE: Final = "outline"  #: a building's outline: floor where walls are drawn on it
+IGNORED: Final = "ignored"  #: what stands for a whole level or building
 PLACES: Final = (FLOOR_LAYER, OPEN, ROOM, "walls")  #: what makes a file an indoor map
 
 _OSM: Final = {
     "room": FLOOR_LAYER, "area": OPEN, "corridor": OPEN, "wall": "walls", "column": "pillars", "pillar": "pillars",
     "door": DOORS_LAYER, "level": IGNORED, "yes": IGNORED,
 }  # fmt: skip
+_PARTS: Final = {"room": FLOOR_LAYER, "corridor": OPEN, "hall": OPEN, "wall": "walls", "verticalpassage": NO_FLOOR}
 _WRLD3D: Final = {
-    "wall": "walls", "window": "walls", "door": DOORS_LAYER, "room": ROOM, "outline": IGNORED,
-    "building_outline": IGNORED, "stairs": NO_FLOOR, "elevator": NO_FLOOR, "escalator": NO_FLOOR,
+    "wall": "walls", "window": "walls", "door": DOORS_LAYER, "room": ROOM, "outline": OUTLINE,
+    "building_outline": OUTLINE,
+    **dict.fromkeys(("stairs", "elevator", "escalator", "inaccessible_space", "floor_opening"), NO_FLOOR),
 }  # fmt: skip
 _IMDF: Final = {"opening": DOORS_LAYER, "fixture": "furniture", "kiosk": "furniture"}
 # https://register.apple.com/resources/imdf/Categories/#unit
@@ -41,6 +44,8 @@ def role_of(properties: Mapping[str, Any]) -> str:
     if isinstance(kind, str):
         category = str(properties.get("category") or "").casefold()
         return _UNITS.get(category, FLOOR_LAYER) if kind == "unit" else _IMDF.get(kind, IGNORED)
+    if (part := properties.get("buildingpart")) in _PARTS:  # as OpenStreetMap had it before `indoor=room`
+        return _PARTS[part]
     kind = properties.get("indoor")
     if isinstance(kind, str) and kind != "no":
         climbs = any(properties.get(key) in _CLIMBING for key in ("room", "highway"))
@@ -56,7 +61,18 @@ def role_of(properties: Mapping[str, Any]) -> str:
 
 def kind_of(properties: Mapping[str, Any]) -> str:
     """What the file itself calls a feature."""
-    for key in ("category", "feature_type", "room", "highway", "indoor", "type", "building", "amenity", "layer"):
+    for key in (
+        "category",
+        "feature_type",
+        "room",
+        "highway",
+        "buildingpart",
+        "indoor",
+        "type",
+        "building",
+        "amenity",
+        "layer",
+    ):
         if isinstance(properties.get(key), str):
             return str(properties[key])
     return "other"

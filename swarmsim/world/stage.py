@@ -218,7 +218,9 @@ def _solid(
 ) -> list[Shape]:
     """What stops robots of a model."""
     where = f"line {entity.line}"
-    if entity.keys.get("obstacle_return") == ["0"]:
+    # Stage's own map.inc gives floor plans obstacle_return 0: its robots see these walls, and drive around them.
+    ghost = entity.keys.get("ranger_return", entity.keys.get("laser_return", [""])) in (["-1"], ["0"])
+    if ghost if "bitmap" in entity.keys else entity.keys.get("obstacle_return") == ["0"]:
         return []
     width, height = (_numbers(entity, "size", path) or _SIZE)[:2]
     if not (0.0 < width <= LARGEST and 0.0 < height <= LARGEST):

@@ -39,7 +39,7 @@ def folder(tmp_path: Path) -> Path:
     levels[20, 20, 1:] = 0  # red is light
     (tmp_path / "bitmaps").mkdir()
     Image.fromarray(levels).save(tmp_path / "bitmaps" / "rooms.png")
-    (tmp_path / "map.inc").write_text("define map model ( # walls\n  gui_nose 0  obstacle_return 1\n)\n")
+    (tmp_path / "map.inc").write_text("define map model ( # walls\n  obstacle_return 0  ranger_return 0.5\n)\n")
     return tmp_path
 
 
@@ -103,6 +103,7 @@ def test_boxes_blocks_and_nested_models_are_solid(folder: Path) -> None:
     wall ( pose [0 5 0 90] wall ( pose [3 0 0 0] ) )
     post ( pose [-4 0 0 0] )
     model ( size [10 10 1] pose [0 0 0 0] obstacle_return 0 )
+    model ( size [10 10 1] bitmap "bitmaps/rooms.png" ranger_return -1 )
     position ( pose [9 9 0 0] )
     """
     drawing = staged(folder, text)
