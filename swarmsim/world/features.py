@@ -237,11 +237,14 @@ def _indoors(parts: Sequence[_Part], notices: list[str]) -> list[Shape]:
         shapely.boundary(part.shape) if _flat(part.shape) else part.shape for part in parts if part.role == "walls"
     ]
     walls, inside = Walls([shape.fill for shape in floor], lines), _outline([*solid, *floor], parts)
+    tree = shapely.STRtree([shape.fill for shape in floor])
+    shapely.prepare(inside)
     for part in doors:
         if _flat(part.shape):
             # A door that is drawn as an area fills the wall; one that leads outside is a part of it.
             walls_only = walled or not floor
-            leads_out = not (inside.covers(part.shape) if walls_only else _touches_two(part.shape, floor))
+            near = tree.query(part.shape, predicate="dwithin", distance=_WALL)
+            leads_out = not (inside.covers(part.shape) if walls_only else len(near) > 1)
             closed += leads_out
             if not leads_out or walls_only:
                 solid.append(_shape(part, _area(part), "walls" if leads_out else DOORS_LAYER))
@@ -278,11 +281,9 @@ def _joined(open_: Sequence[Shape], rooms: Sequence[Shape], stairs: Sequence[Mul
     """Floor that is open towards other floor, in one piece where it touches, without the rooms and stairs in it."""
     whole = shapely.union_all([shape.fill for shape in open_])
     pieces = polygons(whole.difference(shapely.union_all([*(room.fill for room in rooms), *stairs]))).geoms
-    found = []
-    for piece in pieces:
-        own = next(shape for shape in open_ if shape.fill.intersects(piece))
-        found.append(replace(own, fill=MultiPolygon([piece])))
-    return found
+    tree = shapely.STRtree([shape.fill for shape in open_])
+    own = [open_[tree.query(piece, predicate="intersects").min()] for piece in pieces]
+    return [replace(shape, fill=MultiPolygon([piece])) for shape, piece in zip(own, pieces, strict=True)]
 
 
 def _between(floor: Sequence[Shape]) -> list[Shape]:
@@ -299,10 +300,6 @@ def _outline(shapes: Sequence[Shape], parts: Sequence[_Part]) -> shapely.Geometr
     whole = polygons(shapely.union_all([*(shape.fill for shape in shapes), *more]))
     filled = shapely.union_all([shapely.Polygon(piece.exterior) for piece in whole.geoms])
     return shapely.buffer(filled, -_WALL / 2.0)
-
-
-def _touches_two(shape: shapely.Geometry, floor: Sequence[Shape]) -> bool:
-    return int((shapely.distance([room.fill for room in floor], shape) <= _WALL).sum()) > 1
 
 
 def _shape(part: _Part, area: MultiPolygon, layer: str) -> Shape:
