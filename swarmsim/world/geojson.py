@@ -16,7 +16,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import joined, polygons
-from swarmsim.world.features import Feature, drawn, layer_named, not_a_place, not_an_area, thick
+from swarmsim.world.features import Feature, layer_named, not_a_place, not_an_area, thick
+from swarmsim.world.maps import drawn
 from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing, Shape

@@ -13,7 +13,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import LARGEST, content
 from swarmsim.core.scenario import World
 from swarmsim.world import geojson
-from swarmsim.world.features import Feature, drawn
+from swarmsim.world.features import Feature
+from swarmsim.world.maps import drawn
 from swarmsim.world.shapes import Drawing
 
 SUFFIXES: Final = (".zip", ".imdf")

@@ -13,6 +13,7 @@ ROOM: Final = "room"  #: floor where no walls are drawn, or else a name for what
 NO_FLOOR: Final = "no floor"  #: stairs, lifts, and rooms that are not for the public
 OUTLINE: Final = "outline"  #: a building's outline: floor where walls are drawn on it
 IGNORED: Final = "ignored"  #: what stands for a whole level or building
+FLOORS: Final = (FLOOR_LAYER, OPEN, ROOM, OUTLINE)  #: what is floor as a whole, and no line
 PLACES: Final = (FLOOR_LAYER, OPEN, ROOM, "walls")  #: what makes a file an indoor map
 
 _OSM: Final = {

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
-from swarmsim.world.features import Feature, drawn
+from swarmsim.world.features import Feature
 from swarmsim.world.indoor import PLACES, role_of
+from swarmsim.world.maps import drawn
 from swarmsim.world.markup import parsed
 from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing

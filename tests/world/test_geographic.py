@@ -349,9 +349,30 @@ def test_the_user_says_which_names_are_floor_or_walls() -> None:
 
 
 def test_what_is_neither_floor_nor_wall_is_counted() -> None:
-    more = [area(box(-5, -5, 30, 9), None, building="yes"), mark((1, 1), place=None, amenity="bench")]
-    notices = opened(rooms_in_metres(*more)).notices
-    assert any("2 features are neither floor nor wall and are passed over: bench 1, yes 1" in one for one in notices)
+    more = [
+        area(box(-5, -5, 30, 9), building="yes"),
+        mark((1, 1), amenity="bench"),
+        mark((0, 0), (3, 0), indoor="corridor"),  # a corridor without an area
+    ]
+    told = "3 features are neither floor nor wall and are passed over: bench 1, corridor 1, yes 1"
+    assert any(told in notice for notice in opened([*two_rooms(), *more]).notices)
+
+
+def test_levels_lie_above_each_other() -> None:
+    features = [area(box(0, 0, 10, 4), indoor="room", level="0"), area(box(4, 2, 6, 4), indoor="room", level="1")]
+    assert opened(features, level="0").page == pytest.approx((0, 0, 10, 4), abs=1e-2)
+    assert opened(features, level="1").page == pytest.approx((4, 2, 6, 4), abs=1e-2)
+
+
+def test_doors_and_walls_of_the_user_go_with_floor_of_the_user() -> None:
+    features = [
+        area(box(0, 0, 9, 4), None, name="Hall"),
+        area(box(0, 4, 9, 8), None, name="Kitchen"),
+        mark((4, 4), place=None, layer="doors"),
+        mark((7, 0), (7, 4), place=None, layer="walls"),
+    ]
+    drawing = opened(features, floor=["hall", "kitchen"])
+    check(drawing, 2 * 8.9 * 3.9 + 0.09 - 0.39, [(1, 1), (1, 5), (4, 4)], [(7, 2), (2, 4), (-1, 1)])
 
 
 # --- IMDF
