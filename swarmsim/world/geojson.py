@@ -6,6 +6,7 @@ import json
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ def written(plan: FloorPlan) -> str:
         for properties, shape in shapes
     ]
     collection = {"type": "FeatureCollection", "bbox": list(plan.page), "features": features}
+    if not plan.unknown.is_empty:  # what of it is solid too, traced in one with the walls
+        collection["solid"] = shapely.geometry.mapping(plan.walls)
     return json.dumps(collection, separators=(",", ":"))
 
 
@@ -74,7 +77,9 @@ def read(
             found[layer or "walls", area if layer == SPAWN_LAYER else ""].append(shape)
     if not says_solid:
         notices.append(f"it has no layer of {', '.join(SOLID_LAYERS)}, so that all {len(shapes)} shapes are walls")
-    return _plan(found, _page(table, name), name, scale, across, notices)
+    plan = _plan(found, _page(table, name), name, scale, across, notices)
+    solid = table.get("solid")
+    return plan if solid is None else replace(plan, walls=polygons(shapely.from_geojson(json.dumps(solid))))
 
 
 def read_wkt(source: str, name: str, scale: float = 1.0, across: float | None = None) -> FloorPlan:
