@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import threadpoolctl
 from conftest import ROOT, made
 from typer.testing import CliRunner
 
@@ -24,8 +25,10 @@ GOLDEN = Path(__file__).parent / "golden.json"  # iterations and digest of each;
 
 
 def machine() -> dict[str, str]:
-    """What digests depend on: versions, and the instructions that numpy chooses its functions by."""
-    return {**versions(), "simd": " ".join(np.show_config(mode="dicts")["SIMD Extensions"]["found"])}
+    """What digests depend on: versions, and the processors that numpy and its linear algebra choose functions for."""
+    simd = " ".join(np.show_config(mode="dicts")["SIMD Extensions"]["found"])
+    cores = [f"{one['internal_api']} {one.get('architecture', '')}" for one in threadpoolctl.threadpool_info()]
+    return {**versions(), "simd": simd, "algebra": ", ".join(sorted(set(cores)))}
 
 
 def recorded(name: str, folder: Path, *overrides: str) -> Recording:

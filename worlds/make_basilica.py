@@ -14,8 +14,9 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+from drawn import read_floor_plan
+
 from swarmsim.world.arena import Arena
-from swarmsim.world.svg import read_floor_plan
 
 CELL, MARGIN_CELLS, ROBOT = 0.15, 8, 0.055  # m, cells, m: what the printed counts are for
 

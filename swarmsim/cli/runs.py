@@ -57,7 +57,7 @@ def run(
     with progress_bar(quiet) as progress, compiling(progress):
         progress.console.print(f"{scenario}: opening")
         made = _made(scenario, overrides, faults or [])
-        for notice in (*files_outside(scenario, overrides), *made.arena.plan.notices):
+        for notice in (*files_outside(scenario, overrides), *made.notices):
             progress.console.print(f"notice: {notice}", markup=False, highlight=False)
         folder = new_folder(out, scenario.stem)
         finished = False

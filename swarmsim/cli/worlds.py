@@ -55,7 +55,7 @@ def check(
     if as_json:
         print(json.dumps(_plain(found), indent=2))
     else:
-        for notice in found.arena.plan.notices:
+        for notice in found.notices:
             print(f"notice: {notice}")
         print_table(f"{found.scenario.world.title}", ["measure", "value"], _lines(found))
         diameter = 2.0 * found.scenario.robots.radius
@@ -279,7 +279,7 @@ def _plain(found: Inspection) -> dict[str, Any]:
         "iterations_about": found.iterations,
         "seconds_each": found.seconds,
         "memory_about": found.memory,
-        "notices": list(plan.notices),
+        "notices": list(found.notices),
         "problem": found.problem,
     }
 

@@ -36,6 +36,7 @@ from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
+from swarmsim.world.unreached import unreached
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -68,6 +69,7 @@ class Run:
     simulation: Simulation
     setting: Setting  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
+    notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
 
     def recorder(self, path: Path) -> Recorder:
         """A probe that records the run in a new file."""
@@ -97,7 +99,7 @@ class Run:
         inside = (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
         near = math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1  # cells: what is known are their centres
         there = around(self.reachable, near)
-        walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).plan.walls
+        walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).solid
         fine = inside & ~shapely.contains_xy(walls, *places.T)
         fine[inside] &= there[row[inside], column[inside]]
         return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
@@ -176,7 +178,7 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files)
     )
-    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable)
+    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
 
 
 def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
@@ -217,6 +219,7 @@ class _Explorable:
     arena: Arena
     reachable: NDArray[np.bool_]  # (rows, columns)
     domain: NDArray[np.bool_]  # (rows, columns)
+    notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
 
 
 @lru_cache(maxsize=8)
@@ -229,12 +232,16 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
     with told_to_scale(plan, world):
         margin = max(margin_of(registry.part("sensor", one)) for one in sensors) + 1
         arena = Arena.open(plan, cell, margin, world.title)
-        reachable = arena.reachable(robots.spawn, robots.radius)
+        spawn = arena.area_name(robots.spawn)
+        reachable = arena.reachable(spawn, robots.radius)
+        beside = unreached(arena, reachable, robots.radius, spawn)
+        if world.pockets == "refuse":
+            beside.refuse(arena, robots.radius, spawn)
     observed = _observed(sensors, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     for shared in (reachable, domain):
         shared.flags.writeable = False
-    return _Explorable(arena, reachable, domain)
+    return _Explorable(arena, reachable, domain, (*plan.notices, *beside.notices(arena, robots.radius)))
 
 
 @lru_cache(maxsize=16)
@@ -248,21 +255,22 @@ def _survey(text: str, place: bytes, cell: float, kinds: str, sensor: bytes, box
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
         observed = _observed(_tables_of_sensors(robots, sensor), arena, robots, reachable)
-        domain = reachable if observed is None else arena.domain_left(reachable, observed)
+        domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
         shared.flags.writeable = False
     return Survey(arena.segments, arena.occupied, domain, entrance)
 
 
-def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """The domain (rows, columns) of a scenario's building, and the places (c, 2), in m, where robots may start.
+def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[np.float64], tuple[str, ...]]:
+    """The domain (rows, columns) of a scenario's building, where robots may start (c, 2), in m, and notices.
 
-    Raises InputError if 100 % is unattainable.
+    Raises InputError for a building in which the robots cannot run.
     """
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
-    found = _survey(text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor, ())
-    return found.domain, found.entrance
+    key = text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor
+    found = _survey(*key, ())
+    return found.domain, found.entrance, _open(*key).notices
 
 
 def _of_each_kind(robots: Robots) -> str:

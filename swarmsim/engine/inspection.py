@@ -48,7 +48,8 @@ class Inspection:
     pockets: list[Pocket]  # the largest first
     seats: int  # how many robots the spawn area holds, MOST_SEATS at most
     seconds: float | None  # of one iteration
-    problem: str | None  # why 100 % is unattainable, and where
+    notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    problem: str | None  # why no run is possible, and where
 
     @property
     def iterations(self) -> int | None:
@@ -78,11 +79,12 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
     rooms: list[Room] = []
     doors: list[Door] = []
     seats = 0
+    notices = plan.notices
     try:
         with told_to_scale(plan, scenario.world):
             floor = arena.floor(scenario.robots.spawn)
-        rooms, doors = rooms_and_doors(floor, arena.lattice, plan.walls, widest)
-        domain, entrance = explored(text, scenario)
+        rooms, doors = rooms_and_doors(floor, arena.lattice, arena.solid, widest)
+        domain, entrance, notices = explored(text, scenario)
         seats = _seats(entrance, scenario.robots.radius, scenario.grid.cell)
         seconds = _seconds(scenario, text, name)
     except InputError as wrong:
@@ -91,7 +93,7 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
             problem = problem.removeprefix(known)
     reached = floor if domain is None else domain
     return Inspection(
-        arena, scenario, floor, domain, rooms, doors, _pockets(arena, reached), seats, seconds, problem
+        arena, scenario, floor, domain, rooms, doors, _pockets(arena, reached), seats, seconds, notices, problem
     )  # fmt: skip
 
 
@@ -143,6 +145,6 @@ def _seconds(scenario: Scenario, text: str, name: str) -> float:
 def free_area(arena: Arena, floor: NDArray[np.bool_]) -> float:
     """The area (m2) of the floor that walls leave free, the parts of cells beside walls included."""
     left, right, low, high = arena.lattice.extent
-    free = shapely.get_parts(shapely.box(left, low, right, high).difference(arena.plan.walls))
+    free = shapely.get_parts(shapely.box(left, low, right, high).difference(arena.solid))
     start = shapely.points(arena.lattice.centres(np.argwhere(floor)[0]))
     return float(sum(piece.area for piece in free if piece.intersects(start)))

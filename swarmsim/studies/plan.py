@@ -150,7 +150,7 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
                 raise InputError(f"{place}: {problem}") from problem
         made = build(scenario, place, worlds[key])
         curve = made.simulation.parts.task.curve
-        notices.update(dict.fromkeys(made.arena.plan.notices))
+        notices.update(dict.fromkeys(made.notices))
         if name in named:
             return Condition(name, change, scenario, curve, named[name].x, named[name].series)
         return Condition(name, change, scenario, curve, *_place(study, change))

@@ -26,12 +26,25 @@ _MOST_CROSSINGS = 2_000_000
 _MOST_STEPS = 2_000_000_000  # pieces that an outline cuts itself into, times its corners
 
 
+class OutOfReachError(ElementError):
+    """A shape has a point farther from the page than anything can be."""
+
+    def __init__(self, low: Points, high: Points) -> None:
+        super().__init__(f"a point lies farther than {LARGEST:g} m from the page; is the scale right?")
+        self._low, self._high = low, high  # its extent, m
+
+    def off(self, size: tuple[float, float]) -> bool:
+        """Whether all of the shape lies off a page of this width and height (m)."""
+        return bool((self._high < 0.0).any() or (self._low > size).any())
+
+
 def covered(
     element: Element, style: Style, matrix: Matrix, page: Page, paints: tuple[bool, bool]
-) -> tuple[MultiPolygon, MultiPolygon]:
+) -> tuple[MultiPolygon, MultiPolygon, Outlines, float]:
     """What a shape's fill and stroke cover, in metres, if it is `paints` of these; `matrix` leads from user units.
 
-    A fill closes open outlines, as SVG has it; what has no extent covers nothing. Dashes count as whole lines.
+    A fill closes open outlines, as SVG has it; what has no extent covers nothing. Dashes count as whole lines. Gives
+    the outlines in metres, and the pen's width in m, as well.
     """
     try:
         with np.errstate(all="ignore"):  # overflows are found by looking at the coordinates
@@ -60,30 +73,44 @@ def polygons(geometry: shapely.Geometry) -> MultiPolygon:
     return MultiPolygon([part for part in flat if part.geom_type == "Polygon" and part.area > 0.0])
 
 
+def lines_of(outlines: Outlines) -> tuple[Points, ...]:
+    """The outlines as lines, of which closed ones end where they begin."""
+    return tuple(
+        np.vstack([points, points[:1]]) if closed and (points[0] != points[-1]).any() else points
+        for points, closed in outlines
+    )
+
+
 def _painted(
     element: Element, style: Style, matrix: Matrix, page: Page, paints: tuple[bool, bool]
-) -> tuple[MultiPolygon, MultiPolygon]:
+) -> tuple[MultiPolygon, MultiPolygon, Outlines, float]:
     linear, shift = np.array([[matrix.a, matrix.c], [matrix.b, matrix.d]]), np.array([matrix.e, matrix.f])
     stretch, squeeze = np.linalg.svd(linear, compute_uv=False)
     lines = outlines(element, page, FLATNESS / max(stretch, 1e-12))
     if squeeze <= 1e-9 * max(stretch, 1e-9):
-        return MultiPolygon(), MultiPolygon()  # flattened to a line
-    for points, _ in lines:
-        metres = points @ linear.T + shift
-        if not (np.isfinite(metres).all() and np.abs(metres).max() <= LARGEST and np.abs(points).max() < _BOUNDLESS):
-            raise ElementError(f"a point lies farther than {LARGEST:g} m from the page; is the scale right?")
+        return MultiPolygon(), MultiPolygon(), [], 0.0  # flattened to a line
+    placed = [(points @ linear.T + shift, closed) for points, closed in lines]
+    corners = np.concatenate([points for points, _ in placed]) if placed else np.zeros((1, 2))
+    if not np.isfinite(corners).all():
+        raise ElementError(f"a point lies farther than {LARGEST:g} m from the page; is the scale right?")
+    if np.abs(corners).max() > LARGEST or any(np.abs(points).max() >= _BOUNDLESS for points, _ in lines):
+        raise OutOfReachError(corners.min(axis=0), corners.max(axis=0))
     coefficients = [*linear.ravel(), *shift]
     fill = stroke = MultiPolygon()
+    pen = 0.0
     if paints[0] and element.tag != "line":
         filled = _filled(lines, style["fill-rule"] == "evenodd")
         fill = polygons(affinity.affine_transform(filled, coefficients))
-    if paints[1] and style["vector-effect"] == _UNSCALED:
-        metres = [(points @ linear.T + shift, closed) for points, closed in lines]
-        stroke = polygons(_stroked(metres, style, page, FLATNESS, page.pen))
-    elif paints[1]:
-        stroked = _stroked(lines, style, page, FLATNESS / stretch, 1.0)
-        stroke = polygons(affinity.affine_transform(stroked, coefficients))
-    return fill, stroke
+    if paints[1]:
+        unscaled = style["vector-effect"] == _UNSCALED
+        width = _pen(style, page)
+        pen = width * (page.pen if unscaled else math.sqrt(stretch * squeeze))
+        if unscaled:
+            stroke = polygons(_stroked(placed, style, page, FLATNESS, pen))
+        else:
+            stroked = _stroked(lines, style, page, FLATNESS / stretch, width)
+            stroke = polygons(affinity.affine_transform(stroked, coefficients))
+    return fill, stroke, placed, pen
 
 
 def _filled(outlines: Outlines, even_odd: bool) -> shapely.Geometry:
@@ -139,11 +166,16 @@ def _windings(ring: Points, points: Points) -> NDArray[np.int64]:
     return windings
 
 
-def _stroked(outlines: Outlines, style: Style, page: Page, flatness: float, unit: float) -> shapely.Geometry:
-    """What a pen of the stroke's width, in such units, covers; a mitre beyond its limit is cut there."""
-    width = page.units(style["stroke-width"], "stroke-width") * unit
+def _pen(style: Style, page: Page) -> float:
+    """The width of a stroke in user units."""
+    width = page.units(style["stroke-width"], "stroke-width")
     if width < 0.0 or width >= _BOUNDLESS:
         raise ElementError(f"stroke-width is {style['stroke-width']!r}; it should be 0 or larger")
+    return width
+
+
+def _stroked(outlines: Outlines, style: Style, page: Page, flatness: float, width: float) -> shapely.Geometry:
+    """What a pen of this width covers; a mitre beyond its limit is cut there."""
     limit = page.units(style["stroke-miterlimit"], "stroke-miterlimit")
     try:
         cap, join = _CAPS[style["stroke-linecap"]], _JOINS[style["stroke-linejoin"]]

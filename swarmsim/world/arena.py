@@ -10,19 +10,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely import MultiPolygon
 from shapely.strtree import STRtree
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
+from swarmsim.world.areas import joined
 from swarmsim.world.boundary import boundary, shares
 from swarmsim.world.cells import Cells, around, between, flood, grown, richest_piece, rim
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 
 _SLIVER = 1e-6  # of a cell; an overlap of walls with a cell below it is rounding, not wall
-_TOUCH = 1e-9  # m, a body this close to a wall still counts as clear of it
+TOUCH = 1e-9  #: m, a body this close to a wall still counts as clear of it
 _MOST_CELLS = 25_000_000  # beyond it, somebody drew millimetres as metres
-_NAMED = 5  # how many cells a message names
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +32,7 @@ class Arena:
 
     name: str  # what messages call the world
     plan: FloorPlan
+    solid: MultiPolygon  # walls, the border of an open building, and boxes that stand in it
     lattice: Lattice
     occupied: Cells  # whether walls cover any of a cell
     unmapped: Cells  # whether any of a cell is what nobody knows; such cells never count
@@ -47,7 +49,7 @@ class Arena:
         if margin < 1:
             raise ValueError(f"margin is {margin} cells; the border of the lattice has to be outside of the walls")
         corner = np.array([plan.page[0], plan.page[1]] * 2)
-        bounds = (shapely.total_bounds([shapely.box(*plan.page), plan.walls]) - corner) / cell
+        bounds = (shapely.total_bounds([shapely.box(*plan.page), plan.walls, plan.border]) - corner) / cell
         low = np.floor(bounds[:2] + _SLIVER).astype(np.int64) - margin
         high = np.ceil(bounds[2:] - _SLIVER).astype(np.int64) + margin
         columns, rows = (int(count) for count in high - low)
@@ -55,12 +57,13 @@ class Arena:
         if rows * columns > _MOST_CELLS:
             raise InputError(
                 f"{name}: {plan.width:g} m x {plan.height:g} m in cells of {cell:g} m are {rows * columns} cells, more"
-                f" than {_MOST_CELLS}; check the scale (one user unit is one metre) and the cell"
+                f" than {_MOST_CELLS}; is the scale right? Say world.width = METRES, or take larger cells"
             )
         lattice = Lattice(corner[0] + float(low[0]) * cell, corner[1] + float(low[1]) * cell, cell, rows, columns)
-        segments = boundary(plan.walls)
+        solid = joined([plan.walls, plan.border])
+        segments = boundary(solid)
         unmapped = shares(boundary(plan.unknown), lattice) > _SLIVER
-        return cls(name, plan, lattice, shares(segments, lattice) > _SLIVER, unmapped, segments)
+        return cls(name, plan, solid, lattice, shares(segments, lattice) > _SLIVER, unmapped, segments)
 
     def area_name(self, spawn: str) -> str:
         """The name of the spawn area that a scenario means; if it leaves it out, `spawn`, or else the largest.
@@ -91,7 +94,7 @@ class Arena:
         buried = area.intersection(self.plan.walls)
         if buried.area >= 0.5 * area.area:
             raise InputError(
-                f"{self.name}: spawn area {spawn!r} lies in a wall at {_place(buried)}: "
+                f"{self.name}: spawn area {spawn!r} lies in a wall at {place_in(buried)}: "
                 f"{buried.area:.3g} of its {area.area:.3g} m2 are solid; move it onto the floor"
             )
         shapely.prepare(area)
@@ -99,7 +102,7 @@ class Arena:
         cells: Cells = shapely.contains_xy(area, x, y) & ~self.occupied
         if not cells.any():
             raise InputError(
-                f"{self.name}: spawn area {spawn!r} at {_place(area)} holds the centre of no free cell of "
+                f"{self.name}: spawn area {spawn!r} at {place_in(area)} holds the centre of no free cell of "
                 f"{self.lattice.cell:g} m; make it larger"
             )
         return cells
@@ -122,8 +125,7 @@ class Arena:
 
         They are free, a disc of `radius` at their centre is clear of all walls, and they are 4-connected to the
         spawn area through such cells. Raises InputError as `floor` does, and if the robot fits nowhere in the
-        spawn area, if a room has no way to it, or if the robot is wider than every door on that way. Places with
-        less room to move than the robot's own area are no rooms.
+        spawn area.
         """
         spawn = self.area_name(spawn)
         self.floor(spawn)
@@ -132,12 +134,9 @@ class Arena:
         if not seeds.any():
             raise InputError(
                 f"{self.name}: a robot of {2 * radius:g} m does not fit anywhere in spawn area {spawn!r} at "
-                f"{_place(self.plan.spawns[spawn])}; make the area larger or the robot smaller"
+                f"{place_in(self.plan.spawns[spawn])}; make the area larger or the robot smaller"
             )
-        reachable = richest_piece(fits, seeds)
-        home = self._room_of(reachable, radius, spawn)
-        self._check_chain(fits & ~reachable, home, radius)
-        return reachable
+        return richest_piece(fits, seeds)
 
     def standing(self, radius: float) -> Cells:
         """The free cells (rows, columns) at whose centre a disc of `radius` (m) is clear of all walls."""
@@ -146,7 +145,7 @@ class Arena:
         edges = STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
         places = np.argwhere(close)
         touching, _ = edges.query(
-            shapely.points(self.lattice.centres(places)), predicate="dwithin", distance=radius - _TOUCH
+            shapely.points(self.lattice.centres(places)), predicate="dwithin", distance=radius - TOUCH
         )
         fits = ~self.occupied
         fits[tuple(places[touching].T)] = False
@@ -156,28 +155,19 @@ class Arena:
         """The cells (rows, columns) whose observation is 100 %.
 
         `reachable` is what the method of that name gives, `observed` the cells seen from the centres of these. The
-        domain is the observed free cells that are 4-connected to reachable ones through free cells, and the wall
-        cells 4-adjacent to those. Raises InputError, with the cells, if one of them is never observed.
+        domain is the observed free cells that are 4-connected to reachable ones through free cells, and the observed
+        wall cells 4-adjacent to those, so that 100 % can be reached.
         """
-        floor = flood(~self.occupied, reachable) >= 0
-        free = floor & observed & ~self.unmapped
-        domain: Cells = free | (grown(free) & self.occupied)
-        missed = np.argwhere(domain & ~observed)
-        if len(missed):
-            named = ", ".join(f"row {r} column {c} {self._spot((r, c))}" for r, c in missed[:_NAMED])
-            raise InputError(
-                f"{self.name}: 100 % is unattainable: no reachable place shows {len(missed)} wall cells that border "
-                f"the floor: {named}{', ...' if len(missed) > _NAMED else ''}; "
-                "widen the passage or straighten the wall there"
-            )
+        free = (flood(~self.occupied, reachable) >= 0) & observed & ~self.unmapped
+        domain: Cells = free | (grown(free) & self.occupied & observed)
         return domain
 
     def with_boxes(self, boxes: Sequence[Box]) -> Arena:
         """The same world on the same lattice with boxes standing in it besides; they lie on its page."""
-        walls = shapely.union_all([self.plan.walls, *(shapely.box(*box) for box in boxes)])
+        walls = shapely.union_all([self.solid, *(shapely.box(*box) for box in boxes)])
         segments = boundary(walls)
-        plan = replace(self.plan, walls=shapely.multipolygons(shapely.get_parts(walls)))
-        return Arena(self.name, plan, self.lattice, shares(segments, self.lattice) > _SLIVER, self.unmapped, segments)
+        solid = shapely.multipolygons(shapely.get_parts(walls))
+        return replace(self, solid=solid, occupied=shares(segments, self.lattice) > _SLIVER, segments=segments)
 
     def still_reachable(self, before: Cells, home: Cells, boxes: Sequence[Box], radius: float) -> Cells:
         """What the boxes in this world leave of the cells that a robot of `radius` (m) could reach `before`.
@@ -190,16 +180,10 @@ class Arena:
         for left, low, right, high in boxes:
             aside = np.maximum(np.maximum(left - centres[..., 0], centres[..., 0] - right), 0.0)
             above = np.maximum(np.maximum(low - centres[..., 1], centres[..., 1] - high), 0.0)
-            fits &= np.hypot(aside, above) >= radius - _TOUCH
+            fits &= np.hypot(aside, above) >= radius - TOUCH
         if not fits.any():
             raise InputError(f"box: {len(boxes)} boxes leave no place in {self.name} where a robot could stand")
         return richest_piece(fits, fits & home if (fits & home).any() else fits)
-
-    def domain_left(self, reachable: Cells, observed: Cells) -> Cells:
-        """As `coverage_domain`, but what is never observed is left out instead of refused."""
-        free = (flood(~self.occupied, reachable) >= 0) & observed & ~self.unmapped
-        domain: Cells = free | (grown(free) & self.occupied & observed)
-        return domain
 
     def _centres(self) -> NDArray[np.float64]:
         """The centres (rows, columns, 2) of all cells, in m."""
@@ -207,8 +191,7 @@ class Arena:
 
     def _spot(self, cell: ArrayLike) -> str:
         """The centre of a cell (row, column), as messages write it."""
-        x, y = self.lattice.centres(np.asarray(cell))
-        return f"({x:.2f} m, {y:.2f} m)"
+        return spot(*self.lattice.centres(np.asarray(cell)).tolist())
 
     def _leak(self, seeds: Cells, spawn: str) -> str:
         """Where the floor runs out of the walls: the place between walls that is nearest to the spawn area."""
@@ -222,71 +205,16 @@ class Arena:
         place = self._spot(np.argwhere(gaps & (hops == hops[gaps].min()))[0])
         return (
             f"the outline is open near {place}: from spawn area {spawn!r} the floor runs out of the walls there; "
-            "close the gap"
+            "close the gap, or let world.border = true close it"
         )
 
-    def _room_of(self, reachable: Cells, radius: float, spawn: str) -> shapely.Polygon:
-        """Where the centre of the robot can be, however driven; raises InputError if rooms are left over."""
-        left, right, low, high = self.lattice.extent
-        around = 4.0 * radius  # room for the robot to drive around the building
-        free = shapely.box(left - around, low - around, right + around, high + around).difference(self.plan.walls)
-        start = shapely.points(self.lattice.centres(np.argwhere(reachable)[0]))
-        rooms = shapely.get_parts(shapely.buffer(free, _TOUCH - radius))
-        near = shapely.distance(rooms, start)
-        home = rooms[near.argmin()]
-        outside = shapely.bounds(rooms)[:, 0] < left
-        if outside[near.argmin()]:
-            raise InputError(
-                f"{self.name}: the outline is open: a robot of {2 * radius:g} m can slip out of spawn area {spawn!r} "
-                "through a gap narrower than a cell; close the gaps between the outer walls"
-            )
-        lost = rooms[~outside & (rooms != home) & (shapely.area(rooms) >= math.pi * radius**2)]
-        if len(lost):
-            room = lost[shapely.area(lost).argmax()]
-            pieces = shapely.get_parts(free)
-            piece = pieces[shapely.intersects(pieces, room)][0]
-            if not piece.intersects(start):
-                raise InputError(
-                    f"{self.name}: the room at {_place(room)}, {piece.area:.3g} m2, has no way to spawn area "
-                    f"{spawn!r}; give it a door, or fill it"
-                )
-            raise InputError(
-                f"{self.name}: a robot of {2 * radius:g} m is wider than every door to the room at {_place(room)}, "
-                f"{room.buffer(radius).area:.3g} m2; the widest way there is {_widest(piece, room, start, radius):.3f} "
-                "m; widen it, or take a smaller robot"
-            )
-        return home
 
-    def _check_chain(self, unreached: Cells, home: shapely.Polygon, radius: float) -> None:
-        """Raises InputError if the body could get from `home` to a room, but not from free cell to free cell.
-
-        A room has two by two cells; less is a niche along a slanted wall, which is left out of the domain.
-        """
-        blocks = unreached[:-1, :-1] & unreached[1:, :-1] & unreached[:-1, 1:] & unreached[1:, 1:]
-        corners = np.argwhere(blocks)
-        corners = corners[shapely.intersects_xy(home, *self.lattice.centres(corners).T)]
-        if len(corners):
-            raise InputError(
-                f"{self.name}: no chain of free cells leads to the room at {self._spot(corners[0])}, though a robot of "
-                f"{2 * radius:g} m fits through; cells of {self.lattice.cell:g} m are too coarse for its door: widen "
-                "it, or place it on cell edges"
-            )
-
-
-def _place(shape: shapely.Geometry) -> str:
+def place_in(shape: shapely.Geometry) -> str:
     """A point inside `shape`, as messages write it."""
     point = shape.centroid if shape.contains(shape.centroid) else shape.point_on_surface()
-    return f"({point.x:.2f} m, {point.y:.2f} m)"
+    return spot(point.x, point.y)
 
 
-def _widest(piece: shapely.Polygon, room: shapely.Polygon, start: shapely.Point, radius: float) -> float:
-    """The width (m) of the widest disc, narrower than 2 `radius`, that gets from `start` to `room` in `piece`."""
-    low, high = 0.0, radius
-    while high - low > 1e-4:
-        middle = 0.5 * (low + high)
-        parts = shapely.get_parts(shapely.buffer(piece, -middle, quad_segs=64))
-        if any(part.intersects(room) and part.intersects(start) for part in parts):
-            low = middle
-        else:
-            high = middle
-    return 2.0 * low
+def spot(x: float, y: float) -> str:
+    """A point (m), as messages write it."""
+    return f"({x:.2f} m, {y:.2f} m)"

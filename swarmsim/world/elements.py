@@ -16,12 +16,26 @@ from swarmsim.core.errors import InputError
 
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"  #: a number, as a regular expression
 _SVG_NAMESPACE = "{http://www.w3.org/2000/svg}"
+_UNDECLARED = "NS_ERR_UNDEFINED_NAMESPACE"
+_PREFIX = re.compile(r"Namespace prefix (\S+)")
+_START = re.compile(r"<(?:[\w.-]+:)?svg(?=[\s>/])")
+#: Prefixes that programs write and that get lost when a drawing is put into a page.
+_NAMESPACES = {
+    "xlink": "http://www.w3.org/1999/xlink",
+    "inkscape": "http://www.inkscape.org/namespaces/inkscape",
+    "sodipodi": "http://sodipodi.sourceforge.net/DTD/sodipodi-0.dtd",
+    "svg": "http://www.w3.org/2000/svg",
+    "serif": "http://www.serif.com/",
+    "sketch": "http://www.bohemiancoding.com/sketch/ns",
+    "rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
+    "cc": "http://creativecommons.org/ns#",
+    "dc": "http://purl.org/dc/elements/1.1/",
+}
 _REASONS = {
     "ERR_TAG_NAME_MISMATCH": "mismatched tag",
     "ERR_UNDECLARED_ENTITY": "undefined entity",
     "ERR_RESOURCE_LIMIT": (
-        "its entities or elements multiply without end or are nested deeper than 200, or a text in it is longer than "
-        "10 MB"
+        "its entities or elements multiply without end or are nested without end, or a text in it is longer than 10 MB"
     ),
     "ERR_DOCUMENT_EMPTY": "no element in it",
 }
@@ -70,15 +84,13 @@ def parse(source: str, name: str) -> Element:
     Nothing outside of the text is read. Entities that it defines itself are replaced, within libxml2's limits.
     Messages repeat nothing of a text that is no SVG. Raises InputError.
     """
-    reader = etree.XMLParser(
-        encoding="utf-8", resolve_entities="internal", no_network=True, load_dtd=False, huge_tree=False,
-        remove_comments=True, remove_pis=True,
-    )  # fmt: skip
     try:
-        root = etree.fromstring(source.encode(errors="surrogatepass"), reader)  # libxml2 refuses a surrogate
+        root = _root(source)
     except etree.XMLSyntaxError as error:
         kind = error.error_log.last_error.type_name if len(error.error_log) else ""
         reason = _REASONS.get(kind, kind.removeprefix("ERR_").replace("_", " ").lower() or "no element in it")
+        if kind == _UNDECLARED and (match := _PREFIX.search(error.error_log.last_error.message)):
+            reason = f"nothing declares the prefix {quoted(match[1])}"
         line, column = error.position
         raise InputError(
             f"{name}: line {max(line, 1)}, column {max(column, 1)}: not XML ({reason}); save it as plain SVG"
@@ -86,6 +98,32 @@ def parse(source: str, name: str) -> Element:
     if _tag(root) != "svg":
         raise InputError(f"{name}: the root is no <svg> element; a world is drawn as SVG")
     return _tree(root)
+
+
+def _root(source: str) -> etree._Element:
+    """The root of a text, in which the usual prefixes need no declaration and elements may be nested deeply.
+
+    Raises XMLSyntaxError.
+    """
+    try:
+        return _parsed(source, deep=False)
+    except etree.XMLSyntaxError as error:
+        kinds = {one.type_name for one in error.error_log}
+        if "ERR_RESOURCE_LIMIT" in kinds and "<!ENTITY" not in source:
+            return _parsed(source, deep=True)
+        if _UNDECLARED not in kinds:
+            raise
+    missing = [prefix for prefix in _NAMESPACES if f"xmlns:{prefix}=" not in source]
+    declared = "".join(f' xmlns:{prefix}="{_NAMESPACES[prefix]}"' for prefix in missing)
+    return _parsed(_START.sub(lambda match: match[0] + declared, source, count=1), deep=False)
+
+
+def _parsed(source: str, *, deep: bool) -> etree._Element:
+    reader = etree.XMLParser(
+        encoding="utf-8", resolve_entities="internal", no_network=True, load_dtd=False, huge_tree=deep,
+        remove_comments=True, remove_pis=True,
+    )  # fmt: skip
+    return etree.fromstring(source.encode(errors="surrogatepass"), reader)  # libxml2 refuses a surrogate
 
 
 def _tree(root: etree._Element) -> Element:

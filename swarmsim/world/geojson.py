@@ -42,6 +42,8 @@ def written(plan: FloorPlan) -> str:
     ]
     mark = {"plan": 1, "notices": list(plan.notices), "openings": [list(box) for box in plan.openings]}
     collection = {"type": "FeatureCollection", _MARK: mark, "bbox": list(plan.page), "features": features}
+    if not plan.unknown.is_empty:  # what of it is solid too, traced in one with the walls
+        collection["solid"] = shapely.geometry.mapping(plan.walls)
     return json.dumps(collection, separators=(",", ":"))
 
 
@@ -101,6 +103,8 @@ def plan_from(
     if isinstance(mark, dict):
         told = [str(notice) for notice in mark.get("notices") or ()]
     plan = _plan(found, _page(table, name), name, scale, across, told)
+    if table.get("solid") is not None:
+        plan = replace(plan, walls=polygons(shapely.from_geojson(json.dumps(table["solid"]))))
     if not isinstance(mark, dict):
         return plan
     openings = tuple(_box(box) for box in mark.get("openings") or ())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -66,7 +67,7 @@ def read(path: Path, world: World) -> Drawing:
     if not broken:
         return drawing
     lost = f"{broken} ways and relations lack nodes or ways that the file does not hold, and are passed over"
-    return Drawing(name, drawing.shapes, drawing.page, drawing.unit, (*drawing.notices, lost))
+    return replace(drawing, notices=(*drawing.notices, lost))
 
 
 def _nodes(elements: Sequence[Any], problems: Problems) -> dict[str, NDArray[np.float64]]:

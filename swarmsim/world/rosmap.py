@@ -62,39 +62,27 @@ class Bitmap:
     def plan(self, name: str, cell: float, unknown_is_wall: bool) -> FloorPlan:
         """The floor plan, whose outlines stray from those of the pixels by half a cell and 1.5 pixels at most.
 
-        Pixels as large as cells, or larger, are kept exactly. Beyond the image nothing is known, so that a frame closes
-        it off where that is a wall and all larger free spaces run up to the edge.
+        Pixels as large as cells, or larger, are kept exactly. What is solid is traced at once, unknown pixels with the
+        walls where they count as such, so that no seams lie between them.
         """
         rows, columns = self.states.shape
         tolerance = min(1.5, 0.5 * cell / self.resolution) if self.resolution < 0.999 * cell else 0.0
-        walls, unknown = traced(self.states == OCCUPIED, tolerance), traced(self.states == UNKNOWN, tolerance)
-        if unknown_is_wall and self._runs_off():
-            frame = np.ones((rows + 2, columns + 2), np.bool_)
-            frame[1:-1, 1:-1] = False
-            unknown = MultiPolygon([*unknown.geoms, *affinity.translate(traced(frame), -1.0, -1.0).geoms])
         x, y, yaw = self.origin
         cos, sin = self.resolution * math.cos(yaw), self.resolution * math.sin(yaw)
 
-        def placed(shape: MultiPolygon) -> MultiPolygon:
+        def outlined(pixels: NDArray[np.bool_]) -> MultiPolygon:
+            shape = traced(pixels, tolerance)
             return MultiPolygon(affinity.affine_transform(shape, [cos, -sin, sin, cos, x, y]))
 
         corners = np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) @ [[cos, sin], [-sin, cos]] + (x, y)
-        layers = {"walls": placed(walls), "pillars": MultiPolygon(), "furniture": MultiPolygon()}
         (left, low), (right, high) = corners.min(axis=0), corners.max(axis=0)
         if max(map(abs, (left, low, right, high))) > LARGEST:
             raise InputError(f"{name}: a corner lies farther than {LARGEST:g} m from the origin; is the origin right?")
         page = (float(left), float(low), float(right), float(high))
-        return FloorPlan(layers["walls"], layers, {}, page, placed(unknown))
-
-    def _runs_off(self) -> bool:
-        """Whether all free spaces touch the edge of the image, but for some with less than a tenth of the largest."""
-        from scipy import ndimage  # takes a while, and few worlds are bitmaps
-
-        pieces, count = ndimage.label(self.states == FREE)
-        sizes = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
-        edge = np.unique(np.concatenate([pieces[0], pieces[-1], pieces[:, 0], pieces[:, -1]]))
-        inner = np.delete(sizes, edge[edge > 0] - 1)
-        return bool(count and inner.max(initial=0) < 0.1 * sizes.max())
+        walls, unknown = outlined(self.states == OCCUPIED), outlined(self.states == UNKNOWN)
+        solid = outlined(self.states != FREE) if unknown_is_wall and not unknown.is_empty else walls
+        layers = {"walls": walls, "pillars": MultiPolygon(), "furniture": MultiPolygon()}
+        return FloorPlan(solid, layers, {}, page, unknown, tuple(f"{name}: {notice}" for notice in self.notices))
 
 
 def read(path: Path, resolution: float | None = None) -> Bitmap:

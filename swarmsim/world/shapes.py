@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,4 +45,7 @@ class Drawing:
     shapes: tuple[Shape, ...]
     page: Box  # left, lower, right, upper in m
     unit: str = ""  # what says how large it is, as in `mm`; empty if nothing does
-    notices: tuple[str, ...] = field(default=())  # what was passed over, in sentences without the file's name
+    notices: tuple[str, ...] = ()  # what was passed over, in sentences without the file's name
+    says_solid: bool = False  # whether it has layers that say what is solid
+    nothing: str = ""  # the rest of a message that nothing is solid, as in `: <rect id="a"> paints nothing ...`
+    measured: bool = False  # whether all of its page is known, as of a map; otherwise only what is drawn is

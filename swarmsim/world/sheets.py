@@ -11,7 +11,7 @@ from shapely import MultiPolygon, affinity
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
-from swarmsim.world.plan import DOORS_LAYER
+from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS
 from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.viewport import LARGEST
 
@@ -24,7 +24,7 @@ def sheet(
     Without a page, it is as large as what belongs to a layer, or else as all. Raises InputError if it is too large.
     """
     layered = [shape for shape in shapes if shape.layer not in ("", DOORS_LAYER)] or shapes
-    inked = [one for shape in layered for one in (shape.fill, shape.stroke) if not one.is_empty]
+    inked = [area for shape in layered if not (area := shape.stroke if shape.fill.is_empty else shape.fill).is_empty]
     if not inked:
         raise InputError(f"{name}: nothing in it is solid; expected polygons, or lines with a width")
     left, low, right, high = page or (float(side) for side in shapely.total_bounds(inked))
@@ -33,7 +33,8 @@ def sheet(
     if not max(map(abs, box)) <= LARGEST:
         raise InputError(f"{name}: a point lies farther than {LARGEST:g} m from the origin; is the scale right?")
     scaled = shapes if factor == 1.0 else [_scaled(shape, factor) for shape in shapes]
-    return Drawing(name, tuple(scaled), box, unit, tuple(notices))
+    says_solid = any(shape.layer in (*SOLID_LAYERS, FLOOR_LAYER) for shape in shapes)
+    return Drawing(name, tuple(scaled), box, unit, tuple(notices), says_solid)
 
 
 def _scaled(shape: Shape, factor: float) -> Shape:

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 import re
 import zlib
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
 import msgspec
+import numpy as np
 import shapely
+from shapely import MultiPolygon
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.events import Box
 from swarmsim.core.files import LARGEST
 from swarmsim.core.parts import Site
 from swarmsim.core.scenario import World
 from swarmsim.core.streams import Streams
-from swarmsim.world import geojson, rosmap
-from swarmsim.world.areas import joined, polygons
-from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
-from swarmsim.world.shapes import Drawing
-from swarmsim.world.svg import read_floor_plan
+from swarmsim.world import geojson, rosmap, svg
+from swarmsim.world.areas import joined, polygons, united
+from swarmsim.world.arena import place_in, spot
+from swarmsim.world.floor import FIELD, check_outside, floor_of
+from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
+from swarmsim.world.reading import plan_of
 
 _DECLARED: Final = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _MARKS: Final = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
@@ -49,29 +54,17 @@ def read_world(world: World, cell: float) -> str:
             resolution = world.width / rosmap.columns_of(picture)
         bitmap = rosmap.read(path, resolution)
         if world.width is not None:
-            bitmap = rosmap.Bitmap(bitmap.states, resolution or bitmap.resolution, bitmap.origin)
+            bitmap = replace(bitmap, resolution=resolution or bitmap.resolution)
         return geojson.written(bitmap.plan(str(path), cell, world.unknown == "wall"))
     if world.resolution is not None:
         raise InputError(f"world.resolution: {path} has no pixels; expected scale, or width in metres")
     text = _text(path)
     if ending == ".wkt":
-        return geojson.written(_plan_of(geojson.read_wkt(text, str(path), world)))
-    if text.lstrip().startswith(("{", "[")):
-        return geojson.written(_plan_of(geojson.read(text, str(path), world)))
+        return geojson.written(plan_of(geojson.read_wkt(text, str(path), world), world))
+    whole = geojson.is_ours(text) and world.scale is None and world.width is None and not world.layers
+    if text.lstrip().startswith(("{", "[")) and not whole:
+        return geojson.written(plan_of(geojson.read(text, str(path), world), world))
     return text
-
-
-def _plan_of(drawing: Drawing) -> FloorPlan:
-    """The floor plan of a drawing by its layers alone."""
-    says = any(shape.layer in SOLID_LAYERS for shape in drawing.shapes)
-    layers = {
-        layer: joined([s.fill for s in drawing.shapes if (s.layer or ("" if says else "walls")) == layer])
-        for layer in (*SOLID_LAYERS, UNKNOWN_LAYER)
-    }
-    unknown = layers.pop(UNKNOWN_LAYER)
-    spawns = {s.spawn: s.fill for s in drawing.shapes if s.layer == SPAWN_LAYER}
-    notices = tuple(f"{drawing.name}: {notice}" for notice in drawing.notices)
-    return FloorPlan(joined(layers.values()), layers, spawns, drawing.page, unknown, notices)
 
 
 def floor_plan(text: str, world: World) -> FloorPlan:
@@ -85,28 +78,66 @@ def _floor_plan(text: str, place: bytes) -> FloorPlan:
     name, scale = world.title, world.scale or 1.0
     bitmap = Path(world.file).suffix.lower() in (".yaml", ".yml", ".wkt", *rosmap.PICTURES)
     across = None if bitmap else world.width
+    says_solid = True
     if text.lstrip().startswith(("{", "[")):
         plan = geojson.plan_from(text, name, 1.0 if bitmap else scale, across, world.layers)
+        if world.unknown == "wall" and not plan.unknown.is_empty and not bitmap:
+            plan = replace(plan, walls=joined([plan.walls, plan.unknown]))
     else:
-        plan = read_floor_plan(text, name, scale, across, world.layers)
-    walls, spawns = plan.walls, dict(plan.spawns)
-    if world.unknown == "wall" and not plan.unknown.is_empty:
-        walls = joined([plan.walls, plan.unknown])
+        drawing = svg.read(text, name, world)
+        plan, says_solid = plan_of(drawing, world), drawing.says_solid
+    return _with_floor(plan, world, measured=bitmap, says_solid=says_solid)
+
+
+def _with_floor(plan: FloorPlan, world: World, *, measured: bool, says_solid: bool) -> FloorPlan:
+    """The plan with a spawn area, and a border if its floor runs off; all of the page of a `measured` one is known.
+
+    Raises InputError if the floor lies around the building.
+    """
+    spawns = dict(plan.spawns)
     if world.spawn is not None:
         x, y, width, height = world.spawn
         spawns[SPAWN_LAYER] = polygons(shapely.box(x, y, x + width, y + height))
-    if not spawns and (free := _largest_free(walls, plan)) is not None:
-        spawns[SPAWN_LAYER] = polygons(free)
-    return FloorPlan(walls, plan.layers, spawns, plan.page, plan.unknown, plan.notices)
+    drawn = shapely.multipolygons(shapely.get_parts([*plan.layers.values()]))
+    extent = shapely.total_bounds([plan.walls, *spawns.values()])
+    left, low, right, high = plan.page if measured or np.isnan(extent).any() else map(float, extent)
+    inside = left, low, right, high
+    beside = MultiPolygon() if world.unknown == "wall" else plan.unknown
+    floor = floor_of(plan.walls, drawn, inside, list(spawns.values()), beside)
+    if inside != plan.page and (floor is None or floor.share > FIELD):  # obstacles on an open page
+        inside = plan.page
+        floor = floor_of(plan.walls, drawn, inside, list(spawns.values()), beside)
+    if floor is None:
+        return replace(plan, spawns=spawns)
+    notices = list(plan.notices)
+    border = MultiPolygon()
+    if floor.opening is not None and world.border is not False:
+        if world.border is None and not measured and not says_solid:
+            check_outside(drawn, floor, world.title)
+        border = floor.border
+        notices.append(
+            f"{world.title}: the floor runs off at {spot(*floor.opening)}, and a border closes it there; "
+            "world.border = false keeps it open"
+        )
+    if not spawns:
+        spawns[SPAWN_LAYER] = polygons(floor.piece)
+        if not floor.sure:
+            notices.append(
+                f"{world.title}: the floor is taken to be the space at {place_in(floor.piece)}, "
+                f"{floor.piece.area:.3g} m2, but another one comes close; say which by world.spawn"
+            )
+    walls = plan.walls
+    if world.pockets == "fill":
+        walls = _filled(walls, floor.piece, inside)
+    return replace(plan, walls=walls, spawns=spawns, border=border, notices=tuple(notices))
 
 
-def _largest_free(walls: shapely.MultiPolygon, plan: FloorPlan) -> shapely.Geometry | None:
-    """The largest piece of the page that is neither wall nor unknown, one inside of the walls if there is any."""
-    page = shapely.box(*plan.page)
-    free = shapely.get_parts(polygons(page.difference(shapely.union(walls, plan.unknown))))
-    inside = free[~shapely.intersects(free, page.exterior)]
-    pieces = inside if len(inside) else free
-    return pieces[shapely.area(pieces).argmax()] if len(pieces) else None
+def _filled(walls: MultiPolygon, floor: shapely.Polygon, inside: Box) -> MultiPolygon:
+    """The walls and all closed spaces but the floor."""
+    free = shapely.get_parts(polygons(shapely.difference(shapely.box(*inside), walls)))
+    box = shapely.box(*inside)
+    pockets = free[~shapely.intersects(free, box.exterior) & ~shapely.intersects(free, floor.representative_point())]
+    return united([walls, *pockets])
 
 
 def _made(world: World, cell: float) -> str:

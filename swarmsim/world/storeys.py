@@ -40,7 +40,8 @@ def storey(parts: Sequence[Part], notices: list[str]) -> list[Shape]:
     if other:
         told = ", ".join(f"{kind} {count}" for kind, count in sorted(other.items())[:_NAMED])
         notices.append(f"{sum(other.values())} features are neither floor nor wall and are passed over: {told}")
-    return [*floor, *_between(floor), *solid, *doors]
+    inner = [*solid, *(shape for shape in doors if shape.layer != DOORS_LAYER)]
+    return [*_walled(floor, inner), *_between(floor), *solid, *doors]
 
 
 def _drawn(parts: Sequence[Part], roles: Sequence[str], layer: str) -> list[Shape]:
@@ -61,6 +62,18 @@ def _floor(parts: Sequence[Part], walled: bool) -> list[Shape]:
     pieces = polygons(rest).geoms
     own = [open_[tree.query(piece, predicate="intersects").min()] for piece in pieces]
     return [*rooms, *(replace(one, fill=MultiPolygon([piece])) for one, piece in zip(own, pieces, strict=True))]
+
+
+def _walled(floor: Sequence[Shape], solid: Sequence[Shape]) -> list[Shape]:
+    """Rooms with walls along their borders as strokes, without what stands in them, as floor covers what is solid."""
+    tree = shapely.STRtree([shape.fill for shape in solid])
+    found = []
+    for room in floor:
+        inside = [solid[at].fill for at in tree.query(room.fill, predicate="intersects")]
+        border = polygons(shapely.buffer(room.fill.boundary, WALL / 2.0, join_style="mitre", cap_style="flat"))
+        free = polygons(room.fill.difference(shapely.union_all(inside))) if inside else room.fill
+        found.append(replace(room, fill=free, stroke=border, pen=WALL))
+    return found
 
 
 def _between(floor: Sequence[Shape]) -> list[Shape]:

@@ -31,6 +31,8 @@ _SEEN_BY: Final = frozenset({"", "all", "screen"})  # media that a drawing on a 
 _QUERY: Final = re.compile(r"(?:(only|not)\s+)?([a-z-]*)\s*(.*)", re.DOTALL)
 _REFERENCE: Final = re.compile(r"url\(\s*[\"']?(.*?)[\"']?\s*\)\s*(.*)", re.DOTALL | re.IGNORECASE)
 
+_SHADED: Final = 0.75  # the luminance of gradients and patterns
+
 _Declarations = list[tuple[str, str, bool]]  # property, value, whether it is important
 
 
@@ -137,34 +139,63 @@ def reference(value: str) -> tuple[str, str] | None:
     return (match[1].removeprefix("#"), match[2].strip()) if match else None
 
 
-def luminance(style: Style, paint: str, ids: Mapping[str, object]) -> float | None:
-    """How bright a `paint` ("fill" or "stroke") is, 0 to 1 times its opacity; None where it paints nothing.
+@dataclass(frozen=True, slots=True)
+class Paint:
+    """What a fill or a stroke paints with."""
 
-    Gradients and patterns, and colours that are no sRGB, count as bright.
+    alpha: float  # 0 to 1: opaque
+    luminance: float  # 0 to 1: white
+
+    @property
+    def darkness(self) -> float:
+        """How much darker than white it makes a white page, 0 to 1."""
+        return self.alpha * (1.0 - self.luminance)
+
+
+def paint(style: Style, kind: str, ids: Mapping[str, object]) -> Paint | None:
+    """What the "fill" or the "stroke" of a style paints with; None for nothing.
+
+    Gradients and patterns, and colours that are no sRGB, count as light grey.
     """
-    value = style[paint]
+    value = style[kind]
     found = reference(value)
     if found is not None:
-        value = "white" if found[0] in ids else found[1] or "none"
+        if found[0] in ids:
+            return _visible(fraction(style[f"{kind}-opacity"]), _SHADED)
+        value = found[1] or "none"
     if value.lower() == "none":
         return None
     if value.lower() == "currentcolor":
         value = style["color"]
-    opacity = fraction(style[f"{paint}-opacity"])
+    opacity = fraction(style[f"{kind}-opacity"])
     try:
         colour = color4.parse_color(value)
     except ValueError:
         colour = None
     if colour is None or colour == "currentcolor":
-        return opacity if opacity > 0.0 else None
+        return _visible(opacity, _SHADED)
     opacity *= float(colour.alpha if colour.alpha is not None else 1.0)
-    if opacity <= 0.0:
-        return None
     try:
         red, green, blue = colour.to("srgb").coordinates
     except NotImplementedError:
-        return opacity
-    return opacity * (0.2126 * float(red or 0.0) + 0.7152 * float(green or 0.0) + 0.0722 * float(blue or 0.0))
+        return _visible(opacity, _SHADED)
+    light = 0.2126 * float(red or 0.0) + 0.7152 * float(green or 0.0) + 0.0722 * float(blue or 0.0)
+    return _visible(opacity, min(max(light, 0.0), 1.0))
+
+
+def _visible(alpha: float, light: float) -> Paint | None:
+    return Paint(alpha, light) if alpha > 0.0 else None
+
+
+def luminance(style: Style, kind: str, ids: Mapping[str, object]) -> float | None:
+    """How bright a paint is in a mask, 0 to 1 times its opacity; None where it paints nothing.
+
+    What is no plain colour counts as bright.
+    """
+    found = paint(style, kind, ids)
+    if found is None:
+        return None
+    return found.alpha * (1.0 if found.luminance == _SHADED else found.luminance)
 
 
 def fraction(text: str) -> float:

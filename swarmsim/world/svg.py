@@ -1,87 +1,72 @@
-"""A floor plan read from an SVG drawing: what it shows is solid, where it has no layers that say so."""
+"""What an SVG drawing shows, element by element, in metres."""
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Final
 
+import numpy as np
 import shapely
 from shapely import MultiPolygon
 from svgelements import Matrix
 
 from swarmsim.core.errors import InputError
-from swarmsim.world.areas import covered, joined, polygons, united
+from swarmsim.core.scenario import World
+from swarmsim.world.areas import OutOfReachError, covered, lines_of, polygons
 from swarmsim.world.elements import Element, ElementError, parse, quoted
-from swarmsim.world.layers import LayerNames
+from swarmsim.world.layers import LayerNames, names_of
 from swarmsim.world.outlines import SHAPES
-from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
+from swarmsim.world.plan import FLOOR_LAYER, SPAWN_LAYER
 from swarmsim.world.problems import Problems
-from swarmsim.world.styles import INITIAL, Style, StyleSheet, fraction, luminance, reference
-from swarmsim.world.viewport import Page, placed, transformed
+from swarmsim.world.shapes import Drawing, Shape
+from swarmsim.world.styles import INITIAL, Paint, Style, StyleSheet, fraction, luminance, paint, reference
+from swarmsim.world.viewport import LARGEST, Page, placed, transformed
 
-_DEEPEST = 200  # nested groups, well below Python's own limit
-_MOST_ELEMENTS = 50_000  # in the layers; references may multiply a small file without end
-_HREF = ("href", "{http://www.w3.org/1999/xlink}href")
-_GROUPS = frozenset({"g", "a", "svg", "switch", "symbol"})
-_PASSED_OVER = frozenset({"text", "image", "foreignObject", "video", "canvas", "iframe", "audio"})
-_PAINT = ("fill", "stroke")
-_BRIGHT = 0.5  # of white: what is brighter in a mask shows, what is not hides
+_DEEPEST: Final = 400  # nested groups
+_MOST_ELEMENTS: Final = 50_000  # references may multiply a small file without end
+_HREF: Final = ("href", "{http://www.w3.org/1999/xlink}href", "xlink:href")
+_LAYER: Final = "{http://www.inkscape.org/namespaces/inkscape}groupmode"
+_GROUPS: Final = frozenset({"g", "a", "svg", "switch", "symbol"})
+_PASSED_OVER: Final = frozenset({"text", "image", "foreignObject", "video", "canvas", "iframe", "audio"})
+_PAINT: Final = ("fill", "stroke")
+_BRIGHT: Final = 0.5  # of white: what is brighter in a mask shows, what is not hides
+_OPAQUE: Final = 0.9  # a fill that hides what lies below it
+_FEW: Final = 0.02  # of all shapes; so many may lie off the page by mistake
+_STRAY: Final = 3.0  # times the extent of nearly all shapes; what lies beyond it and off the page is passed over
 
 
-def read_floor_plan(
-    source: str,
-    name: str,
-    scale: float = 1.0,
-    across: float | None = None,
-    layers: Mapping[str, Sequence[str]] | None = None,
-) -> FloorPlan:
-    """The floor plan in the SVG text `source`; `name` is what messages call the file.
+def read(source: str, name: str, world: World) -> Drawing:
+    """What the SVG text `source` shows; `name` is what messages call the file.
 
-    Its layers are groups or shapes called walls, pillars, furniture, spawn and unknown, or as `layers` say; whatever
-    lies outside of them is decoration. Where none of the solid ones is there, all that the drawing shows is a wall, but
-    for a shape that fills the page. What paints nothing, or is hidden or clipped, does not count. In the spawn layer,
-    each element with an id is one area, whose shape is the inside of its outline, however it is painted. The page is
-    multiplied by `scale`, or made so many metres `across`.
+    Layers are groups or shapes called walls, pillars, furniture, doors, spawn and unknown, or as `world.layers` and
+    `world.floor` say. What paints nothing, or is hidden or clipped, is not there. In the spawn layer, each element with
+    an id is one area, whose shape is the inside of its outline, however it is painted. The page is multiplied by
+    `world.scale`, or made `world.width` metres wide.
 
     Raises InputError, with the file, the element and what would be right, for all that cannot be read in full.
     """
     root = parse(source, name)
     with root.named(name):
-        page = Page.of(root, scale, across)
+        page = Page.of(root, world.scale or 1.0, world.width)
     sheet = StyleSheet.of(element for element in root.tree() if element.tag == "style")
-    drawing = _Drawing(
-        name, Problems(name), sheet, {e.attributes["id"]: e for e in root.tree() if "id" in e.attributes}
-    )
-    names = LayerNames(root, layers or {}, name)
+    names = LayerNames(root, {**world.layers, **({FLOOR_LAYER: world.floor} if world.floor else {})}, name)
     if misspelt := names.misspelt():
         raise InputError(f"{name}: {misspelt}")
-    drawing.names = names
-    outside = _Placed(root, "" if names.says_solid else "walls", None, INITIAL, page.matrix, page, None)
-    found, shown = _found(drawing, drawing.shapes(root, outside), page, names.says_solid)
-    drawing.problems.complain()
-    empty = f": {drawing.empty[0]} paints nothing that can be seen" if drawing.empty else ""
+    ids = {e.attributes["id"]: e for e in root.tree() if "id" in e.attributes}
+    reader = _Reader(name, Problems(name), sheet, ids, names)
+    around = _Placed(root, "", None, "", INITIAL, 1.0, page.matrix, page, None)
+    shapes = reader.without_strays([*reader.shapes(root, around)], page)
+    reader.problems.complain()
+    empty = f": {reader.empty[0]} paints nothing that can be seen" if reader.empty else ""
     for layer, lacks in (("walls", f"wall in it{empty}; draw walls"), (SPAWN_LAYER, "area in it; draw one with an id")):
-        if names.has(layer) and not any(key[0] == layer for key in found):
+        if names.has(layer) and not any(shape.layer == layer for shape in shapes):
             rest = "" if layer == SPAWN_LAYER else " as filled shapes or as strokes, in a layer that is shown"
             raise InputError(f"{name}: the layer `{layer}` has no {lacks}{rest}")
-    united_layers = {layer: united(found[layer, None]) for layer in SOLID_LAYERS}
-    if all(layer.is_empty for layer in united_layers.values()):
-        raise InputError(f"{name}: nothing in it is solid{empty}; draw the walls as filled shapes or as strokes")
-    spawns: dict[str, MultiPolygon] = {}
-    for area in filter(None, (area for _, area in found)):
-        if area.attributes["id"] in spawns:
-            raise InputError(f"{name}: {area}: another spawn area has the same id; give each its own")
-        spawns[area.attributes["id"]] = united(found[SPAWN_LAYER, area])
-    return FloorPlan(
-        united(united_layers.values()),
-        united_layers,
-        spawns,
-        (0.0, 0.0, *page.metres),
-        united(found[UNKNOWN_LAYER, None]),
-        tuple(f"{name}: {notice}" for notice in drawing.told(shown, names.says_solid)),
-    )
+    box = (0.0, 0.0, *page.metres)
+    return Drawing(name, tuple(shapes), box, page.said, tuple(reader.told()), names.says_solid, empty)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,52 +76,34 @@ class _Placed:
     element: Element
     layer: str  # empty outside of the layers
     area: Element | None  # in the spawn layer: the element whose id names the area
+    group: str  # the layer, or else the outermost group with a name
     style: Style
+    alpha: float  # of the groups around it together
     matrix: Matrix  # from its user units to metres
     page: Page  # the viewport around it
     clip: shapely.Geometry | None  # in metres, what of it can be seen; None: all
 
 
-_Found = defaultdict[tuple[str, Element | None], list[shapely.Geometry]]  # by layer and spawn area
-
-
-def _found(drawing: _Drawing, shapes: Iterator[_Placed], page: Page, says_solid: bool) -> tuple[_Found, int]:
-    """What the shapes cover, and how many of them cover anything; paper is left out of a drawing without layers."""
-    found: _Found = defaultdict(list)
-    paper = shapely.box(0.0, 0.0, *page.metres)
-    shown = 0
-    for shape in list(shapes):  # all of them first, to refuse too many before the work
-        with drawing.remembered(shape.element):
-            area = drawing.area(shape)
-            if area.is_empty:
-                drawing.empty.append(shape.element)
-                continue
-            if (
-                not says_solid
-                and shape.layer == "walls"
-                and area.area >= 0.999 * paper.area
-                and area.covers(shapely.buffer(paper, -1e-3 * max(page.metres)))
-            ):
-                drawing.notices.append(f"{shape.element} fills the page and is taken for its paper, not for a wall")
-                continue
-            shown += 1
-            found[shape.layer, shape.area].append(area)
-    return found, shown
+_Waiting = tuple[Element, _Placed, int]  # an element, what is around it, how deep it is nested
 
 
 @dataclass(slots=True)
-class _Drawing:
-    """Finds the shapes in the layers of a drawing, and what is wrong with it."""
+class _Reader:
+    """Finds the shapes of a drawing, and what is wrong with it."""
 
     name: str
     problems: Problems
     sheet: StyleSheet
     ids: dict[str, Element]
-    names: LayerNames = field(init=False)
+    names: LayerNames
+    areas: dict[str, Element] = field(default_factory=dict)  # spawn areas by id
     notices: list[str] = field(default_factory=list)
     empty: list[Element] = field(default_factory=list)  # shapes that paint nothing, or nothing that is seen
     passed_over: Counter[str] = field(default_factory=Counter)
-    count: int = 0  # elements met so far in layers
+    hidden: int = 0  # shapes that are there but not shown
+    strays: int = 0  # shapes far off the page
+    broken: int = 0  # shapes outside of the layers that cannot be read
+    count: int = 0  # elements met so far
     clips: int = 0  # regions that are being found, one within the other
 
     @contextmanager
@@ -145,76 +112,157 @@ class _Drawing:
         with self.problems.collected(), element.named(self.name):
             yield
 
-    def told(self, shown: int, says_solid: bool) -> list[str]:
-        """What a user should know of how the drawing was taken, each in a sentence."""
+    def told(self) -> list[str]:
+        """What a user should know of what was passed over, each in a sentence."""
         told = []
-        if not says_solid:
-            told.append(f"it has no layer of {', '.join(SOLID_LAYERS)}, so that all {shown} visible shapes are walls")
         if self.passed_over:
             listed = ", ".join(f"{count} <{tag}>" for tag, count in sorted(self.passed_over.items()))
             told.append(f"{listed} are passed over: neither text nor pictures are walls")
+        for count, what in (
+            (self.hidden, "hidden"),
+            (self.strays, "far off the page"),
+            (self.broken, "outside of the layers and cannot be read"),
+        ):
+            if count:
+                told.append(f"{count} shape{'s are' if count > 1 else ' is'} {what}, and passed over")
         return told + list(dict.fromkeys([*self.sheet.notices, *self.notices]))
 
-    def shapes(self, element: Element, above: _Placed, depth: int = 0) -> Iterator[_Placed]:
-        """The visible shapes at and below `element`, which the one of `above` holds or repeats, in their order."""
-        if self.count > _MOST_ELEMENTS:
-            return
-        with self.remembered(element):
-            yield from self._shapes(element, above, depth)
+    def shapes(self, root: Element, around: _Placed) -> Iterator[Shape]:
+        """What the visible elements at and below `root` show, in their order."""
+        waiting = list(self._placed(root, around))  # all of them first, to refuse too many before the work
+        far: list[Element] = []
+        for shape in waiting:
+            try:
+                found = self.shape(shape)
+            except OutOfReachError as problem:
+                if problem.off(shape.page.metres):
+                    far.append(shape.element)
+                else:
+                    self._wrong(shape, problem)
+            except ElementError as problem:
+                self._wrong(shape, problem)
+            else:
+                if found is not None:
+                    yield found
+        if len(far) > _FEW * len(waiting):
+            for element in far:
+                with self.remembered(element):
+                    raise ElementError(f"all of it lies farther than {LARGEST:g} m from the page; is the scale right?")
+        self.strays += len(far)
 
-    def _shapes(self, element: Element, above: _Placed, depth: int) -> Iterator[_Placed]:
-        tag, layer = element.tag, above.layer
+    def _wrong(self, shape: _Placed, problem: ElementError) -> None:
+        """Takes note of a shape that cannot be read; outside of the layers of a drawing it is only counted."""
+        if shape.layer or not self.names.says_solid:
+            with self.remembered(shape.element):
+                raise problem
+        self.broken += 1
+
+    def _placed(self, element: Element, around: _Placed, depth: int = 0) -> Iterator[_Placed]:
+        """The visible shapes at and below an element, which the one of `around` holds or repeats, in their order."""
+        waiting: list[_Waiting] = [(element, around, depth)]
+        while waiting:
+            element, above, depth = waiting.pop()
+            with self.remembered(element):
+                shape, below = self._visited(element, above, depth)
+                if shape is not None:
+                    yield shape
+                waiting.extend(reversed(below))
+            if self.count > _MOST_ELEMENTS:
+                return
+
+    def _visited(self, element: Element, above: _Placed, depth: int) -> tuple[_Placed | None, list[_Waiting]]:
+        """The shape that an element is, or those in it or that it repeats."""
+        tag = element.tag
         drawn = tag in SHAPES or tag == "use" or (tag in _GROUPS and (tag != "symbol" or above.element.tag == "use"))
-        if tag in _PASSED_OVER and layer:
+        if tag in _PASSED_OVER and (above.layer or not self.names.says_solid):
             self.passed_over[tag] += 1
         if not drawn:
-            return
+            return None, []
         style = self.sheet.styled(element, above.style)
-        if style["display"] == "none" or fraction(style["opacity"]) <= 0.0:
-            return
+        alpha = above.alpha * fraction(style["opacity"])
+        if style["display"] == "none" or alpha <= 0.0:
+            self.hidden += self._shapes_below(element)
+            return None, []
         if depth > _DEEPEST:
             raise ElementError(f"nested deeper than {_DEEPEST} groups; ungroup it")
-        layer = (self.names.layer_of(element) if self.clips == 0 and depth else "") or layer
+        layer = (self.names.layer_of(element) if self.clips == 0 and depth else "") or above.layer
         area = above.area if layer == SPAWN_LAYER else None
-        if layer:
-            self.count += 1
-            if self.count > _MOST_ELEMENTS:
-                raise ElementError(f"more than {_MOST_ELEMENTS} elements in the layers; simplify the drawing")
-        elif tag == "use" or tag in SHAPES:
-            return
+        self.count += 1
+        if self.count > _MOST_ELEMENTS:
+            raise ElementError(f"more than {_MOST_ELEMENTS} elements; simplify the drawing")
         if layer == SPAWN_LAYER and "id" in element.attributes and (above.layer == SPAWN_LAYER or tag in SHAPES):
             area = area or element
+        group = above.group
+        if tag == "g" and depth and (not group or element.attributes.get(_LAYER) == "layer"):
+            group = next(iter(names_of(element)[::-1]), group)
         matrix = placed(above.matrix, style, above.page)
-        clip = self._clipped(replace(above, element=element, style=style, matrix=matrix))
-        shape = _Placed(element, layer, area, style, matrix, above.page, clip)
-        if tag in SHAPES:
-            if style["visibility"] not in {"hidden", "collapse"}:
-                if layer == SPAWN_LAYER and area is None:
-                    raise ElementError("a spawn area has no id; give it one, by which a scenario can name it")
-                yield shape
-            return
-        yield from self._below(shape, above, depth)
+        shape = replace(
+            above, element=element, layer=layer, area=area, group=group, style=style, alpha=alpha, matrix=matrix
+        )
+        shape = replace(shape, clip=self._clipped(shape))
+        if tag not in SHAPES:
+            return None, self._below(shape, above, depth)
+        if style["visibility"] in {"hidden", "collapse"}:
+            self.hidden += self.clips == 0
+            return None, []
+        if layer == SPAWN_LAYER and area is None:
+            raise ElementError("a spawn area has no id; give it one, by which a scenario can name it")
+        if area is not None and self.areas.setdefault(area.attributes["id"], area) is not area:
+            raise ElementError("another spawn area has the same id; give each its own")
+        return shape, []
 
-    def _below(self, shape: _Placed, above: _Placed, depth: int) -> Iterator[_Placed]:
-        """The shapes in a group, or those that a <use> repeats."""
+    def _shapes_below(self, element: Element) -> int:
+        return 0 if self.clips else sum(one.tag in SHAPES for one in element.tree())
+
+    def _below(self, shape: _Placed, above: _Placed, depth: int) -> list[_Waiting]:
+        """What is in a group, or what a <use> repeats."""
         element = shape.element
         if element.tag == "use":
             shift = (shape.page.length(element, axis) for axis in "xy")
             there = transformed(shape.matrix, "translate({!r} {!r})".format(*shift))
             target = self._target(element)
-            if target is not None:
-                yield from self.shapes(target, replace(shape, matrix=there), depth + 1)
-            return
+            return [] if target is None else [(target, replace(shape, matrix=there), depth + 1)]
         if element.tag == "symbol" or (element.tag == "svg" and depth):
             opened = self._opened(shape, above.element if above.element.tag == "use" else element)
             if opened is None:
-                return
+                return []
             shape = opened
         children = element.children
         if element.tag == "switch":
             children = [child for child in children if _is_able(child)][:1]
-        for child in children:
-            yield from self.shapes(child, shape, depth + 1)
+        return [(child, shape, depth + 1) for child in children]
+
+    def shape(self, placed: _Placed) -> Shape | None:
+        """What a visible element covers, or None if that is nothing."""
+        spawn = placed.layer == SPAWN_LAYER
+        paints = [paint(placed.style, one, self.ids) for one in _PAINT]
+        shown = (True, False) if spawn else (paints[0] is not None, paints[1] is not None)
+        fill, stroke, outlines, pen = covered(placed.element, placed.style, placed.matrix, placed.page, shown)
+        if placed.clip is not None:
+            fill, stroke = (polygons(shapely.intersection(one, placed.clip)) for one in (fill, stroke))
+        if fill.is_empty and stroke.is_empty:
+            self.empty.append(placed.element)
+            return None
+        filled, drawn = (one or Paint(0.0, 1.0) for one in paints)
+        return Shape(
+            fill, stroke, filled.darkness * placed.alpha, drawn.darkness * placed.alpha,
+            filled.alpha * placed.alpha > _OPAQUE, placed.layer, placed.group,
+            placed.area.attributes["id"] if placed.area is not None else "",
+            lines_of(outlines) if paints[1] is not None else (), pen, str(placed.element),
+        )  # fmt: skip
+
+    def without_strays(self, shapes: list[Shape], page: Page) -> list[Shape]:
+        """The shapes but for those that lie off the page, far from nearly all others."""
+        if len(shapes) < 3:
+            return shapes
+        bounds = shapely.bounds([shapely.union(shape.fill.envelope, shape.stroke.envelope) for shape in shapes])
+        centres = 0.5 * (bounds[:, :2] + bounds[:, 2:])
+        low, high = np.quantile(centres, [0.005, 0.995], axis=0, method="nearest")
+        middle, reach = 0.5 * (low + high), 0.5 * _STRAY * np.maximum(high - low, page.metres)
+        off = ((bounds[:, 2:] < 0.0) | (bounds[:, :2] > page.metres)).any(axis=1)
+        far = ((bounds[:, 2:] < middle - reach) | (bounds[:, :2] > middle + reach)).any(axis=1)
+        self.strays += int((off & far).sum())
+        return [shape for shape, stray in zip(shapes, off & far, strict=True) if not stray]
 
     def _opened(self, shape: _Placed, sized: Element) -> _Placed | None:
         """What a nested <svg>, or a <symbol> that a <use> repeats, is around its children; None if it has no size."""
@@ -249,14 +297,11 @@ class _Drawing:
             raise ElementError(f"it repeats {quoted(link)}, which is no shape or group here; unlink the clone")
         return target
 
-    def area(self, shape: _Placed) -> shapely.Geometry:
-        """What a shape covers, in metres, of what can be seen of it."""
-        paints = [luminance(shape.style, paint, self.ids) is not None for paint in _PAINT]
-        if shape.layer == SPAWN_LAYER:
-            paints = [True, False]
-        areas = covered(shape.element, shape.style, shape.matrix, shape.page, (paints[0], paints[1]))
-        whole = joined(areas)
-        return whole if shape.clip is None else polygons(shapely.intersection(whole, shape.clip))
+    def _area(self, placed: _Placed, paints: tuple[bool, bool]) -> shapely.Geometry:
+        """What some paints of an element cover, in metres, of what can be seen of it."""
+        fill, stroke, _, _ = covered(placed.element, placed.style, placed.matrix, placed.page, paints)
+        whole = shapely.union(fill, stroke)
+        return whole if placed.clip is None else polygons(shapely.intersection(whole, placed.clip))
 
     def _clipped(self, shape: _Placed) -> shapely.Geometry | None:
         """What of an element can be seen, by its own clip path and mask and by those around it; None: all of it."""
@@ -292,25 +337,24 @@ class _Drawing:
             around = replace(around, clip=self._clipped(around))
             region: shapely.Geometry = MultiPolygon()
             for child in target.children:
-                for part in self.shapes(child, around, 1):
-                    region = self._lit(region, part) if mask else self._united(region, part)
+                for part in self._placed(child, around, 1):
+                    with self.remembered(part.element):
+                        region = self._lit(region, part) if mask else self._united(region, part)
         finally:
             self.clips -= 1
         return region
 
     def _united(self, region: shapely.Geometry, part: _Placed) -> shapely.Geometry:
         """The region with the inside of a shape of a clip path."""
-        whole = {**part.style, "fill": "black", "fill-opacity": "1", "stroke": "none"}
-        style = {**whole, "fill-rule": part.style["clip-rule"]}
-        return shapely.union(region, self.area(replace(part, style=style)))
+        style = {**part.style, "fill-rule": part.style["clip-rule"]}
+        return shapely.union(region, self._area(replace(part, style=style), (True, False)))
 
     def _lit(self, region: shapely.Geometry, part: _Placed) -> shapely.Geometry:
         """The region with what a shape of a mask lights, without what it darkens."""
-        for paint in _PAINT:
-            bright = luminance(part.style, paint, self.ids)
+        for number, kind in enumerate(_PAINT):
+            bright = luminance(part.style, kind, self.ids)
             if bright is not None:
-                alone = {**part.style, **{other: "none" for other in _PAINT if other != paint}}
-                area = self.area(replace(part, style=alone))
+                area = self._area(part, (number == 0, number == 1))
                 region = shapely.union(region, area) if bright > _BRIGHT else shapely.difference(region, area)
         return region
 
@@ -319,7 +363,7 @@ class _Drawing:
         if shape.element.tag not in SHAPES:
             raise ElementError("it is clipped by the size of a group (objectBoundingBox); release the clip")
         identity = Matrix(1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-        fill, _ = covered(shape.element, INITIAL, identity, shape.page, (True, False))
+        fill, *_ = covered(shape.element, INITIAL, identity, shape.page, (True, False))
         if fill.is_empty:
             raise ElementError("it is clipped by its own size, but has none; release the clip")
         left, top, right, bottom = fill.bounds

@@ -44,6 +44,7 @@ class Page:
     metres: tuple[float, float]  # width and height of the drawing
     matrix: Matrix  # from the root's user units, y down, to metres, y up from the lower left corner
     pen: float  # m, a stroke's unit where it does not scale
+    said: str  # what says how large the drawing is, as in `mm`; empty if nothing does
 
     @classmethod
     def of(cls, root: Element, scale: float, across: float | None = None) -> Page:
@@ -85,7 +86,9 @@ class Page:
         matrix = matrix * Matrix(scale, 0.0, 0.0, -scale, 0.0, size[1])
         unit = math.sqrt(abs(matrix.a * matrix.d))
         pen = _CSS_PIXEL * scale if physical else unit
-        return cls(view[0], view[1], view[2], view[3], unit, (size[0], size[1]), matrix, pen)
+        units = [match[2] for text in sizes.values() if (match := _LENGTH.fullmatch(text))]
+        said = next((unit for unit in units if unit.lower() in _METRES), "")
+        return cls(view[0], view[1], view[2], view[3], unit, (size[0], size[1]), matrix, pen, said)
 
     def within(self, width: float, height: float) -> Page:
         """The same where a viewport of so many user units has a coordinate system of its own."""

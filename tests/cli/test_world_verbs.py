@@ -42,10 +42,14 @@ def test_check_tells_size_rooms_doors_and_seats() -> None:
 
 
 def test_check_ends_with_2_and_names_the_place_where_100_percent_is_unattainable(tmp_path: Path) -> None:
-    text = run("world", "check", ROOM, "--set", "robots.radius=0.5", code=2)
+    wide = ("--set", "robots.radius=0.5", "--set", "robots.count=2")
+    text = run("world", "check", ROOM, *wide, "--set", 'world.pockets="refuse"', code=2)
     assert "100 % is unattainable: " in text
     assert "wider than every door" in text
-    run("world", "preview", ROOM, str(tmp_path / "p.png"), "--set", "robots.radius=0.5")
+    text = run("world", "check", ROOM, *wide)
+    assert "1 place lies behind gaps narrower than a robot of 1 m and does not count" in text
+    assert "% of the floor: is the robot, or the scale, right?" in text
+    run("world", "preview", ROOM, str(tmp_path / "p.png"), *wide)
     with Image.open(tmp_path / "p.png") as picture:
         assert min(picture.size) > 400
 

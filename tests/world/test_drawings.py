@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import resvg_py
+from drawn import read_floor_plan
 from PIL import Image
 from scipy import ndimage
 
@@ -19,7 +20,6 @@ from swarmsim.core.scenario import World
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
-from swarmsim.world.svg import read_floor_plan
 
 WORLDS = Path(__file__).parents[1] / "worlds"
 DRAWINGS = tomllib.loads((WORLDS / "drawings.toml").read_text(encoding="utf-8"))
@@ -82,7 +82,7 @@ def test_what_is_passed_over_is_told_in_one_notice_each() -> None:
     assert opened("cad-inches.svg").notices == ()
     (text,) = opened("text.svg").notices
     assert "1 <image>, 1 <text> are passed over" in text
-    whole, paper = opened("no-layers.svg").notices
+    paper, whole = opened("no-layers.svg").notices
     assert "all 2 visible shapes are walls" in whole
     assert "<rect> number 1 (line 1) fills the page and is taken for its paper" in paper
     assert any(

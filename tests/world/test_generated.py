@@ -100,10 +100,11 @@ def test_what_cannot_be_made_is_refused(kind: str, keys: dict, message: str) -> 
         build(scenario(kind, 1, **keys), "made.toml")
 
 
-def test_doors_pockets_and_seats_are_found() -> None:
+@pytest.mark.parametrize("pockets", ["ignore", "refuse"])
+def test_doors_pockets_and_seats_are_found(pockets: str) -> None:
     made = decode(
         {
-            "world": {"file": "tests/worlds/hand-written.svg"},
+            "world": {"file": "tests/worlds/hand-written.svg", "pockets": pockets},
             "robots": {"count": 2, "radius": 0.2},
             "network": {"topology": {"use": "none"}},
         },
@@ -116,6 +117,10 @@ def test_doors_pockets_and_seats_are_found() -> None:
     )
     found = inspect(made, text, "x.toml", 1.5)
     assert [(round(door.width, 2), np.round(door.place, 1).tolist()) for door in found.doors] == [(0.6, [4.3, 3.2])]
-    assert found.problem is not None
-    assert "has no way to spawn area" in found.problem
+    if pockets == "refuse":
+        assert found.problem is not None
+        assert "has no way to spawn area" in found.problem
+    else:
+        assert found.problem is None
+        assert any("1 pocket of 1.10 m2 at (8.18 m, 0.82 m) cannot be entered" in notice for notice in found.notices)
     assert found.pockets[0].cells > 20

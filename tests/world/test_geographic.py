@@ -19,6 +19,7 @@ from swarmsim.world import geojson, imdf, osm
 from swarmsim.world.levels import levels_of
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.projection import Projection
+from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
 
 HAMBURG = (9.93, 53.55)
@@ -63,12 +64,10 @@ def layer(drawing: Drawing, name: str) -> shapely.Geometry:
 
 
 def floor(drawing: Drawing) -> shapely.Geometry:
-    """Rooms without walls of 0.1 m along their borders and without all that is solid, but with doors."""
-    rooms = [shape.fill for shape in drawing.shapes if shape.layer == "floor"]
-    walls = shapely.union_all([shapely.boundary(room).buffer(0.05) for room in rooms])
-    solid = shapely.union_all([walls, *(layer(drawing, one) for one in ("walls", "pillars", "furniture"))])
-    doors = layer(drawing, "doors")
-    return shapely.union_all([*rooms, doors]).difference(solid.difference(doors))
+    """What is inside of rooms, or in a door, and not solid, as it is read in the end."""
+    plan = plan_of(drawing, World(file="map.geojson", doors=0.0))
+    inside = shapely.union_all([shape.fill for shape in drawing.shapes if shape.layer in ("floor", "doors")])
+    return inside.difference(plan.walls)
 
 
 def check(

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from drawn import read_floor_plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
@@ -23,7 +24,6 @@ from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.rasters import rasterised
 from swarmsim.world.source import floor_plan, read_world
-from swarmsim.world.svg import read_floor_plan
 from swarmsim.world.tracing import traced
 
 WORLDS = Path(__file__).parents[2] / "worlds"

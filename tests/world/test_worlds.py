@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import shapely
 from conftest import ROOT, made
+from drawn import read_floor_plan
 
 from swarmsim.world.arena import Arena
-from swarmsim.world.svg import read_floor_plan
 
 WORLDS = ROOT / "worlds"
 ROBOT = 0.055

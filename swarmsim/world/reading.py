@@ -1,0 +1,259 @@
+"""What of a drawing is solid: by its layers, by its ink, or by its strokes alone."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.events import Box
+from swarmsim.core.scenario import World
+from swarmsim.world.areas import joined, polygons, united
+from swarmsim.world.doors import cut_by_symbols, make_doors
+from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
+from swarmsim.world.shapes import Drawing, Shape
+
+DOOR: Final = 0.9  # m, of doors that are made in plans of rooms, unless `world.doors` says otherwise
+PARTITION: Final = 0.1  # m, the thickness of walls along the borders of rooms that are drawn without any
+STROKE_INK, FILL_INK = 0.2, 0.5  # how far from the paper's colour strokes and fills of walls are, at least
+BLACK: Final = 0.75  # fills darker than that are no floor
+WIDE: Final = 0.6  # m, 2 area / perimeter: fills of walls are narrower, those of rooms wider
+PAPER: Final = 0.03  # how far from the paper's colour a shape may be that nobody can tell from it
+ROOMS: Final = (0.5, 0.4, 3)  # of the building's hull solid, and covered by wide light fills, and how many of these
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """What is solid in a drawing without layers, and how that was found."""
+
+    solid: MultiPolygon
+    rooms: bool  # whether it is a plan of rooms, whose fills are floor
+    notices: list[str]
+
+
+def plan_of(drawing: Drawing, world: World) -> FloorPlan:
+    """The floor plan that a drawing shows, with doors cut into it and made in it.
+
+    A drawing with layers says itself what is solid; the rest is decoration. Without them all that it shows is, but for
+    its paper and what has the paper's colour, which cuts what lies below it. By `world.solid = "strokes"`, or if it is
+    plainly a plan of rooms, dark strokes and thin dark fills are walls, and all other fills are floor that covers what
+    lies below. Raises InputError if nothing is solid.
+    """
+    page = drawing.page
+    by_layer: defaultdict[str, list[Shape]] = defaultdict(list)
+    for shape in drawing.shapes:
+        by_layer[shape.layer].append(shape)
+    notices = list(drawing.notices)
+    undecided, rooms = by_layer[""], bool(by_layer[FLOOR_LAYER])
+    if drawing.says_solid:
+        layers = {layer: united(_layer(by_layer[layer], world, page)) for layer in SOLID_LAYERS}
+        rooms |= world.solid == "strokes"
+        if beside := [shape for shape in undecided if not _fills(shape, page)]:
+            notices.append(_decoration(beside, by_layer))
+    else:
+        read = _read(undecided, world, page, bool(by_layer[DOORS_LAYER]))
+        layers = {layer: read.solid if layer == "walls" else MultiPolygon() for layer in SOLID_LAYERS}
+        rooms |= read.rooms
+        notices += read.notices
+    if floors := by_layer[FLOOR_LAYER]:
+        layers = _with_rooms(layers, floors)
+    if openings := by_layer[DOORS_LAYER]:
+        cuts = united(_area(shape) for shape in openings)
+        layers = {layer: polygons(shapely.difference(shape, cuts)) for layer, shape in layers.items()}
+    if world.despeckle:
+        layers = {layer: _without_specks(shape, world.despeckle) for layer, shape in layers.items()}
+    unknown = united(_area(shape) for shape in by_layer[UNKNOWN_LAYER])
+    if all(layer.is_empty for layer in layers.values()) and (unknown.is_empty or world.unknown != "wall"):
+        raise InputError(
+            f"{drawing.name}: nothing in it is solid{drawing.nothing}; draw the walls as filled shapes or as strokes"
+        )
+    walls = united(layers.values()) if drawing.says_solid else joined(layers.values())
+    made: tuple[Box, ...] = ()
+    width = world.doors if world.doors is not None else DOOR if rooms else 0.0
+    if width:
+        opened = make_doors(walls, width)
+        made = tuple(tuple(map(float, door.bounds)) for door in opened.doors)  # type: ignore[misc]
+        if made:
+            layers = {layer: polygons(shapely.difference(shape, opened.cuts)) for layer, shape in layers.items()}
+            walls = polygons(shapely.difference(walls, opened.cuts))
+            doors = "1 door" if len(made) == 1 else f"{len(made)} doors"
+            notices.append(
+                f"{doors} of {width:g} m {'was' if len(made) == 1 else 'were'} made, for rooms that are drawn closed; "
+                "world.doors = 0 makes none"
+            )
+    if world.unknown == "wall" and not unknown.is_empty:
+        walls = joined([walls, unknown])
+    spawns: dict[str, MultiPolygon] = {}
+    for name in dict.fromkeys(shape.spawn for shape in by_layer[SPAWN_LAYER]):
+        spawns[name] = united(_area(shape) for shape in by_layer[SPAWN_LAYER] if shape.spawn == name)
+    told = tuple(f"{drawing.name}: {notice}" for notice in notices)
+    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made)
+
+
+def _area(shape: Shape) -> MultiPolygon:
+    """All that a shape paints."""
+    return joined([shape.fill, shape.stroke])
+
+
+def _layer(shapes: Sequence[Shape], world: World, page: Box) -> list[MultiPolygon]:
+    """What the shapes of a solid layer cover."""
+    return [_strokes(shapes, page, 0.0)] if world.solid == "strokes" else [_area(shape) for shape in shapes]
+
+
+def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> Read:
+    """What is solid among shapes that no layer says anything of."""
+    paper = [shape for shape in shapes if _fills(shape, page)]
+    shown = [shape for shape in shapes if not _fills(shape, page)]
+    ground = paper[-1].fill_ink if paper else 0.0
+    notes = [f"{paper[-1].where} fills the page and is taken for its paper, not for a wall"] if paper else []
+    if not shown:
+        return Read(MultiPolygon(), False, notes)
+    drawn, symbols = cut_by_symbols(shown)
+    lines = _strokes(drawn, page, ground)
+    share, likely = _rooms(shown, lines, ground)
+    rooms = world.solid == "strokes" or (world.solid is None and likely)
+    if likely and rooms:
+        notes.append(
+            f"filled areas cover {100.0 * share:.0f} % of the building: its strokes are taken for walls and its fills "
+            'for floor (world.solid = "strokes"); world.solid = "all" takes all of it for walls'
+        )
+    elif not rooms:
+        number = f"all {len(shown)} visible shapes are walls"
+        notes.append(f"it has no layer of {', '.join(SOLID_LAYERS)}, so that {number}")
+    if len(symbols):
+        count = "1 door symbol cuts" if len(symbols) == 1 else f"{len(symbols)} door symbols cut"
+        notes.append(f"{count} the walls")
+    solid = lines if rooms else _all(drawn, ground)
+    if len(symbols):
+        solid = polygons(shapely.difference(solid, shapely.union_all(symbols)))
+    return Read(solid, rooms, notes)
+
+
+def _fills(shape: Shape, page: Box) -> bool:
+    """Whether a shape is as large as the page."""
+    left, low, right, high = page
+    paper = shapely.box(*page)
+    inner = shapely.buffer(paper, -1e-3 * max(right - left, high - low))
+    return shape.fill.area >= 0.999 * paper.area and bool(shape.fill.covers(inner))
+
+
+def _all(shapes: Sequence[Shape], ground: float) -> MultiPolygon:
+    """All that is painted; what has the colour of the paper cuts what lies below."""
+    ink = [(number, _area_of_ink(shape, ground, PAPER, PAPER)) for number, shape in enumerate(shapes)]
+    covers = [(number, _area_of_paper(shape, ground, PAPER, PAPER)) for number, shape in enumerate(shapes)]
+    return _painted(ink, covers)
+
+
+def _strokes(shapes: Sequence[Shape], page: Box, ground: float) -> MultiPolygon:
+    """Dark strokes and thin dark fills; all other opaque paint covers what lies below."""
+    ink, covers = [], []
+    for number, shape in enumerate(shapes):
+        dark = abs(shape.fill_ink - ground) >= FILL_INK and _breadth(shape.fill) < WIDE
+        filled = FILL_INK if dark else np.inf
+        ink.append((number, _area_of_ink(shape, ground, filled, STROKE_INK)))
+        covers.append((number, _area_of_paper(shape, ground, filled, STROKE_INK)))
+    return _painted(ink, covers)
+
+
+def _area_of_ink(shape: Shape, ground: float, fill: float, stroke: float) -> MultiPolygon:
+    """The paint of a shape that stands out from the paper's ink `ground` by so much."""
+    parts = [shape.fill] if abs(shape.fill_ink - ground) >= fill else []
+    parts += [shape.stroke] if abs(shape.stroke_ink - ground) >= stroke else []
+    return joined(parts)
+
+
+def _area_of_paper(shape: Shape, ground: float, fill: float, stroke: float) -> MultiPolygon:
+    """The opaque paint of a shape that does not, without what its own stroke paints over it."""
+    stroked = abs(shape.stroke_ink - ground) >= stroke
+    parts = [shape.fill] if shape.opaque and abs(shape.fill_ink - ground) < fill else []
+    parts += [shape.stroke] if not stroked and not shape.stroke.is_empty else []
+    return joined(parts)
+
+
+def _painted(ink: list[tuple[int, MultiPolygon]], covers: list[tuple[int, MultiPolygon]]) -> MultiPolygon:
+    """The union of ink, each without the covers of later shapes."""
+    ink = [(number, shape) for number, shape in ink if not shape.is_empty]
+    covers = [(number, shape) for number, shape in covers if not shape.is_empty]
+    if not covers or not ink:
+        return united(shape for _, shape in ink)
+    tree = shapely.STRtree([shape for _, shape in covers])
+    order = np.array([number for number, _ in covers])
+    left, found = tree.query([shape for _, shape in ink], predicate="intersects")
+    later = order[found] > np.array([number for number, _ in ink])[left]
+    hidden: defaultdict[int, list[shapely.Geometry]] = defaultdict(list)
+    for which, cover in zip(left[later], found[later], strict=True):
+        hidden[int(which)].append(covers[cover][1])
+    return united(
+        shape if number not in hidden else shapely.difference(shape, shapely.union_all(hidden[number]))
+        for number, (_, shape) in enumerate(ink)
+    )
+
+
+def _rooms(shapes: Sequence[Shape], lines: MultiPolygon, ground: float) -> tuple[float, bool]:
+    """The share of the building that wide light fills cover, and whether it is plainly a plan of rooms.
+
+    Its fills have lines along most of their borders, or strokes alone would not make walls.
+    """
+    light = [
+        shape.fill
+        for shape in shapes
+        if not shape.fill.is_empty and _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
+    ]
+    if len(light) < ROOMS[2]:
+        return 0.0, False
+    whole = shapely.union_all([_area(shape) for shape in shapes])
+    hull = shapely.convex_hull(whole).area
+    share = shapely.union_all(light).area / hull
+    if whole.area <= ROOMS[0] * hull or share < ROOMS[1]:
+        return share, False
+    near = shapely.buffer(lines, 0.02)
+    borders = shapely.boundary(np.array(light))
+    lined = shapely.length(shapely.intersection(borders, near)) >= 0.5 * shapely.length(borders)
+    return share, bool(lined.mean() >= 0.5)
+
+
+def _breadth(shape: MultiPolygon) -> float:
+    """2 area / perimeter (m), the width of something long; of nothing, 0."""
+    return 2.0 * shape.area / shape.length if shape.length else 0.0
+
+
+def _with_rooms(layers: dict[str, MultiPolygon], floors: Sequence[Shape]) -> dict[str, MultiPolygon]:
+    """The layers with rooms, which cover what is solid and have walls along their borders."""
+    borders = [
+        shape.stroke
+        if not shape.stroke.is_empty
+        else polygons(shapely.buffer(shape.fill.boundary, PARTITION / 2.0, join_style="mitre", cap_style="flat"))
+        for shape in floors
+    ]
+    covered = shapely.union_all([shape.fill for shape in floors])
+    kept = {layer: polygons(shapely.difference(shape, covered)) for layer, shape in layers.items()}
+    return {**kept, "walls": united([kept["walls"], *borders])}
+
+
+def _without_specks(shape: MultiPolygon, least: float) -> MultiPolygon:
+    """A layer without pieces that are smaller than `least` (m2)."""
+    return MultiPolygon([piece for piece in shape.geoms if piece.area >= least])
+
+
+def _decoration(shapes: Sequence[Shape], by_layer: dict[str, list[Shape]]) -> str:
+    """What a drawing with layers shows outside of them."""
+    solid = [shape for layer in SOLID_LAYERS for shape in by_layer[layer]]
+    ink = sum(_area(shape).area for shape in shapes)
+    total = ink + sum(_area(shape).area for shape in solid)
+    groups = Counter(shape.group for shape in shapes)
+    listed = ", ".join(f"{f'`{group}`' if group else 'no layer'} {count}" for group, count in groups.most_common(6))
+    more = f" and {len(groups) - 6} more" if len(groups) > 6 else ""
+    first = next((group for group, _ in groups.most_common() if group), "")
+    hint = f'; if walls are among it, say so: world.layers = {{walls = ["{first}"]}}' if first else ""
+    count = "1 visible shape" if len(shapes) == 1 else f"{len(shapes)} visible shapes"
+    share = 100.0 * ink / total if total else 0.0
+    return (
+        f"{count} outside of its layers, {share:.0f} % of what is drawn, {'is' if len(shapes) == 1 else 'are'} "
+        f"decoration ({listed}{more}){hint}"
+    )

@@ -1,0 +1,25 @@
+"""Floor plans of drawings in a test's own text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from swarmsim.core.scenario import World
+from swarmsim.world import svg
+from swarmsim.world.plan import FloorPlan
+from swarmsim.world.reading import plan_of
+
+
+def read_floor_plan(
+    source: str,
+    name: str,
+    scale: float = 1.0,
+    across: float | None = None,
+    layers: Mapping[str, Sequence[str]] | None = None,
+    **keys: object,
+) -> FloorPlan:
+    """What of an SVG text is solid, before its floor is chosen."""
+    more = {"layers": {layer: list(names) for layer, names in layers.items()}} if layers else {}
+    size = {"width": across} if across is not None else {"scale": scale}
+    world = World(file=name, **size, **more, **keys)
+    return plan_of(svg.read(source, name, world), world)
