@@ -30,16 +30,22 @@ def storey(parts: Sequence[Part], notices: list[str]) -> list[Shape]:
     walled = any(part.role == "walls" and part.feature.properties.get("type") in ("wall", "window") for part in parts)
     floor = _floor(parts, walled)
     own = [layer for layer in LAYERS if layer not in (FLOOR_LAYER, DOORS_LAYER)]
+    stairs = [part for part in parts if part.role == NO_FLOOR and part.flat]
     solid = [shape for layer in own for shape in _drawn(parts, (layer,), layer)]
+    solid += _drawn(stairs, (NO_FLOOR,), "walls")  # or doors would be made into them, as into closed rooms
     doors = _doors(parts, floor, solid, walled, notices)
     mended = sum(not part.shape.is_valid for part in parts if part.role)
     if mended:
         notices.append(f"{mended} areas with outlines that cross themselves were mended")
-    lost = [part for part in parts if part.role in ("", NO_FLOOR) or (part.role in FLOORS and not part.flat)]
-    other = Counter(kind_of(part.feature.properties) for part in lost)
-    if other:
-        told = ", ".join(f"{kind} {count}" for kind, count in sorted(other.items())[:_NAMED])
-        notices.append(f"{sum(other.values())} features are neither floor nor wall and are passed over: {told}")
+    lost = [part for part in parts if not part.role or (part.role in (NO_FLOOR, *FLOORS) and not part.flat)]
+    for what, told in (
+        (stairs, "areas are no floor and closed"),
+        (lost, "features are passed over, neither floor nor wall nor door"),
+    ):
+        kinds = Counter(kind_of(part.feature.properties) for part in what)
+        if kinds:
+            listed = ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items())[:_NAMED])
+            notices.append(f"{len(what)} {told}: {listed}")
     inner = [*solid, *(shape for shape in doors if shape.layer != DOORS_LAYER)]
     return [*_walled(floor, inner), *_between(floor), *solid, *doors]
 
@@ -54,9 +60,8 @@ def _floor(parts: Sequence[Part], walled: bool) -> list[Shape]:
     """Rooms, and floor that is open towards other floor in one piece where it touches, without the rooms in it."""
     rooms = _drawn(parts, (FLOOR_LAYER,) if walled else (FLOOR_LAYER, ROOM), FLOOR_LAYER)
     open_ = _drawn(parts, (OPEN, OUTLINE) if walled else (OPEN,), FLOOR_LAYER)
-    stairs = [part.area() for part in parts if walled and part.role == NO_FLOOR]
     rest = shapely.union_all([shape.fill for shape in open_]).difference(
-        shapely.union_all([*(room.fill for room in rooms), *stairs])
+        shapely.union_all([room.fill for room in rooms])
     )
     tree = shapely.STRtree([shape.fill for shape in open_])
     pieces = polygons(rest).geoms

@@ -353,7 +353,7 @@ def test_what_is_neither_floor_nor_wall_is_counted() -> None:
         mark((1, 1), amenity="bench"),
         mark((0, 0), (3, 0), indoor="corridor"),  # a corridor without an area
     ]
-    told = "3 features are neither floor nor wall and are passed over: bench 1, corridor 1, yes 1"
+    told = "3 features are passed over, neither floor nor wall nor door: bench 1, corridor 1, yes 1"
     assert any(told in notice for notice in opened([*two_rooms(), *more]).notices)
 
 
@@ -424,7 +424,8 @@ def test_a_level_of_a_venue_is_its_units_with_openings(tmp_path: Path, level: st
     )
     assert len(doors(drawing)) == 2
     assert any("2 of 4 doors" in notice for notice in drawing.notices)
-    assert any("elevator 1, nonpublic 1" in notice for notice in drawing.notices)
+    assert "2 areas are no floor and closed: elevator 1, nonpublic 1" in drawing.notices
+    assert not plan_of(drawing, World(file="v")).openings  # no door is made into the lift or the offices
 
 
 def test_an_archive_of_a_venue_is_the_same(tmp_path: Path) -> None:
