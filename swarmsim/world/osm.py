@@ -66,7 +66,7 @@ def read(path: Path, world: World) -> Drawing:
     drawing = drawn(found, name, world, unit="degrees")
     if not broken:
         return drawing
-    lost = f"{broken} ways and relations lack nodes or ways that the file does not hold, and are passed over"
+    lost = f"ways and relations with nodes or ways that the file does not hold are passed over ({broken})"
     return replace(drawing, notices=(*drawing.notices, lost))
 
 

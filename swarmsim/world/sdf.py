@@ -81,9 +81,9 @@ class _Reader:
         ):
             if names:
                 more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-                told.append(f"{sum(names.values())} {what}: {', '.join(list(names)[:_NAMED])}{more}")
+                told.append(f"{what}: {', '.join(list(names)[:_NAMED])}{more}")
         if self.robots:
-            told.append(f"{len(self.robots)} models have wheels and are taken for robots; they start where these stand")
+            told.append(f"models with wheels are robots, and the spawn area is where they stand ({len(self.robots)})")
         return told
 
     def models(self, parent: Any, to: Pose) -> None:

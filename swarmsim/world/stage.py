@@ -72,7 +72,7 @@ def read(path: Path, world: World) -> Drawing:
     page = (float(bounds[0]), float(bounds[1]), float(bounds[2]), float(bounds[3]))
     shapes = [*solid, *start(robots, solid, page)]
     if len(shapes) > len(solid):
-        reader.notices.append(f"where its {len(robots)} robots stand is the spawn area")
+        reader.notices.append(f"the spawn area is where its robots stand ({len(robots)})")
     return sheet(str(path), shapes, world, page, "m", tuple(dict.fromkeys(reader.notices)))
 
 

@@ -36,16 +36,16 @@ def storey(parts: Sequence[Part], notices: list[str]) -> list[Shape]:
     doors = _doors(parts, floor, solid, walled, notices)
     mended = sum(not part.shape.is_valid for part in parts if part.role)
     if mended:
-        notices.append(f"{mended} areas with outlines that cross themselves were mended")
+        notices.append(f"outlines that cross themselves were mended ({mended})")
     lost = [part for part in parts if not part.role or (part.role in (NO_FLOOR, *FLOORS) and not part.flat)]
     for what, told in (
-        (stairs, "areas are no floor and closed"),
-        (lost, "features are passed over, neither floor nor wall nor door"),
+        (stairs, "no floor, and closed"),
+        (lost, "passed over, as neither floor nor wall nor door"),
     ):
         kinds = Counter(kind_of(part.feature.properties) for part in what)
         if kinds:
             listed = ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items())[:_NAMED])
-            notices.append(f"{len(what)} {told}: {listed}")
+            notices.append(f"{told}: {listed}")
     inner = [*solid, *(shape for shape in doors if shape.layer != DOORS_LAYER)]
     return [*_walled(floor, inner), *_between(floor), *solid, *doors]
 
@@ -116,7 +116,7 @@ def _doors(
         else:
             found.append(part.drawn(MultiPolygon([opening]), DOORS_LAYER))
     if closed:
-        notices.append(f"{closed} of {len(marks)} doors do not lead from room to room and stay closed")
+        notices.append(f"doors that do not lead from room to room stay closed ({closed} of {len(marks)})")
     return found
 
 

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World, load
 from swarmsim.world import imdf, osm, sdf, stage
+from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
 from swarmsim.world.source import floor_plan, read_world
 
@@ -105,7 +106,8 @@ def opened(path: Path, **more: object) -> None:
 def drawn(path: Path, read: Callable[[Path, World], Drawing]) -> None:
     """Reads a file by one reader; a refusal is as good as a success."""
     begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    _refusing(lambda: read(path, World(file=str(path))))
+    world = World(file=str(path))
+    _refusing(lambda: plan_of(read(path, world), world))
     assert time.perf_counter() - begun < LONGEST
     assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MOST
 
