@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy import sparse
 from shapely import MultiPolygon, affinity
 from svgelements import Matrix
 
@@ -18,6 +19,7 @@ from swarmsim.world.viewport import LARGEST, Page
 
 _GRID = 1e-9  # m, coordinates are rounded to it, which welds walls that abut
 _BOUNDLESS = 1e12  # user units, beyond which geometry fails before the scale applies
+_MANY = 1000  # shapes, of which those that touch are looked for before they are united
 _CAPS = {"butt": "flat", "round": "round", "square": "square"}
 _JOINS = {"miter": "mitre", "miter-clip": "mitre", "arcs": "mitre", "round": "round", "bevel": "bevel"}
 _UNSCALED = "non-scaling-stroke"
@@ -55,7 +57,19 @@ def covered(
 
 def united(geometries: Iterable[shapely.Geometry]) -> MultiPolygon:
     """The union as a MultiPolygon, rounded to the grid."""
-    return polygons(shapely.union_all(list(geometries), grid_size=_GRID))
+    shapes = np.array(list(geometries), dtype=object)
+    if len(shapes) < _MANY:
+        return polygons(shapely.union_all(shapes, grid_size=_GRID))
+    # Most of many shapes touch no other: they need no union, which takes much longer than finding that out.
+    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(shapes), len(shapes)))
+    _, piece = sparse.csgraph.connected_components(links, directed=False)
+    order = np.argsort(piece, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(piece[order])) + 1)
+    alone = np.array([group[0] for group in groups if len(group) == 1], np.int64)
+    parts = list(shapely.set_precision(shapes[alone], _GRID))
+    parts += [shapely.union_all(shapes[group], grid_size=_GRID) for group in groups if len(group) > 1]
+    return MultiPolygon([part for shape in parts for part in polygons(shape).geoms])
 
 
 def joined(shapes: Iterable[MultiPolygon]) -> MultiPolygon:
