@@ -226,7 +226,8 @@ def _table(recording: Recording, folder: Path) -> Table:
     shown: dict[str, Any] = {}
     for name, value in summary.items():
         shown |= _measures(value, recording) if name == "measures" else {name: value}
-    shown["reached"] = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in summary["reached"].items())
+    times = summary["reached"].items()
+    shown["reached"] = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in times) or "-"
     shown["lost"] = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items()) or "none"
     shown["progress"] = f"{100.0 * summary['progress']:.2f} %"
     shown["events"] = "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else []))

@@ -24,6 +24,7 @@ from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario, shape
 from swarmsim.recording import layout
 from swarmsim.recording.layout import FAR
+from swarmsim.recording.measures import times_of
 
 FORMAT_NAME: Final = "swarmsim-recording"  # the attribute with the number
 FORMAT: Final = 4  # raised whenever an older reader would misread a newer file
@@ -38,7 +39,6 @@ READING: Final = (
     msgspec.MsgspecError,
 )
 READ_AHEAD: Final = 1 << 20  # rows of large tables
-SHARES: Final = (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)  # of the task, whose times a summary tells
 
 
 class Recording:
@@ -247,11 +247,6 @@ class Recording:
             heard += int(size.sum(where=fate == 0, dtype=np.int64))
         return counts, heard
 
-    def reached(self, share: float) -> int | None:
-        """The number of iterations after which this share of the task was done, or None."""
-        hits = np.flatnonzero(self.progress >= share)
-        return int(hits[0]) + 1 if len(hits) else None
-
     def summary(self) -> dict[str, Any]:
         """The run in a few numbers, for tables and JSON."""
         events = self.events()
@@ -263,7 +258,9 @@ class Recording:
             "iterations": self.iterations,
             "measures": {name: float(self[name][-1]) for name in self.measures} if ran else {},
             "progress": float(self.progress[-1]) if ran else 0.0,
-            "reached": {f"{100 * share:g} %": self.reached(share) for share in SHARES} if ran else {},
+            "reached": {f"{at} %": time for at, time in times_of(self[self.curve.name], self.curve).items()}
+            if ran
+            else {},
             "robots": self.scenario.robots.count,
             "alive": int(self["alive"][-1].sum()) if ran else self.scenario.robots.count,
             "domain cells": int(self["domain"].sum()),

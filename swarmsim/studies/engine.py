@@ -73,8 +73,9 @@ def _failed(task: Task, text: str) -> Row:
 def _simulate(task: Task) -> Row:
     made = build(task.scenario, task.condition, task.world)
     simulation, digests = made.simulation, Digests()
-    summaries = [RunMeasures(task.scenario.robots, task.scenario.period), *simulation.parts.task.summaries()]
-    curve = CurveKeeper(simulation.parts.task.curve.name)
+    asked = simulation.parts.task
+    summaries = [RunMeasures(task.scenario.robots, task.scenario.period, asked.curve), *asked.summaries()]
+    curve = CurveKeeper(asked.curve.name)
     probes: list[Probe] = [digests, curve, *summaries]
     with ExitStack() as stack:
         if task.recording is not None:
