@@ -137,6 +137,7 @@ def table(
     if compare is not None:
         if compare not in found:
             raise InputError(f"--compare {compare}: no such condition; known: {', '.join(found)}")
+        _notice_unlike(opened)
         print_table(f"against {compare}", res.COMPARED, res.compared(found, compare))
     print(f"digest of the runs: {res.digest(list(found.values()))}")
 
@@ -245,6 +246,8 @@ def best(
     from swarmsim.studies.plan import open_study
 
     opened = open_study(study, 1)
+    if not quiet:
+        _notice_unlike(opened)
     with opened_store(store, study) as results:
 
         def more(tasks: Sequence[Task]) -> None:
@@ -324,6 +327,14 @@ def _trial(opened: Plan) -> float:
         each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
         seconds.append(each * min(one.scenario.stop.iterations, 700))
     return sum(seconds) / len(seconds)
+
+
+def _notice_unlike(opened: Plan) -> None:
+    """Say in what the conditions of a study differ that makes their numbers tell little of each other."""
+    from swarmsim.studies.likeness import Side, notices
+
+    for notice in notices([Side(one.name, one.scenario, opened.world_of(one)) for one in opened.conditions]):
+        print(f"notice: {notice}")
 
 
 def opened_store(asked: Path | None, study: Path) -> Store:
