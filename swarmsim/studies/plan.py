@@ -20,6 +20,7 @@ from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario, assign, decode, files_outside, read_toml, spelled_out, tables
 from swarmsim.engine.build import build
+from swarmsim.recording import measures
 from swarmsim.recording.digests import versions
 from swarmsim.world.source import read_world
 
@@ -89,14 +90,14 @@ class Plan:
         return self.worlds[_world_key(condition.scenario)]
 
     def identity(self, condition: Condition, seed: int) -> str:
-        """A hash of all that the run depends on, versions and files of parts that are not ours included."""
+        """A hash of all that its row depends on, versions and files of parts that are not ours included."""
         scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="")
         table = {**msgspec.structs.asdict(scenario), "world": _unnamed(scenario)}
         hashed = hashlib.blake2b(digest_size=16)
         hashed.update(msgspec.json.encode(table, order="deterministic"))
         hashed.update(self.world_of(condition).encode())
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
-        hashed.update(msgspec.json.encode(kept, order="sorted"))
+        hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
         parts = [*tables(condition.scenario).items(), *(("fault", fault) for fault in condition.scenario.faults)]
         for seam, table in parts:
             hashed.update(registry.source_of(seam, table["use"]))
