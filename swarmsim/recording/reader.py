@@ -252,15 +252,14 @@ class Recording:
         events = self.events()
         ends = ["finished" if event.finished else "not finished" for event in events if isinstance(event, Ended)]
         ran = self.iterations > 0
+        times = times_of(self[self.curve.name], self.curve) if ran and self.measures else {}
         return {
             "title": self.scenario.title,
             "status": ends[-1] if ends else "interrupted",
             "iterations": self.iterations,
             "measures": {name: float(self[name][-1]) for name in self.measures} if ran else {},
             "progress": float(self.progress[-1]) if ran else 0.0,
-            "reached": {f"{at} %": time for at, time in times_of(self[self.curve.name], self.curve).items()}
-            if ran
-            else {},
+            "reached": {f"{share} %": at for share, at in times.items()},
             "robots": self.scenario.robots.count,
             "alive": int(self["alive"][-1].sum()) if ran else self.scenario.robots.count,
             "domain cells": int(self["domain"].sum()),
