@@ -77,12 +77,12 @@ def _film() -> str:
 
 
 def _letters() -> str:
-    from swarmsim.view.symbols import Lettering
+    from swarmsim.view.lettering import FONT, Lettering
 
     width = Lettering().render("swarmsim", 24, (255, 255, 255)).get_width()
     if width < 20:
         raise RuntimeError("letters have no width")
-    return "pygame's own font"
+    return FONT.stem
 
 
 def _compiled() -> str:

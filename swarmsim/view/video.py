@@ -22,9 +22,10 @@ from swarmsim.core.errors import InputError, StorageError
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.cards import draw_card, first_lines, last_lines
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene
-from swarmsim.view.symbols import Lettering, opaque
+from swarmsim.view.symbols import opaque
 
 HOLD = 2.0  # s of film, how long the end and each card stay
 SMALLEST = (480, 270)  # pixels, below which nothing can be read

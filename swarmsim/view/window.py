@@ -14,13 +14,12 @@ from swarmsim.core.errors import InputError
 from swarmsim.recording.reader import Recording
 from swarmsim.view.camera import Camera
 from swarmsim.view.canvas import Canvas
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import LAYERS, Look
 from swarmsim.view.scene import Scene
-from swarmsim.view.symbols import Lettering
-from swarmsim.view.video import Film, write_film
+from swarmsim.view.video import SMALLEST, Film, write_film
 
 BAR: Final = 64  # pixels below the picture: the time line and a line of words
-SMALLEST: Final = (640, 360)
 FRAMES: Final = 60  # a second
 BUDGET: Final = 0.03  # s of simulating for one frame, at most
 RENEWED: Final = 0.5  # s from one drawing of the panel to the next, of a run that goes on
@@ -342,18 +341,22 @@ class Window:
             pygame.draw.line(self._screen, theme.mark, (x, line.top - 2), (x, line.bottom + 2), 2)
         state = "running" if self.playing else "over" if self._show.over and done >= 1.0 else "paused"
         told = f"{state}, {SPEEDS[self._speed]} iterations a second    {self.words}"
-        text = self._letters.fitted(told, 20, theme.text, width - 24)
+        size = self._letters.size(told, 20, 15, width - 24)
+        text = self._letters.fitted(told, size, theme.text, width - 24)
         self._screen.blit(text, (12, height - BAR + 30))
 
     def _draw_help(self) -> None:
-        theme, lines = self._look.colours, [self._letters.render(text, 22, self._look.colours.text) for text in HELP]
-        width, height = max(line.get_width() for line in lines) + 40, 30 * len(lines) + 30
+        theme, letters, room = self._look.colours, self._letters, self._screen.get_width() - 60
+        size = min(letters.size(text, 22, 12, room) for text in HELP)
+        lines = [letters.fitted(text, size, theme.text, room) for text in HELP]
+        row = round(1.35 * size)
+        width, height = max(line.get_width() for line in lines) + 40, row * len(lines) + 30
         area = pygame.Rect(0, 0, width, height)
         area.center = (self._screen.get_width() // 2, (self._screen.get_height() - BAR) // 2)
         pygame.draw.rect(self._screen, theme.background, area, border_radius=8)
         pygame.draw.rect(self._screen, theme.rule, area, 2, border_radius=8)
         for place, line in enumerate(lines):
-            self._screen.blit(line, (area.left + 20, area.top + 18 + 30 * place))
+            self._screen.blit(line, (area.left + 20, area.top + 18 + row * place))
 
 
 def driver() -> str:
