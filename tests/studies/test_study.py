@@ -5,9 +5,11 @@ import json
 import os
 import shlex
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -118,16 +120,20 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     return study, folder / "small.sqlite", run_all(study, folder / "small.sqlite")
 
 
-def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(done, tmp_path: Path) -> None:
+def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(
+    done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("swarmsim.studies.engine.ANSWER", 3600.0)
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "3600s")
     study, _, digest = done
     assert run_all(study, tmp_path / "one.sqlite", 1) == digest
     address = "tcp://127.0.0.1:18786"
-    script = Path(sys.executable).parent / "dask"
-    dask = [str(script), "scheduler", "--host", "127.0.0.1", "--port", "18786", "--no-dashboard"]
-    worker = [str(script), "worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
+    dask = [sys.executable, "-m", "dask"]
+    scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "18786", "--no-dashboard"]
+    worker = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
     processes = [
         subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        for command in (dask, worker, worker)
+        for command in (scheduler, worker, worker)
     ]
     try:
         assert run_all(study, tmp_path / "own.sqlite", 1, address) == digest
@@ -135,7 +141,7 @@ def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(done, t
         for process in processes:
             process.terminate()
         for process in processes:
-            process.wait(20)
+            process.wait()
 
 
 def test_an_unanswered_scheduler_is_refused(done, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -210,15 +216,27 @@ def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, t
     assert sum(count for _, count in rows) == 15
 
 
+def kept_in(store: Path) -> int:
+    """How many runs a store that is being written has."""
+    base = sqlite3.connect(f"file:{store}?mode=ro", uri=True)
+    try:
+        return base.execute("select count(*) from runs").fetchone()[0]
+    except sqlite3.OperationalError:  # no table yet
+        return 0
+    finally:
+        base.close()
+
+
 def test_a_killed_study_is_finished_by_running_it_again(done, tmp_path: Path) -> None:
     study, _, digest = done
     store = tmp_path / "killed.sqlite"
     command = [sys.executable, "-m", "swarmsim", "study", "run", str(study), "--store", str(store), "--quiet"]
-    rng = np.random.default_rng(3)
-    for _ in range(2):
+    for some in (1, 5):
         process = subprocess.Popen(command, start_new_session=True)
-        time.sleep(float(rng.uniform(3.0, 6.0)))
-        os.killpg(process.pid, signal.SIGKILL)
+        while process.poll() is None and (not store.exists() or kept_in(store) < some):
+            time.sleep(0.02)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert subprocess.run(command, check=False).returncode == 0
     with Store(store) as kept:
