@@ -26,9 +26,10 @@ from swarmsim.core.scenario import PLACES, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.core.streams import Streams
-from swarmsim.engine.foreign import blamed, built, foreign, installed, margin_of
+from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
 from swarmsim.engine.simulation import Simulation
+from swarmsim.recording import layout
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
@@ -142,7 +143,7 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
     setting = replace(setting, start=_start(setting, arena.name))
     if "field" in tables:
-        setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting)))
+        setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting), scenario.period))
 
     def make(seam: str) -> Any:
         return _make(seam, tables[seam], setting)
@@ -165,16 +166,17 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
         _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
-    held = list(registry.SEAMS) if strict else [seam for seam, table in tables.items() if foreign(seam, table)]
-    parts = guarded(parts, setting, held)
+    _check_names(parts, tables)
+    theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
+    parts = guarded(parts, setting, list(registry.SEAMS) if strict else theirs, theirs)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = installed(fault, parts, table)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    theirs = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
-    files = {file: name for each in theirs for file, name in each.items()}
+    used = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
+    files = {file: name for each in used for file, name in each.items()}
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files)
     )
@@ -212,6 +214,20 @@ def _check_knowledge(place: str, part: Strategy | Task, computation: Computation
             f"{tables['computation']['use']!r} gives {computation.knows.__name__}; expected a "
             f"{place.rpartition('.')[2]} and a computation that go together"
         )
+
+
+def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
+    """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
+    used: dict[str, str] = {}  # which seam's part gives each name
+    for seam, part in (("computation", parts.computation), ("task", parts.task)):
+        place = f"{'.'.join(PLACES[seam])}.use: {tables[seam]['use']!r}"
+        for name, says, at in announced(seam, part):
+            wrong = layout.wrong_name(name, seam)
+            if wrong is None and name in used:
+                wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
+            if wrong is not None:
+                raise InputError(f"{place} {says}: {wrong}{at}")
+            used[name] = seam
 
 
 @dataclass(frozen=True, slots=True)

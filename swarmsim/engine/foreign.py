@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import copy
 import sys
 import traceback
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
 from typing import Any, Final
 
 import msgspec
+import numpy as np
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.minds import OwnMinds
+from swarmsim.core.own import line_of, told
 from swarmsim.core.parts import Fault, Parts, Setting
+from swarmsim.core.state import Estimates
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-_PACKAGE: Final = Path(__file__).parents[1]
 #: What the part of each seam has to have, besides what is found out when it is used.
 VERBS: Final = {
     "generator": ("draw",),
@@ -46,10 +50,10 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
     if registry.is_ours(parameters):
         return parameters.build(setting)
     try:
-        part = parameters.build(setting)
+        part = parameters.build(lent(setting))
     except InputError:
         raise
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
     missing = [verb for verb in VERBS[seam] if not hasattr(part, verb)]
     if missing:
@@ -58,13 +62,28 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
     return part
 
 
+def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
+    """The names under which a part will have something recorded, as far as it tells them before it is asked.
+
+    With each comes what of the part tells it, in words, and the line of code that does.
+    """
+    kind = registry.author_of(part)
+    if seam == "task":
+        yield part.curve.name, f"measures {part.curve.name!r}", line_of(kind)
+        return
+    for name in getattr(part, "shows", ()) if issubclass(part.knows, OwnMinds) else ():
+        yield name, f"shows {name!r}", line_of(kind, "shows")
+    for field in fields(part.knows) if issubclass(part.knows, Estimates) else ():
+        yield field.name, f"gives {part.knows.__name__} with a field {field.name!r}", line_of(part.knows, field.name)
+
+
 def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
     """The parts with a fault in them. Raises InputError, also for what somebody else's `install` raises or gives."""
     try:
         found = fault.install(parts)
     except InputError:
         raise
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         if registry.is_ours(fault):
             raise
         raise InputError(f"use: {table['use']!r} cannot be installed: {told(problem)}") from problem
@@ -73,13 +92,18 @@ def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
     return found
 
 
-def told(problem: BaseException) -> str:
-    """An exception in words, with the lines of code outside of this package that led to it."""
-    frames = [f for f in traceback.extract_tb(problem.__traceback__) if _PACKAGE not in Path(f.filename).parents]
-    own = [f for f in frames if "site-packages" not in f.filename] or frames
-    lines = "".join(f"\n  {frame.filename}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in own)
-    whose = "".join(f", {note}" for note in getattr(problem, "__notes__", ()))
-    return f"{type(problem).__name__}: {problem}{whose}{lines}"
+def lent(value: Any) -> Any:
+    """The same to look at: frozen values anew, with views in the place of their arrays that cannot be written to."""
+    if isinstance(value, np.ndarray):
+        value = value.view()
+        value.flags.writeable = False
+    elif isinstance(value, tuple) and type(value) is tuple:
+        value = tuple([lent(one) for one in value])
+    elif is_dataclass(value) and not isinstance(value, type) and value.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        whole, value = value, copy.copy(value)
+        for field in fields(value):
+            object.__setattr__(value, field.name, lent(getattr(whole, field.name)))
+    return value
 
 
 def foreign(seam: str, table: dict[str, Any]) -> dict[str, str]:

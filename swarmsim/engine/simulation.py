@@ -37,7 +37,7 @@ class Simulation:
         period: float,
         limit: int,
         when_done: Literal["stop", "go-on"] = "stop",
-        blamed: Callable[[Exception], str | None] = lambda problem: None,
+        blamed: Callable[[BaseException], str | None] = lambda problem: None,
     ) -> None:
         """`limit` is the number of iterations after which the run ends unfinished, `period` the duration of one in s.
 
@@ -95,7 +95,7 @@ class Simulation:
             yield
         except (InputError, PartError):
             raise
-        except Exception as problem:
+        except (Exception, SystemExit) as problem:
             whose = self._blamed(problem)
             if whose is None:
                 raise

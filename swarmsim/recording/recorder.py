@@ -15,13 +15,13 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from swarmsim.core.errors import StorageError
+from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.events import encoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
 from swarmsim.recording.reader import FORMAT, FORMAT_NAME
 
@@ -94,7 +94,16 @@ class Recorder:
         self.file.attrs[name] = np.bytes_(text.encode())
 
     def _open(self, moment: Moment) -> None:
-        """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
+        """Make the tables that a run with such moments needs; from here on the file can be read while it grows.
+
+        Raises InputError if two parts give something of one name, of which one would be lost.
+        """
+        names = [name for _, record in _records(moment) for name in (*record.rows, *record.lists)]
+        if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+            parts = " and ".join(
+                part for part, record in _records(moment) if twice[0] in {**record.rows, **record.lists}
+            )
+            raise InputError(f"{self._path}: {twice[0]!r} is given by {parts}; expected different names")
         for name, row in self._rows(moment).items():
             self._table(name, np.shape(row), np.asarray(row).dtype)
         for name, rows in _lists(moment).items():
@@ -116,7 +125,6 @@ class Recorder:
 
     def _rows(self, moment: Moment) -> dict[str, Any]:
         """What has one row of the same shape in every iteration, by the name of its table."""
-        parts = (moment.readings, moment.knowledge, moment.intents, moment.measured)
         return {
             "pose": moment.state.pose,
             **({"believed": moment.believed} if self._errs else {}),
@@ -124,7 +132,7 @@ class Recorder:
             "alive": moment.state.alive,
             "messages": len(moment.delivery.heard),
             "progress": moment.measured.progress,
-            **{name: row for part in parts for name, row in part.record().rows.items()},
+            **{name: row for _, record in _records(moment) for name, row in record.rows.items()},
         }
 
     def _table(self, name: str, row: tuple[int, ...], kind: Any, chunk: int = BLOCK) -> None:
@@ -226,6 +234,14 @@ def _reason(problem: BaseException) -> str:
     """Why HDF5 could not write, in the system's words where it tells them."""
     told = re.search(r"error message = '([^']+)'", str(problem))
     return told[1] if told else str(problem).partition("\n")[0]
+
+
+def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
+    """What the parts give to be recorded, and what of theirs it is."""
+    return (
+        ("the readings", moment.readings.record()), ("the knowledge", moment.knowledge.record()),
+        ("the intents", moment.intents.record()), ("the task", moment.measured.record()),
+    )  # fmt: skip
 
 
 def _lists(moment: Moment) -> dict[str, NDArray[Any]]:

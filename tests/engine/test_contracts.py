@@ -347,7 +347,7 @@ def test_tiles_of_another_size_are_recorded(own, tmp_path: Path) -> None:
 def test_a_part_that_cannot_be_built_is_bad_input(own) -> None:
     with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Unbuildable' cannot be built: TypeError"):
         own('mind.strategy={use="./mine.py:Unbuildable"}')
-    with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Missing' cannot be imported"):
+    with pytest.raises(InputError, match=r"mind\.strategy\.use: .*mine\.py' has no 'Missing'"):
         own('mind.strategy={use="./mine.py:Missing"}')
 
 
@@ -491,7 +491,7 @@ def herd(observations):
 
 
 def whim(moment):
-    return Measured({f"whim_{moment.state.iteration}": 1.0})
+    return Measured({"whim": 0.0, f"whim_{moment.state.iteration}": 1.0})
 
 
 class Restless:
@@ -500,6 +500,11 @@ class Restless:
     def step(self, me):
         Restless.calls += 1
         return me.drive(0.001 * Restless.calls)
+
+
+class Lost:
+    def step(self, me):
+        return me.drive(np.nan)
 """
 
 
@@ -515,4 +520,6 @@ def test_the_checks_find_who_breaks_contracts(own, tmp_path: Path) -> None:
         testing.check_strictly(own.path, ['mind.computation={use="./mine.py:Short"}'], allow_code=True)
     with pytest.raises(AssertionError, match=r"task nosy\.py:whim, iteration 1: measure: .*expected the same names"):
         testing.check_strictly(own.path, ['task={use="./nosy.py:whim"}'], allow_code=True)
+    with pytest.raises(AssertionError, match=r"strategy nosy\.py:Lost, iteration 0: robot 0: me\.drive: ahead: nan"):
+        testing.check_contracts(own.path, ['mind.strategy={use="./nosy.py:Lost"}'], allow_code=True)
     testing.check_contracts(own.path, ['mind.computation={use="./mine.py:Honest"}'], allow_code=True)

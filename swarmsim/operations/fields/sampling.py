@@ -124,4 +124,4 @@ class Legs:
         planned[robots] = True
         there = np.flatnonzero(observations.alive & ~np.isnan(self._place[:, 0]))
         ways = {int(robot): np.stack([observations.pose[robot, :2], self._place[robot]]) for robot in there}
-        return Intents.along(ways, len(self._place), self._lattice.cells, planned)
+        return Intents.along(ways, len(self._place), self._lattice, planned)
