@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
@@ -236,6 +237,23 @@ def measured(found: Any, robots: int, curve: Curve) -> str | None:
         return f"values: {nearest(curve.name, found.values)}; expected {curve.name!r}, which the task's curve is about"
     if curve.robots is not None and curve.robots not in found.robots:
         return f"robots: {nearest(curve.robots, found.robots)}; expected {curve.robots!r}, which the task's curve names"
+    return None
+
+
+def summary(found: Any, taken: Collection[str]) -> str | None:
+    """Numbers, or None where one is not defined, by names that are not taken."""
+    if not isinstance(found, Mapping):
+        return f"summary: {brief(found)}; expected numbers by name"
+    for name, value in found.items():
+        if name in taken:
+            listed = ", ".join(sorted(taken))
+            return (
+                f"summary: {name!r} is measured of every run; expected another name, as 'own_{name}' (taken: {listed})"
+            )
+        if value is not None and (
+            not isinstance(value, float | int | np.number) or isinstance(value, np.complexfloating)
+        ):
+            return f"summary: {name!r}: {brief(value)}; expected a number, or None"
     return None
 
 

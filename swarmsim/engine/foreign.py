@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import copy
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
@@ -93,17 +94,45 @@ def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
 
 
 def lent(value: Any) -> Any:
-    """The same to look at: frozen values anew, with views in the place of their arrays that cannot be written to."""
-    if isinstance(value, np.ndarray):
-        value = value.view()
-        value.flags.writeable = False
-    elif isinstance(value, tuple) and type(value) is tuple:
-        value = tuple([lent(one) for one in value])
-    elif is_dataclass(value) and not isinstance(value, type) and value.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-        whole, value = value, copy.copy(value)
-        for field in fields(value):
-            object.__setattr__(value, field.name, lent(getattr(whole, field.name)))
-    return value
+    """The same to look at: with views in the place of its arrays that cannot be written to."""
+    return _anew(value, _read_only)
+
+
+def copied(value: Any) -> Any:
+    """The same with copies of its arrays, for what kernels are asked often: they take read-only arrays slowly."""
+    return _anew(value, np.copy)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+def _anew(value: Any, array: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
+    """Frozen dataclasses and tuples anew, at any depth, with something else for each plain array in them."""
+    kind = type(value)
+    if kind is np.ndarray:
+        return array(value)
+    if kind is tuple:
+        return tuple([_anew(one, array) for one in value])
+    names = _fields_of(kind)  # type: ignore[arg-type]  # classes can be hashed
+    if not names:
+        return value
+    made = object.__new__(kind)
+    if kind.__dictoffset__:  # what else it holds
+        vars(made).update(vars(value))
+    for name in names:
+        object.__setattr__(made, name, _anew(getattr(value, name), array))
+    return made
+
+
+@lru_cache(maxsize=256)
+def _fields_of(kind: type) -> tuple[str, ...]:
+    """The names of all that instances of a frozen dataclass hold; none for other classes, lent as they are."""
+    if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        return ()
+    return tuple(field.name for field in fields(kind))
 
 
 def foreign(seam: str, table: dict[str, Any]) -> dict[str, str]:

@@ -34,7 +34,8 @@ from swarmsim.core.parts import (
 )
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
 from swarmsim.engine import contracts
-from swarmsim.engine.foreign import lent
+from swarmsim.engine.foreign import copied, lent
+from swarmsim.recording.measures import RunMeasures
 
 T = TypeVar("T")
 
@@ -95,9 +96,15 @@ class GuardedLocalisation(Guard):
 
     def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
         """The estimates, checked."""
-        return self._call(
-            state.iteration, self._part.locate, state, readings, check=lambda found: contracts.located(found, state)
-        )
+
+        def locate(given: State, measured: Readings) -> tuple[NDArray[np.float64], Readings]:
+            found = self._part.locate(given, measured)
+            if not isinstance(found, tuple) or len(found) != 2:
+                return found
+            pose, put = found  # what is only passed on is given back, not lent
+            return state.pose if pose is given.pose else pose, readings if put is measured else put
+
+        return self._call(state.iteration, locate, state, readings, check=lambda found: contracts.located(found, state))
 
 
 class GuardedTopology(Guard):
@@ -213,6 +220,10 @@ class GuardedTask(Guard):
     _part: Task
     _form: contracts.Form | None = None
 
+    def __init__(self, part: Task, setting: Setting) -> None:
+        super().__init__("task", part)
+        self._taken = RunMeasures(setting.robots, setting.period).summary().keys()
+
     @property
     def reads(self) -> type[Knowledge]:
         """What it says it measures."""
@@ -235,8 +246,28 @@ class GuardedTask(Guard):
         return self._call(moment.state.iteration, self._part.measure, moment, check=check)
 
     def summaries(self) -> Sequence[Summary]:
-        """Its own."""
-        return self._part.summaries()
+        """Its own, held to their contracts."""
+        return [GuardedSummary(one, self._taken) for one in self._part.summaries()]
+
+
+class GuardedSummary(Guard):
+    """Numbers under names that what is measured of every run does not have."""
+
+    _part: Summary
+
+    def __init__(self, part: Summary, taken: Collection[str]) -> None:
+        super().__init__("task", part)
+        self._taken = taken
+
+    def sample(self, moment: Moment) -> None:
+        """Pass it on."""
+        self._call(moment.state.iteration, self._part.sample, moment, check=nothing)
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The numbers, checked."""
+        return self._call(
+            self._iteration, self._part.summary, check=lambda found: contracts.summary(found, self._taken)
+        )
 
 
 class GuardedMotion(Guard):
@@ -246,7 +277,7 @@ class GuardedMotion(Guard):
 
     def __init__(self, part: Motion, setting: Setting) -> None:
         super().__init__("motion", part)
-        self._robots = setting.robots.count
+        self._robots, self.given = setting.robots.count, copied
 
     def follow(self, intents: Intents) -> None:
         """Pass them on."""
@@ -301,7 +332,7 @@ def guarded(parts: Parts, setting: Setting, held: Collection[str], theirs: Colle
         "channel": lambda part: GuardedChannel("channel", part),
         "computation": lambda part: GuardedComputation(part, setting),
         "strategy": lambda part: GuardedStrategy(part, setting),
-        "task": lambda part: GuardedTask("task", part),
+        "task": lambda part: GuardedTask(part, setting),
     }
     guards = {seam: make(getattr(parts, seam)) for seam, make in kinds.items() if seam in held}
     for seam in guards.keys() - set(theirs):
