@@ -29,7 +29,7 @@ class Cavities:
 
     paired: NDArray[np.bool_]  # (n,) whether a line is a side or an end of a wall drawn with two lines
     between: NDArray[np.object_]  # (m,) polygons: the insides of such walls
-    beside: NDArray[np.int64]  # (m,) a line along the border of each
+    beside: NDArray[np.int64]  # (m,) the line along the longest piece of the border of each
 
 
 def cavities(lines: Sequence[Line], others: Sequence[Line] = ()) -> Cavities:
@@ -51,17 +51,29 @@ def cavities(lines: Sequence[Line], others: Sequence[Line] = ()) -> Cavities:
     faces = shapely.get_parts(shapely.polygonize([shapely.union_all([*geometries, *caps], grid_size=_GRID)]))
     thin = shapely.is_empty(shapely.buffer(faces, -NEAR[1] / 2.0 - _TOUCHING))
     faces = faces[thin & ~shapely.is_empty(shapely.buffer(faces, -_THINNEST / 2.0))]
-    which = np.flatnonzero(paired)
-    first, found = shapely.STRtree(geometries[paired]).query(faces, predicate="dwithin", distance=_TOUCHING)
-    borders = shapely.boundary(faces)
-    along = shapely.intersection(shapely.buffer(geometries[which], _TOUCHING)[found], borders[first])
-    inside, beside = [], []
-    for face, border in enumerate(borders):
-        near = np.flatnonzero(first == face)
-        if len(near) and shapely.union_all(along[near]).length >= _BORDER * border.length:
-            inside.append(face)
-            beside.append(which[found[near[shapely.length(along[near]).argmax()]]])
-    return Cavities(paired, faces[np.array(inside, np.int64)], np.array(beside, np.int64))
+    inside, beside = _bordered(faces, geometries, paired)
+    return Cavities(paired, faces[inside], beside)
+
+
+def _bordered(
+    faces: NDArray[np.object_], lines: NDArray[np.object_], paired: NDArray[np.bool_]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Which faces have sides of walls along most of their border, and the line along the longest piece of it."""
+    rings, face = shapely.get_rings(faces, return_index=True)
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    same = ring[1:] == ring[:-1]
+    start, end, owner = corners[:-1][same], corners[1:][same], face[ring[1:][same]]
+    length, which = np.linalg.norm(end - start, axis=1), np.flatnonzero(paired)
+    middles = shapely.points((start + end) / 2.0)
+    piece, found = shapely.STRtree(lines[which]).query(middles, predicate="dwithin", distance=_TOUCHING)
+    piece, first = np.unique(piece, return_index=True)
+    along = np.bincount(owner[piece], length[piece], len(faces))
+    inside: NDArray[np.bool_] = along >= _BORDER * np.bincount(owner, length, len(faces))
+    order = np.lexsort((-length[piece], owner[piece]))
+    lead, at = np.unique(owner[piece][order], return_index=True)
+    longest = np.zeros(len(faces), np.int64)
+    longest[lead] = which[found[first[order[at]]]]
+    return inside, longest[inside]
 
 
 def _has_partner(lines: NDArray[np.object_]) -> NDArray[np.bool_]:
@@ -113,10 +125,12 @@ def _covered(
 def _ends(lines: NDArray[np.object_], sides: shapely.STRtree) -> NDArray[np.bool_]:
     """Whether each line is short and ends on sides of walls."""
     closing = np.zeros(len(lines), np.bool_)
-    for i in np.flatnonzero(shapely.length(lines) <= NEAR[1] + _TOUCHING):
-        ends = shapely.points(shapely.get_coordinates(lines[i])[[0, -1]])
-        found = sides.query(ends, predicate="dwithin", distance=_TOUCHING)[0]
-        closing[i] = len(set(found.tolist())) == 2
+    short = np.flatnonzero(shapely.length(lines) <= NEAR[1] + _TOUCHING) if len(lines) else np.zeros(0, np.int64)
+    if len(short):
+        ends = np.concatenate([shapely.get_point(lines[short], 0), shapely.get_point(lines[short], -1)])
+        held = np.zeros(len(ends), np.bool_)
+        held[sides.query(ends, predicate="dwithin", distance=_TOUCHING)[0]] = True
+        closing[short] = held[: len(short)] & held[len(short) :]
     return closing
 
 

@@ -89,7 +89,7 @@ def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) 
     symbols = [known[one.layer][1] for one in drawn]
     hairlines = [(i, line) for i, one in enumerate(drawn) if not one.pen for line in one.lines]
     pens = np.full(len(drawn), THIN)
-    within: list[shapely.Geometry] = [NOTHING] * len(drawn)
+    within: list[list[shapely.Geometry]] = [[] for _ in drawn]
     insides: list[Shape] = []
     for layer in ("", "walls"):
         own = [(i, line) for i, line in hairlines if layers[i] == layer and not symbols[i]]
@@ -102,8 +102,8 @@ def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) 
             insides.append(
                 Shape(fill=MultiPolygon([inside]), opaque=False, layer=layer, group=side.layer, where="wall")
             )
-        for i, hidden in _hidden(own, found):
-            within[i] = hidden
+        for i, inside in _along(own, found):
+            within[i].append(inside)
     colours = 0
     for i, one in enumerate(drawn):
         fill = one.fill
@@ -136,23 +136,20 @@ def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) 
         )
 
 
-def _hidden(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[int, shapely.Geometry]]:
-    """The insides of walls along each shape whose lines need no pen there: those that border them, slightly larger."""
-    if not len(found.between):
-        return
-    grown = shapely.buffer(found.between, FLATNESS, join_style="mitre")
-    lines = np.array([shapely.LineString(line) for _, line in own], object)
-    which, faces = shapely.STRtree(grown).query(lines, predicate="intersects")
-    owners = np.array([i for i, _ in own])[which]
-    for i in np.unique(owners):
-        yield int(i), shapely.union_all(grown[np.unique(faces[owners == i])])
+def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[int, shapely.Geometry]]:
+    """Each shape that touches the inside of a wall, with that inside, slightly larger: it needs no pen there."""
+    if len(found.between):
+        grown = shapely.buffer(found.between, FLATNESS, join_style="mitre")
+        lines = np.array([shapely.LineString(line) for _, line in own], object)
+        for line, inside in shapely.STRtree(grown).query(lines, predicate="intersects").T:
+            yield own[line][0], grown[inside]
 
 
-def _drawn(lines: Sequence[Line], pen: float, within: shapely.Geometry) -> MultiPolygon:
+def _drawn(lines: Sequence[Line], pen: float, within: Sequence[shapely.Geometry]) -> MultiPolygon:
     """What a pen covers along lines, where they do not border the inside of a wall."""
     shown = np.array([_ring(line) for line in lines], object)
-    if not within.is_empty:
-        shown = shapely.difference(shown, within)
+    for inside in within:
+        shown = shapely.difference(shown, inside)
     drawn = shapely.buffer(shown, pen / 2.0, cap_style="flat", join_style="mitre")
     return polygons(drawn[0] if len(drawn) == 1 else shapely.union_all(drawn))
 
