@@ -116,7 +116,7 @@ def _drawing(model: Any, path: Path, world: World) -> Drawing:
     left, low, right, high = shapely.total_bounds([piece.area for piece in pieces]).tolist()
     shapes = tuple(Shape(fill=p.area, layer=p.layer, group=p.kind, where=p.where) for p in pieces)
     unit = _UNITS.get(round(metre, 9), f"{metre:g} m")
-    return Drawing(str(path), shapes, (left, low, right, high), unit, (*notices, *shift))
+    return Drawing(str(path), shapes, (left, low, right, high), unit, (*notices, *shift), says_solid=True)
 
 
 class _Geometry:

@@ -18,7 +18,7 @@ from swarmsim.world.areas import polygons
 from swarmsim.world.cavities import Cavities, cavities
 from swarmsim.world.conventions import Conventions
 from swarmsim.world.outlines import FLATNESS
-from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SPAWN_LAYER, UNKNOWN_LAYER
+from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER
 from swarmsim.world.primitives import Entities, Primitive
 from swarmsim.world.shapes import NOTHING, Drawing, Line, Shape
 from swarmsim.world.sites import kept, moved
@@ -79,7 +79,8 @@ def read(path: Path, world: World) -> Drawing:
     left, low, right, high = shapely.total_bounds(
         [*solids, *(shapely.LineString(line) for shape in shapes for line in shape.lines)]
     ).tolist()
-    return Drawing(str(path), tuple(shapes), (left, low, right, high), unit, (*notices, *shift))
+    says_solid = any(shape.layer in SOLID_LAYERS for shape in shapes)
+    return Drawing(str(path), tuple(shapes), (left, low, right, high), unit, (*notices, *shift), says_solid)
 
 
 def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) -> Iterator[Shape]:

@@ -70,7 +70,7 @@ def read(path: Path, world: World) -> Drawing:
         Shape(fill=polygons(shapely.from_wkb(fill)), layer=layer, group=group, where=where)
         for fill, layer, group, where in answer.shapes
     )
-    return Drawing(str(path), shapes, answer.page, answer.unit, answer.notices)
+    return Drawing(str(path), shapes, answer.page, answer.unit, answer.notices, says_solid=True)
 
 
 def answer() -> None:

@@ -19,6 +19,7 @@ from swarmsim.world.shapes import NOTHING, Line
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing
+    from ezdxf.entities.circle import Circle
     from ezdxf.entities.dxfgfx import DXFGraphic
     from ezdxf.entities.insert import Insert
     from ezdxf.entities.lwpolyline import LWPolyline
@@ -198,7 +199,8 @@ class Entities:
         corners = np.array([(v.x, v.y) for v in path.control_vertices()]).reshape(-1, 2)
         if not self._is_real(corners, kind, flatness if path.has_curves else math.inf):
             return
-        line = np.array([(v.x, v.y) for v in path.flattening(flatness)]).reshape(-1, 2)
+        curve = cast("Circle", entity) if kind in ("ARC", "CIRCLE") else path  # a path has Bezier curves for circles
+        line = np.array([(v.x, v.y) for v in curve.flattening(flatness)]).reshape(-1, 2)
         line = line[np.append(True, np.any(np.diff(line, axis=0), axis=1))] if len(line) else line
         pen, stroke = 0.0, NOTHING
         if kind in ("LWPOLYLINE", "POLYLINE"):

@@ -22,7 +22,8 @@ from swarmsim.core.scenario import World
 from swarmsim.world import primitives
 from swarmsim.world.areas import polygons
 from swarmsim.world.dxf import THIN, WALL, read
-from swarmsim.world.plan import SOLID_LAYERS
+from swarmsim.world.plan import SOLID_LAYERS, FloorPlan
+from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
 
 UNITS = {"mm": (4, 0.001), "cm": (5, 0.01), "in": (1, 0.0254), "m": (6, 1.0)}
@@ -157,11 +158,40 @@ def test_symbols_of_doors_stay_lines_and_fill_nothing(tmp_path: Path) -> None:
     assert [(shape.layer, shape.group) for shape in symbols] == [("", "0"), ("", "A-DOOR"), ("", "A-DOOR")]
     assert all(len(shape.lines) == 1 and shape.fill.is_empty for shape in symbols)
     arc = symbols[0].lines[0]
-    assert np.hypot(*(arc - (4.2, 2.0)).T) == pytest.approx(0.9, abs=5e-4)
+    assert np.hypot(*(arc - (4.2, 2.0)).T) == pytest.approx(0.9, abs=1e-6)
     middles = (arc[1:] + arc[:-1]) / 2.0
     assert np.hypot(*(middles - (4.2, 2.0)).T).min() >= 0.9 - 1e-3
     assert solid(found, ("",)).difference(solid(drawing(house(), tmp_path))).area < 0.4
     assert not covers(found, 4.5, 2.4)
+
+
+def test_symbols_of_doors_cut_walls_that_run_on(tmp_path: Path) -> None:
+    document, draw = plan()
+    draw((0, 0), (8, 0), (8, 5), (0, 5), (0, 0))
+    draw((0.2, 0.2), (4, 0.2), (4, 4.8), (0.2, 4.8), (0.2, 0.2))
+    draw((4.2, 0.2), (7.8, 0.2), (7.8, 4.8), (4.2, 4.8), (4.2, 0.2))
+    closed = plan_of(drawing(document, tmp_path), World(file="plan.dxf"))
+    assert (closed.walls.area, len(rooms(closed))) == (pytest.approx(5.96, abs=1e-4), 2)
+    draw((4.2, 2), (5.1, 2))
+    document.modelspace().add_arc((4200, 2000), 900, 0, 90)
+    opened = plan_of(drawing(document, tmp_path), World(file="plan.dxf"))
+    assert rooms(opened) == pytest.approx([34.22], abs=0.03)
+    assert not shapely.contains_xy(opened.walls, 4.1, 2.5)
+    assert shapely.contains_xy(opened.walls, 4.1, 1.5)
+
+
+def test_layers_of_walls_make_the_rest_decoration(tmp_path: Path) -> None:
+    document = house(layer="A-WALL")
+    document.modelspace().add_line((1000, 1000), (2000, 1000), dxfattribs={"layer": "ARROWS"})
+    found = plan_of(drawing(document, tmp_path), World(file="plan.dxf"))
+    assert found.walls.area == pytest.approx(5.78, abs=1e-4)
+    assert any("decoration (`ARROWS` 1)" in one for one in found.notices)
+
+
+def rooms(plan: FloorPlan) -> list[float]:
+    """The areas of the pieces of floor, m2, the largest first."""
+    free = shapely.get_parts(polygons(shapely.box(*plan.page).difference(plan.walls)))
+    return sorted((piece.area for piece in free if piece.area > 1e-3), reverse=True)
 
 
 def test_things_in_layer_0_of_a_block_are_in_the_layer_of_its_insertion(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from swarmsim.world import ifc
 from swarmsim.world.areas import polygons
 from swarmsim.world.bim import cut
 from swarmsim.world.plan import SOLID_LAYERS
+from swarmsim.world.reading import plan_of
 from swarmsim.world.sections import section
 from swarmsim.world.shapes import Drawing
 
@@ -152,6 +153,15 @@ def test_two_storeys_have_their_areas_in_any_unit(tmp_path: Path, metre: str) ->
     assert [covers(ground, *point) for point in ((2, 2), (6, 4), (4.1, 2.5))] == [False] * 3
     assert [covers(ground, *point) for point in ((4.1, 1), (0.1, 3), (7.9, 4.9))] == [True] * 3
     assert covers(first, 4.1, 2.5)
+
+
+def test_a_storey_is_a_floor_plan(tmp_path: Path) -> None:
+    model = Model()
+    model.hole(model.house()["south"], (1, -0.1, 2, 0.3), "IfcDoor")
+    found = plan_of(model.drawing(tmp_path), World(file="plan.ifc"))
+    free = shapely.get_parts(polygons(shapely.box(*found.page).difference(found.walls)))
+    assert [piece.area for piece in free if piece.area > 1e-6] == pytest.approx([34.22], abs=1e-4)
+    assert found.openings == ()
 
 
 def test_a_storey_is_found_by_name_number_and_elevation(tmp_path: Path) -> None:
