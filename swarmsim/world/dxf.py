@@ -101,7 +101,13 @@ def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) 
         for inside, beside in zip(found.between, found.beside, strict=True):
             side = drawn[own[beside][0]]
             insides.append(
-                Shape(fill=MultiPolygon([inside]), opaque=False, layer=layer, group=side.layer, where="wall")
+                Shape(
+                    fill=MultiPolygon([inside]),
+                    opaque=False,
+                    layer=layer,
+                    group=side.layer,
+                    where="the inside of a wall",
+                )
             )
         for i, inside in _along(own, found):
             within[i].append(inside)
@@ -132,8 +138,8 @@ def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) 
     yield from insides
     if colours:
         notices.append(
-            f"{colours} solid fills in layers that are no walls are passed over: they are wider than {_NARROW:g} m and "
-            "not black, as the colours of rooms are"
+            f"solid fills that are wider than {_NARROW:g} m and not black, in layers that are no walls, are passed "
+            f"over as the colours of rooms ({colours})"
         )
 
 

@@ -25,11 +25,13 @@ if TYPE_CHECKING:
     from ezdxf.entities.lwpolyline import LWPolyline
     from ezdxf.entities.polygon import DXFPolygon
     from ezdxf.entities.polyline import Polyline
+    from ezdxf.math import Vec3
 
 MOST: Final = 100_000  # things in a drawing; blocks may multiply a small file without end
 _DEEPEST: Final = 50  # blocks within blocks
 _FARTHEST: Final = 1e15  # units, beyond which numbers have no digits left
 _CURVED: Final = 1e7  # flatnesses, the largest size of a curve, which would have thousands of chords
+_CHORDS: Final = 6  # of an arc, at least, by which the swings of doors are known
 _LINES: Final = "LINE LWPOLYLINE POLYLINE ARC CIRCLE ELLIPSE SPLINE HELIX"
 _FILLS: Final = "SOLID TRACE HATCH MPOLYGON"
 _NOTES: Final = (
@@ -102,8 +104,8 @@ class Entities:
         told = []
         if self._hidden:
             told.append(
-                f"{sum(self._hidden.values())} things in layers that are frozen or off, or made invisible, do not "
-                f"count: {_listed(self._hidden)}"
+                "what is invisible, or in layers that are frozen or off, does not count: by layer, "
+                f"{_listed(self._hidden)}"
             )
         if self._notes:
             told.append(f"{_listed(self._notes)} are passed over: none of these is a wall")
@@ -199,8 +201,8 @@ class Entities:
         corners = np.array([(v.x, v.y) for v in path.control_vertices()]).reshape(-1, 2)
         if not self._is_real(corners, kind, flatness if path.has_curves else math.inf):
             return
-        curve = cast("Circle", entity) if kind in ("ARC", "CIRCLE") else path  # a path has Bezier curves for circles
-        line = np.array([(v.x, v.y) for v in curve.flattening(flatness)]).reshape(-1, 2)
+        chords = _chords(cast("Circle", entity), flatness) if kind in ("ARC", "CIRCLE") else path.flattening(flatness)
+        line = np.array([(v.x, v.y) for v in chords]).reshape(-1, 2)
         line = line[np.append(True, np.any(np.diff(line, axis=0), axis=1))] if len(line) else line
         pen, stroke = 0.0, NOTHING
         if kind in ("LWPOLYLINE", "POLYLINE"):
@@ -265,6 +267,15 @@ class Entities:
                 return max(own.rgb)
             index = abs(int(own.dxf.color)) if own is not None else 7
         return 0 if index == 7 or not 0 < index < 256 else max(colors.aci2rgb(index))
+
+
+def _chords(circle: Circle, flatness: float) -> Iterator[Vec3]:
+    """The corners of a circle or an arc, exactly on it, where a path has Bezier curves; no arc has only a few."""
+    if circle.dxftype() == "ARC":
+        turn = math.radians((circle.dxf.end_angle - circle.dxf.start_angle) % 360.0) or math.tau
+        fine = abs(float(circle.dxf.radius)) * (1.0 - math.cos(turn / (2.0 * _CHORDS)))
+        flatness = min(flatness, fine) or flatness
+    return iter(circle.flattening(flatness))
 
 
 def _pen(entity: LWPolyline | Polyline, line: Line) -> tuple[float, MultiPolygon]:

@@ -40,7 +40,7 @@ def kept(things: Sequence[P]) -> tuple[list[P], list[str]]:
     low, high = np.quantile(middles, _MIDDLE, axis=0)
     reach = _AROUND * max(float((high - low).max()), float(np.quantile(boxes[:, 2:] - boxes[:, :2], _MIDDLE[1])))
     stray = ((boxes[:, :2] > high + reach) | (boxes[:, 2:] < low - reach)).any(axis=1)
-    told = [f"{stray.sum()} things far outside of all others are passed over"] if stray.any() else []
+    told = [f"what lies far outside of all else is passed over (shapes: {stray.sum()})"] if stray.any() else []
     return [thing for thing, far in zip(things, stray, strict=True) if not far], told
 
 

@@ -247,7 +247,8 @@ def test_what_cannot_be_seen_does_not_count_and_is_told(tmp_path: Path) -> None:
     found = drawing(document, tmp_path)
     assert [shape.group for shape in found.shapes if shape.group != "0"] == ["SEEN", "SEEN"]
     assert found.notices == (
-        "6 things in layers that are frozen or off, or made invisible, do not count: 2 FROZEN, 2 OFF, 1 0, 1 Defpoints",
+        "what is invisible, or in layers that are frozen or off, does not count: by layer, 2 FROZEN, 2 OFF, 1 0, "
+        "1 Defpoints",
     )
 
 
@@ -287,7 +288,7 @@ def test_solid_fills_are_walls_unless_they_colour_rooms(tmp_path: Path) -> None:
     found = drawing(document, tmp_path)
     assert solid(found).area == pytest.approx(40 - 7.6 * 4.6 + 1 + 1 + 0.2, abs=1e-6)
     assert not covers(found, 2, 2)
-    assert [one for one in found.notices if one.startswith("1 solid fills in layers that are no walls")]
+    assert [one for one in found.notices if one.startswith("solid fills") and one.endswith("the colours of rooms (1)")]
 
 
 def test_widths_of_polylines_are_pens(tmp_path: Path) -> None:
@@ -319,6 +320,15 @@ def test_curves_are_flattened_to_a_millimetre(tmp_path: Path) -> None:
     assert shapely.Polygon(ellipse).area == pytest.approx(math.pi * 4.5, rel=1e-3)
     assert spline[[0, -1]].tolist() == pytest.approx(np.array([(0, 10), (4, 10)]))
     assert found.shapes[0].stroke.area == pytest.approx(math.pi * 6 * WALL, rel=1e-3)
+
+
+def test_arcs_of_narrow_swings_have_a_few_corners(tmp_path: Path) -> None:
+    document, _ = plan("cm")
+    document.modelspace().add_arc((100, 100), 70, 350, 3)
+    document.modelspace().add_arc((100, 100), 0, 0, 90)
+    (shape,) = drawing(document, tmp_path).shapes
+    assert len(shape.lines[0]) >= 7
+    assert np.hypot(*(shape.lines[0] - (1.0, 1.0)).T) == pytest.approx(0.7, abs=1e-6)
 
 
 def test_multilines_and_mirrored_things_are_read(tmp_path: Path) -> None:
@@ -408,7 +418,7 @@ def test_strays_are_passed_over_and_a_distant_plan_is_moved(tmp_path: Path) -> N
     assert found.page == pytest.approx((0, 0, 8, 5), abs=1e-5)
     assert solid(found).area == pytest.approx(5.78, abs=1e-3)
     assert found.notices == (
-        "1 things far outside of all others are passed over",
+        "what lies far outside of all else is passed over (shapes: 1)",
         "it lies at (3500000, 5400000) m, and was moved so that this point is the origin",
     )
 
