@@ -86,61 +86,58 @@ def read(path: Path, world: World) -> Drawing:
 def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) -> Iterator[Shape]:
     """The shapes, the lowest first, and then what lies between the two sides of walls."""
     known = {name: (names.layer_of(name), names.draws_doors(name)) for name in {one.layer for one in drawn}}
-    layers = [known[one.layer][0] for one in drawn]
-    symbols = [known[one.layer][1] for one in drawn]
-    hairlines = [(i, line) for i, one in enumerate(drawn) if not one.pen for line in one.lines]
-    pens = np.full(len(drawn), THIN)
-    within: list[list[shapely.Geometry]] = [[] for _ in drawn]
-    insides: list[Shape] = []
-    for layer in ("", "walls"):
-        own = [(i, line) for i, line in hairlines if layers[i] == layer and not symbols[i]]
-        rest = [line for i, line in hairlines if layers[i] != layer or symbols[i]]
-        found = cavities([line for _, line in own], rest)
-        for (i, _), paired in zip(own, found.paired, strict=True):
-            pens[i] = WALL if not paired else pens[i]
-        for inside, beside in zip(found.between, found.beside, strict=True):
-            side = drawn[own[beside][0]]
-            insides.append(
-                Shape(
-                    fill=MultiPolygon([inside]),
-                    opaque=False,
-                    layer=layer,
-                    group=side.layer,
-                    where="the inside of a wall",
-                )
-            )
-        for i, inside in _along(own, found):
-            within[i].append(inside)
-    colours = 0
+    walls = _Walls(drawn, [None if known[one.layer][1] else known[one.layer][0] for one in drawn])
+    colours = leaves = 0
     for i, one in enumerate(drawn):
-        fill = one.fill
-        if not fill.is_empty and (symbols[i] or not (layers[i] or _is_wall(one))):
-            colours += not symbols[i]
-            fill = NOTHING
-        if layers[i] in _AREAS:
+        layer, is_door = known[one.layer]
+        pen, fill, stroke = one.pen or float(walls.pens[i]), one.fill, one.stroke
+        if not fill.is_empty and (is_door or not (layer or _is_wall(one))):
+            leaves, colours, fill = leaves + is_door, colours + (not is_door), NOTHING
+        if layer in _AREAS:
             rings = [shapely.Polygon(line) for line in one.lines if _is_closed(line)]
-            fill = polygons(shapely.union_all([fill, *shapely.make_valid(np.array(rings, object))]))
-        pen = one.pen or float(pens[i])
-        stroke = NOTHING if layers[i] in _AREAS else one.stroke
-        if not one.pen and layers[i] not in _AREAS:
-            stroke = _drawn(one.lines, pen, within[i])
+            fill, stroke = polygons(shapely.union_all([fill, *shapely.make_valid(np.array(rings, object))])), NOTHING
+        elif not one.pen:
+            stroke = _drawn(one.lines, pen, walls.within[i])
         yield Shape(
             fill=fill,
             stroke=stroke,
             opaque=False,
-            layer=layers[i],
+            layer=layer,
             group=one.layer,
-            spawn=one.layer if layers[i] == SPAWN_LAYER else "",
+            spawn=one.layer if layer == SPAWN_LAYER else "",
             lines=one.lines,
             pen=pen if one.lines else 0.0,
             where=one.where,
         )
-    yield from insides
+    yield from walls.insides
     if colours:
         notices.append(
             f"solid fills that are wider than {_NARROW:g} m and not black, in layers that are no walls, are passed "
             f"over as the colours of rooms ({colours})"
         )
+    if leaves:
+        notices.append(f"solid fills in layers of doors are passed over ({leaves})")
+
+
+class _Walls:
+    """What lines without a width make: pens for them, and the insides of walls with two sides."""
+
+    def __init__(self, drawn: Sequence[Primitive], layers: Sequence[str | None]) -> None:
+        """`layers` has the layer of each thing, and None for symbols of doors."""
+        self.pens = np.full(len(drawn), THIN)  # m
+        self.within: list[list[shapely.Geometry]] = [[] for _ in drawn]  # where they need no pen
+        self.insides: list[Shape] = []
+        hairlines = [(i, line) for i, one in enumerate(drawn) if not one.pen for line in one.lines]
+        for layer in ("", "walls"):
+            own = [(i, line) for i, line in hairlines if layers[i] == layer]
+            found = cavities([line for _, line in own], [line for i, line in hairlines if layers[i] != layer])
+            self.pens[[i for (i, _), paired in zip(own, found.paired, strict=True) if not paired]] = WALL
+            for inside, beside in zip(found.between, found.beside, strict=True):
+                fill, group = MultiPolygon([inside]), drawn[own[beside][0]].layer
+                where = "the inside of a wall"
+                self.insides.append(Shape(fill=fill, opaque=False, layer=layer, group=group, where=where))
+            for i, inside in _along(own, found):
+                self.within[i].append(inside)
 
 
 def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[int, shapely.Geometry]]:

@@ -284,10 +284,12 @@ def test_solid_fills_are_walls_unless_they_colour_rooms(tmp_path: Path) -> None:
     filled((1, 1, 3, 3), 3)  # the colour of a room
     filled((5, 1, 6, 2), 7)  # black
     filled((5, 3, 6, 4), 3, "COLS")
+    filled((3, 3, 3.9, 3.05), 7, "A-DOOR")
     space.add_trace([(3, 4), (4, 4), (3, 4.2), (4, 4.2)])
     found = drawing(document, tmp_path)
     assert solid(found).area == pytest.approx(40 - 7.6 * 4.6 + 1 + 1 + 0.2, abs=1e-6)
     assert not covers(found, 2, 2)
+    assert "solid fills in layers of doors are passed over (1)" in found.notices
     assert [one for one in found.notices if one.startswith("solid fills") and one.endswith("the colours of rooms (1)")]
 
 
