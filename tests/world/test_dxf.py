@@ -92,6 +92,18 @@ def test_walls_of_two_lines_have_their_area_in_any_unit(tmp_path: Path, unit: st
     assert found.notices == ()
 
 
+@pytest.mark.parametrize("turn", [30.0, 90.0, 217.0])
+def test_a_turned_plan_in_any_order_has_the_same_walls(tmp_path: Path, turn: float) -> None:
+    document, draw = plan()
+    cos, sin = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    sides = [side for line in HOUSE for side in pairwise(line)]
+    for side in np.random.default_rng(1).permutation(len(sides)):
+        draw(*((x * cos - y * sin, x * sin + y * cos) for x, y in sides[side]))
+    found = solid(drawing(document, tmp_path))
+    assert found.area == pytest.approx(5.78, abs=1e-3)
+    assert [hole.area for hole in map(shapely.Polygon, found.geoms[0].interiors)] == pytest.approx([34.22], abs=1e-3)
+
+
 def test_walls_may_be_closed_polylines_that_are_drawn_carelessly(tmp_path: Path) -> None:
     document, draw = plan()
     space = document.modelspace()
