@@ -24,6 +24,7 @@ from swarmsim.cli import (
     views,
     worlds,
 )
+from swarmsim.cli.waiting import told_how_long
 
 BAD_INPUT, PART_FAILED, NO_ROOM = 2, 3, 4  # exit codes
 
@@ -97,8 +98,9 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
     ] = False,
 ) -> None:
-    pass
+    context.with_resource(told_how_long(quiet=False))

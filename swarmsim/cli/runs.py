@@ -10,7 +10,7 @@ import typer
 
 from swarmsim.cli.films import film
 from swarmsim.cli.interruption import told_if_interrupted
-from swarmsim.cli.options import AllowCode, Faults, Overrides, Seed
+from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet, Seed
 from swarmsim.cli.progress import RunBar, compiling, progress_bar
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     video: Annotated[Path | None, typer.Option(help="Film to write: .mp4 or .gif.")] = None,
     allow_code: AllowCode = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate a scenario until its task is done or the limit is reached.
 
@@ -96,7 +96,7 @@ def show(
 def verify(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
     allow_code: AllowCode = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate a recording again and compare every field of every iteration.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.interruption import end_if_asked
-from swarmsim.cli.options import AllowCode, Overrides
+from swarmsim.cli.options import AllowCode, Overrides, Quiet
 from swarmsim.cli.progress import perform_all, progress_bar
 from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError
@@ -35,7 +35,6 @@ Seeds = Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the st
 StoreFile = Annotated[Path | None, typer.Option(help="Results; default: runs/studies/STUDY.sqlite.")]
 Workers = Annotated[int | None, typer.Option(help="Processes; default: one for each core.", min=1)]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a running Dask scheduler, tcp://host:port.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
 
 @app.command()
