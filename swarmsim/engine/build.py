@@ -261,6 +261,8 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
             beside.refuse(arena, robots.radius, spawn)
     observed = _observed(sensors, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
+    if not domain.any():
+        raise InputError("sensor: robots see no cell from anywhere; expected beams that reach farther than a cell")
     for shared in (reachable, domain):
         shared.flags.writeable = False
     return _Explorable(arena, reachable, domain, (*plan.notices, *beside.notices(arena, robots.radius)))
