@@ -200,6 +200,11 @@ def test_bombs_are_refused(tmp_path: Path) -> None:
         (["physics.substep=1e-9"], "at most 100000"),
         (["period=1e9"], "<= 100000"),
         (["sensor.beams=10001"], "<= 10000"),
+        (
+            ["grid.cell=0.01", "sensor.beams=10000", "sensor.tile=[99, 99]", "budget=60"],
+            "takes about .* a budget of 60",
+        ),
+        (["stop.iterations=100000", "sensor.beams=10000", "budget=60"], "takes about .* a budget of 60"),
         (["sensor.tile=[100, 100]"], "<= 99"),
     ],
 )

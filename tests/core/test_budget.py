@@ -50,12 +50,15 @@ def test_times_are_told_in_round_numbers(seconds: float, words: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        (["grid.cell=0.001", "sensor.beams=3000", "sensor.tile=[99, 99]"], r"grid.cell: looking from .* 3000 beams"),
+        (
+            ["grid.cell=0.01", "sensor.beams=3000", "sensor.tile=[45, 45]", "budget=20"],
+            r"grid.cell: looking from .* 3000 beams",
+        ),
         (
             ["robots.count=10", "stop.iterations=100000", "sensor.beams=1000", "budget=60"],
             "stop.iterations: simulating 10 robots",
         ),
-        (["grid.cell=0.002", "budget=1"], "grid.cell: looking for floor in"),
+        (["grid.cell=0.0015", "budget=1"], "grid.cell: looking for floor in"),
     ],
 )
 def test_work_beyond_the_budget_is_refused_before_it_is_done(fresh: None, changes: list[str], told: str) -> None:
