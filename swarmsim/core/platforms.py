@@ -50,8 +50,8 @@ PLATFORMS: Final[dict[str, dict[str, Any]]] = {
 def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
     """The table of a scenario with the numbers of the robots that it names, where it gives none of its own.
 
-    A list of `[[robots]]`, or `robots.groups`, becomes one table with groups. A platform's sensor stands where the scenario has no sensor,
-    or one that does not say which. Raises InputError, which starts with the key.
+    A list of `[[robots]]`, or `robots.groups`, becomes one table with groups. A platform's sensor stands where the
+    scenario has no sensor, or one that does not say which. Raises InputError, which starts with the key.
     """
     robots = table.get("robots")
     if isinstance(robots, dict) and isinstance(robots.get("groups"), list) and robots["groups"]:
