@@ -57,6 +57,10 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
             radii = [page.length(element, key) for key in given] * (3 - len(given)) or [0.0, 0.0]
             if min(radii) < 0.0:
                 raise ElementError("rx or ry is negative; a radius should be 0 or larger")
+            if 0.0 in radii:
+                (x, y), (width, height) = corner, size
+                corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+                return [(np.array(corners), True)]
             curve = svgelements.Rect(*corner, *size, *radii)
     return _flattened(curve.segments(), flatness)
 
