@@ -76,7 +76,7 @@ def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
 def _filled(robots: dict[str, Any], place: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """A table of robots with its platform's numbers, and that platform's sensor."""
     use = robots.get("use", PLAIN)
-    if use not in PLATFORMS:
+    if not isinstance(use, str) or use not in PLATFORMS:
         near = difflib.get_close_matches(str(use), PLATFORMS, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(f"{place}.use: no robot is called {use!r}; {hint}Known: {', '.join(PLATFORMS)}")

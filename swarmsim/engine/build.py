@@ -86,8 +86,9 @@ class Run:
         finished = self.simulation.run(probes)
         if astray := self.astray():
             raise InputError(
-                f"physics.substep: robot{'s' if len(astray) > 1 else ''} {', '.join(map(str, astray))} ended in or "
-                f"beyond a wall, which physics in sub-steps this long did not hold; expected a shorter one"
+                f"{self.simulation.name}: physics.substep: robot{'s' if len(astray) > 1 else ''} "
+                f"{', '.join(map(str, astray))} ended in or beyond a wall, which physics in sub-steps this long did "
+                f"not hold; expected a shorter one"
             )
         return finished
 
@@ -118,12 +119,12 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
         with budget.of(scenario.budget):
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
-            return _built(scenario, world, strict)
+            return _built(scenario, name, world, strict)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, world: str, strict: bool) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
     alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
@@ -183,7 +184,7 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
     beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
-        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files)
+        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
     )
     return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
 

@@ -89,6 +89,7 @@ def _plain(made: Scenario) -> dict:
         ([{"use": "e-puck"}], "count"),
         ({"count": 4, "groups": [{"use": "thymio", "count": 2}]}, r"robots\.count: is 4, but robots\.groups has 2"),
         ({"groups": [{"use": "r2d2", "count": 2}]}, r"robots\[0\]\.use: no robot is called 'r2d2'"),
+        ({"count": 1, "use": ["e-puck"]}, r"robots\.use: no robot is called \['e-puck'\]"),
     ],
 )
 def test_bad_robots_are_refused(robots: object, message: str) -> None:
