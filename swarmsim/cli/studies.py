@@ -14,7 +14,7 @@ from swarmsim.cli.interruption import end_if_asked
 from swarmsim.cli.options import AllowCode, Overrides, Quiet
 from swarmsim.cli.progress import perform_all, progress_bar
 from swarmsim.cli.tables import print_table
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 
 if TYPE_CHECKING:
     from swarmsim.studies.engine import Task
@@ -190,7 +190,7 @@ def export(
             try:
                 write(path, rows)
             except OSError as problem:
-                raise InputError(f"{path}: cannot be written ({problem.strerror})") from problem
+                raise unwritten(path, problem) from problem
             print(f"{path}: {len(rows)} runs")
 
 
