@@ -19,10 +19,10 @@ from swarmsim.operations.mapping.maps import MapAuditor
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
 PAIRS = 15
 CHECKS = {
-    "sensor and localisation": [(contracts, "readings"), (contracts, "pose")],
+    "sensor and localisation": [(contracts, "readings"), (contracts, "located")],
     "topology": [(contracts, "links")],
     "channel": [(contracts, "delivery")],
-    "computation": [(contracts, "said"), (contracts, "knowledge"), (MapAuditor, "audit")],
+    "computation": [(contracts, "said"), (contracts, "knowledge"), (contracts, "record"), (MapAuditor, "audit")],
     "strategy": [(contracts, "intents")],
     "task": [(contracts, "measured")],
 }
@@ -31,7 +31,7 @@ CHECKS = {
 def run_with(seams: tuple[str, ...]) -> Run:
     """A run of which these parts are checked as those of others are."""
     run = build(load(SCENARIO, ["stop.iterations=600"]), str(SCENARIO))
-    run.simulation.parts = guard.guarded(run.simulation.parts, run.setting, seams)
+    run.simulation.parts = guard.guarded(run.simulation.parts, run.setting, seams, seams)
     return run
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
@@ -28,6 +29,8 @@ from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
 ROOT = Path(__file__).parent.parent
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # or a busy one
+settings.load_profile("any machine")
 collect_ignore = ["plugin"]  # a distribution of its own, installed and run by a test
 
 

@@ -21,6 +21,7 @@ def compare(
     from swarmsim.core.errors import InputError
     from swarmsim.recording.reader import Recording
     from swarmsim.studies import comparison
+    from swarmsim.studies.likeness import Side, notices
 
     if len(runs) < 2:
         raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")
@@ -28,8 +29,10 @@ def compare(
     for run, recording in zip(runs, opened, strict=True):
         if not recording.iterations:
             raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
-    costs = comparison.costs(dict(zip(_names(runs), opened, strict=True)))
-    curve = opened[0].curve
+    named, curve = dict(zip(_names(runs), opened, strict=True)), opened[0].curve
+    costs = comparison.costs(named)
+    for notice in notices([Side(name, run.scenario, run.world) for name, run in named.items()]):
+        print(f"notice: {notice}")
     print_table(f"against {_names(runs)[0]}", comparison.head(curve), comparison.lines(costs))
     if plot is not None:
         for path in comparison.draw(costs, curve, plot):

@@ -77,22 +77,24 @@ def _film() -> str:
 
 
 def _letters() -> str:
-    from swarmsim.view.symbols import Lettering
+    from swarmsim.view.lettering import FONT, Lettering
 
     width = Lettering().render("swarmsim", 24, (255, 255, 255)).get_width()
     if width < 20:
         raise RuntimeError("letters have no width")
-    return "pygame's own font"
+    return FONT.stem
 
 
 def _compiled() -> str:
     from swarmsim.kernels import occupancy
+    from swarmsim.kernels.compiling import makeshift
 
     folder = Path(occupancy.recount.stats.cache_path)
     folder.mkdir(parents=True, exist_ok=True)
     if not os.access(folder, os.W_OK):
         raise RuntimeError(f"{folder} cannot be written")
-    return f"{len(list(folder.glob('*.nbi')))} compiled kernels are kept in {folder}"
+    lasting = "" if makeshift() is None else ", which is temporary: NUMBA_CACHE_DIR names a lasting one"
+    return f"{len(list(folder.glob('*.nbi')))} compiled kernels are kept in {folder}{lasting}"
 
 
 def _folder() -> str:

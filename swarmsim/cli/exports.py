@@ -88,7 +88,7 @@ def _map(opened: Recording, name: Path, out: Path, robot: int | None, at: int | 
 
 def _whole(opened: Recording, out: Path, write: Write, quiet: bool) -> Path:
     """Write a file with a progress bar; it appears whole or not at all."""
-    from swarmsim.core.errors import InputError
+    from swarmsim.core.errors import StorageError, unwritten
 
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -98,5 +98,9 @@ def _whole(opened: Recording, out: Path, write: Write, quiet: bool) -> Path:
             write(opened, part, lambda done, _: progress.update(task, completed=done))
             part.replace(out)
     except OSError as problem:
-        raise InputError(f"{out}: cannot be written ({problem.strerror}); expected a place for a file") from problem
+        raise unwritten(out, problem) from problem
+    except RuntimeError as problem:  # as the SDK for MCAP says it, with no number of the system's
+        if "I/O error" not in str(problem):
+            raise
+        raise StorageError(f"{out}: cannot be written ({problem})") from problem
     return out

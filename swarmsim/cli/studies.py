@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.interruption import end_if_asked
-from swarmsim.cli.options import AllowCode, Overrides
+from swarmsim.cli.options import AllowCode, Overrides, Quiet
 from swarmsim.cli.progress import perform_all, progress_bar
 from swarmsim.cli.tables import print_table
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 
 if TYPE_CHECKING:
     from swarmsim.studies.engine import Task
@@ -35,7 +35,6 @@ Seeds = Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the st
 StoreFile = Annotated[Path | None, typer.Option(help="Results; default: runs/studies/STUDY.sqlite.")]
 Workers = Annotated[int | None, typer.Option(help="Processes; default: one for each core.", min=1)]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a running Dask scheduler, tcp://host:port.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
 
 @app.command()
@@ -137,6 +136,7 @@ def table(
     if compare is not None:
         if compare not in found:
             raise InputError(f"--compare {compare}: no such condition; known: {', '.join(found)}")
+        _notice_unlike(opened)
         print_table(f"against {compare}", res.COMPARED, res.compared(found, compare))
     print(f"digest of the runs: {res.digest(list(found.values()))}")
 
@@ -190,7 +190,7 @@ def export(
             try:
                 write(path, rows)
             except OSError as problem:
-                raise InputError(f"{path}: cannot be written ({problem.strerror})") from problem
+                raise unwritten(path, problem) from problem
             print(f"{path}: {len(rows)} runs")
 
 
@@ -245,6 +245,8 @@ def best(
     from swarmsim.studies.plan import open_study
 
     opened = open_study(study, 1)
+    if not quiet:
+        _notice_unlike(opened)
     with opened_store(store, study) as results:
 
         def more(tasks: Sequence[Task]) -> None:
@@ -324,6 +326,14 @@ def _trial(opened: Plan) -> float:
         each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
         seconds.append(each * min(one.scenario.stop.iterations, 700))
     return sum(seconds) / len(seconds)
+
+
+def _notice_unlike(opened: Plan) -> None:
+    """Say in what the conditions of a study differ that makes their numbers tell little of each other."""
+    from swarmsim.studies.likeness import Side, notices
+
+    for notice in notices([Side(one.name, one.scenario, opened.world_of(one)) for one in opened.conditions]):
+        print(f"notice: {notice}")
 
 
 def opened_store(asked: Path | None, study: Path) -> Store:

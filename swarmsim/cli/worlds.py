@@ -93,7 +93,7 @@ def preview(
 
     Example: swarmsim world preview worlds/basilica.svg basilica.png
     """
-    from swarmsim.core.errors import InputError
+    from swarmsim.core.errors import InputError, unwritten
     from swarmsim.view import plots
 
     if out.suffix.lower() != ".png":
@@ -117,7 +117,7 @@ def preview(
     try:
         figure.savefig(out, format="png", metadata={"Software": None})
     except OSError as problem:
-        raise InputError(f"{out}: cannot be written ({problem.strerror}); expected a place for a picture") from problem
+        raise unwritten(out, problem, "a place for a picture") from problem
     print(out)
 
 

@@ -11,8 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core import own
 from swarmsim.core.messages import Columns, PlainCodec, Said
 from swarmsim.core.minds import MindComputation, MindStrategy
+from swarmsim.core.own import MisfitError
 from swarmsim.core.parts import Curve, Links, Setting, Summary
 from swarmsim.core.state import Estimates, Intents, Knowledge, Measured, Moment, Observations, State
 
@@ -68,6 +70,17 @@ class FunctionForm:
     def _ask(self, *given: Any) -> Any:
         return self._function(*given, **self._keys)
 
+    def _array(self, found: Any, *shape: int | None) -> NDArray[Any]:
+        """What the function has given, as an array of numbers of this shape. Raises MisfitError if it is none."""
+        try:
+            return own.array_of(found, *shape)
+        except ValueError as problem:
+            sides = ", ".join("any" if side is None else str(side) for side in shape)
+            raise self._misfit(f"{problem}; expected an array of numbers, of shape ({sides})") from None
+
+    def _misfit(self, wrong: str) -> MisfitError:
+        return MisfitError(f"{self._function.__name__} gave {wrong}", self._function)
+
 
 class FunctionStrategy(FunctionForm):
     """`def strategy(observations, *, key=default)`: Intents, or velocities (n, 2) in m/s ahead and rad/s."""
@@ -77,7 +90,9 @@ class FunctionStrategy(FunctionForm):
     def step(self, observations: Observations) -> Intents:
         """What the function gives."""
         found: Any = self._ask(observations)
-        return Intents.twisting(found) if isinstance(found, np.ndarray) and found.ndim == 2 else found
+        if isinstance(found, Intents):
+            return found
+        return Intents.twisting(self._array(found, len(observations.alive), 2).astype(np.float64))
 
 
 class FunctionTopology(FunctionForm):
@@ -121,7 +136,7 @@ class FunctionComputation(FunctionForm):
     def say(self, observations: Observations) -> Said[Saying]:
         """Every robot's row."""
         if self._new.any():
-            first = np.asarray(self._ask(observations, None))
+            first = self._values(self._ask(observations, None), len(observations.alive))
             value = first.copy() if self._value is None else self._value
             value[self._new] = first[self._new]
             self._value, self._new = value, np.zeros_like(self._new)
@@ -132,12 +147,15 @@ class FunctionComputation(FunctionForm):
     def hear(self, observations: Observations) -> Value:
         """What the function makes of it."""
         assert self._value is not None
-        found = self._ask(observations, _read_only(self._value))
-        if np.shape(found) != self._value.shape:
-            raise ValueError(f"gave an array of shape {np.shape(found)} after {self._value.shape}; expected the same")
+        found = self._values(self._ask(observations, _read_only(self._value)), *self._value.shape)
         alive = observations.alive.reshape(-1, *[1] * (self._value.ndim - 1))
         self._value = np.where(alive, found, self._value)
         return Value(_read_only(self._value))
+
+    def _values(self, found: Any, *shape: int) -> NDArray[np.float64]:
+        """One row for each robot; of any length as long as that of none is known."""
+        several = self._value is None and isinstance(found, np.ndarray)
+        return self._array(found, shape[0], *(np.shape(found)[1:] if several else shape[1:])).astype(np.float64)
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Let robots (r,) begin again."""
@@ -172,8 +190,16 @@ class FunctionTask(FunctionForm):
         found = self._ask(moment)
         if isinstance(found, Measured):
             return found
-        value, done = found if isinstance(found, tuple) else (found, False)
-        return Measured({self.curve.name: float(value)}, {}, float(bool(done)), bool(done))
+        value, *rest = found if isinstance(found, tuple) else (found,)
+        done = rest[0] if rest else False
+        if len(rest) > 1 or not isinstance(done, bool | np.bool_):
+            wanted = "a number, or a number and whether the task is done: True or False"
+            raise self._misfit(f"{own.brief(found)}; expected {wanted}")
+        try:
+            return Measured({self.curve.name: own.number_of(value)}, {}, float(done), bool(done))
+        except ValueError:
+            wanted = "a number, a number and whether the task is done, or swarmsim.core.state.Measured"
+            raise self._misfit(f"{own.brief(found)}; expected {wanted}") from None
 
     def summaries(self) -> Sequence[Summary]:
         """The last value."""

@@ -7,6 +7,7 @@ Nothing of this module has to be imported to write one: `step(self, me)` gets a 
 from __future__ import annotations
 
 import copy
+import keyword
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass, replace
 from types import SimpleNamespace
@@ -15,9 +16,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swarmsim.core import own
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
+from swarmsim.core.own import MisfitError
 from swarmsim.core.parts import Setting
+from swarmsim.core.registry import nearest
 from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Observations, Record
 
 
@@ -60,19 +64,42 @@ class Me:
         return self.lattice.centres(np.argwhere(self.tile == OCCUPIED) + self.corner)
 
     def drive(self, ahead: float, turn: float = 0.0) -> Intent:
-        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise."""
-        return Intent(twist=(float(ahead), float(turn)))
+        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise.
+
+        Raises ValueError unless both are finite numbers.
+        """
+        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn)))
 
     def head(self, yaw: float, ahead: float) -> Intent:
-        """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows."""
-        turn = (yaw - self.yaw + np.pi) % (2.0 * np.pi) - np.pi
-        return Intent(twist=(float(ahead), float(turn) / self._period))
+        """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
+
+        Raises ValueError unless both are finite numbers.
+        """
+        turn = (_number("head", "yaw", yaw) - self.yaw + np.pi) % (2.0 * np.pi) - np.pi
+        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period))
 
     def go(self, way: ArrayLike) -> Intent:
-        """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end."""
-        return Intent(way=np.asarray(way, np.float64).reshape(-1, 2))
+        """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end.
+
+        Raises ValueError unless they are finite numbers, of one place at least.
+        """
+        one = len(np.shape(way)) == 1
+        try:
+            places = own.array_of([way] if one and not isinstance(way, np.ma.MaskedArray) else way, None, 2)
+        except ValueError as problem:
+            raise MisfitError(f"me.go: {problem}; expected a place (2,) or waypoints (w, 2), in m") from None
+        if len(places) == 0 or not np.isfinite(places).all():
+            raise MisfitError(f"me.go: {own.brief(way)}; expected one place at least, all of them finite, in m")
+        return Intent(way=places.astype(np.float64))
 
     _period: float = 1.0  # s, of an iteration
+
+
+def _number(verb: str, name: str, value: Any) -> float:
+    try:
+        return own.finite(value)
+    except ValueError as problem:
+        raise MisfitError(f"me.{verb}: {name}: {problem}; expected a finite number") from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,6 +130,7 @@ class OwnMinds(Knowledge):
         return self.minds[robot]
 
 
+_NUMBERS: Final = ("f8", "f4", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1", "?")  # types of what messages hold
 #: The message of minds that say nothing: a header alone.
 _SILENCE: Final = make_dataclass(
     "Silence", [("nothing", NDArray[np.float64])], bases=(Columns,), frozen=True, slots=True, eq=False
@@ -124,7 +152,7 @@ class Swarm:
         for me in self._all(observations):
             try:
                 answers[me.id] = ask(self.minds[me.id], me)
-            except Exception as problem:
+            except (Exception, SystemExit) as problem:
                 problem.add_note(f"robot {me.id}")
                 raise
         return answers
@@ -191,32 +219,65 @@ class MindComputation:
         #: Whose contract it is to keep.
         self.written_by = kind
         self._swarm = Swarm(make, setting)
-        says = dict(getattr(kind, "says", {}))
-        self._shows: tuple[str, ...] = tuple(getattr(kind, "shows", ()))
-        self._hears, self._kinds = hasattr(kind, "hear"), {name: np.dtype(dtype) for name, dtype in says.items()}
-        if bool(says) != hasattr(kind, "say"):
-            raise TypeError(f"{kind.__name__}: expected both 'says', the fields of a message, and 'say', or neither")
-        columns = [(name, NDArray[Any]) for name in says]
+        self._kinds = _said(kind)
+        #: The attributes of minds that are recorded.
+        self.shows = _shown(kind)
+        self._hears = callable(getattr(kind, "hear", None))
+        columns = [(name, NDArray[Any]) for name in self._kinds]
         self._content: Any = (
             make_dataclass("Message", columns, bases=(Columns,), frozen=True, slots=True, eq=False)
-            if says
+            if columns
             else _SILENCE
         )
         self.codec = PlainCodec(self._content(*self._columns({})))
 
-    def _columns(self, answers: dict[int, Any], count: int = 0) -> list[NDArray[Any]]:
+    def _columns(self, answers: dict[int, dict[str, Any]], count: int = 0) -> list[NDArray[Any]]:
         if not self._kinds:
             return [np.empty((count, 0))]
-        columns = [np.zeros(count, kind) for kind in self._kinds.values()]
+        columns = {name: np.zeros(count, kind) for name, kind in self._kinds.items()}
         for robot, answer in answers.items():
-            values = [answer[name] for name in self._kinds] if isinstance(answer, Mapping) else np.atleast_1d(answer)
-            for column, value in zip(columns, values, strict=True):
-                column[robot] = value
-        return columns
+            for name, value in answer.items():
+                columns[name][robot] = value
+        return list(columns.values())
+
+    def _answer(self, mind: Any, me: Me) -> dict[str, Any]:
+        """What a mind says, by the names in `says`. Raises MisfitError."""
+        found, names = mind.say(me), list(self._kinds)
+        if not isinstance(found, Mapping):
+            several = isinstance(found, tuple | list) or (
+                type(found) is np.ndarray and np.shape(found) == (len(names),)
+            )
+            values = list(found) if several else [found]
+            if len(values) != len(names):
+                wrong = f"{len(values)} value{'s' * (len(values) != 1)}, {own.brief(found)}"
+                raise self._misfit(f"{wrong}; expected {len(names)}, as 'says' names them: {', '.join(names)}")
+            found = dict(zip(names, values, strict=True))
+        for name in found:
+            if name not in self._kinds:
+                raise self._misfit(f"{own.brief(name)}, which 'says' does not name; {nearest(str(name), self._kinds)}")
+        if missing := [name for name in names if name not in found]:
+            raise self._misfit(f"no {', '.join(missing)}; expected all that 'says' names: {', '.join(names)}")
+        return {name: self._value(name, value) for name, value in found.items()}
+
+    def _value(self, name: str, value: Any) -> NDArray[Any]:
+        """A value as its field holds it. Raises MisfitError for one that is another number there."""
+        kind = self._kinds[name]
+        try:
+            given = own.array_of(value, *kind.shape)
+        except ValueError as problem:
+            raise self._misfit(f"{name}: {problem}; expected a number of type {kind}") from None
+        with np.errstate(all="ignore"):
+            kept = given.astype(kind.base)
+        if not np.array_equal(kept, given, equal_nan=True) and (kept.dtype.kind != "f" or not np.isfinite(kept).all()):
+            raise self._misfit(f"{name}: {own.brief(value)} does not fit {kind}; expected a number that does")
+        return kept
+
+    def _misfit(self, wrong: str) -> MisfitError:
+        return MisfitError(f"say gave {wrong}", self.written_by, "say")
 
     def say(self, observations: Observations) -> Said[Any]:
         """What each live robot's mind says; the dead's messages are zeros that nobody hears."""
-        answers = self._swarm.each(observations, lambda mind, me: mind.say(me)) if self._kinds else {}
+        answers = self._swarm.each(observations, self._answer) if self._kinds else {}
         columns = self._columns(answers, len(observations.alive))
         return Said.each(self._content(*columns), self.codec.size)
 
@@ -225,8 +286,23 @@ class MindComputation:
         if self._hears:
             self._swarm.each(observations, lambda mind, me: mind.hear(me))
         minds = self._swarm.minds
-        shown = {name: np.array([float(getattr(mind, name)) for mind in minds]) for name in self._shows}
+        shown = {name: np.array([self._attribute(i, name) for i in range(len(minds))]) for name in self.shows}
         return OwnMinds(tuple(minds), shown)
+
+    def _attribute(self, robot: int, name: str) -> float:
+        """What a mind shows. Raises MisfitError if it does not have that, or no number."""
+        mind = self._swarm.minds[robot]
+        try:
+            return own.number_of(getattr(mind, name))
+        except AttributeError:
+            ours = {"says", "shows"}
+            has = [
+                one for one in dir(mind) if one[0] != "_" and one not in ours and not callable(getattr(mind, one, len))
+            ]
+            wrong = f"has no {name!r}, which 'shows' names; {nearest(name, dict.fromkeys(has))}"
+        except ValueError as problem:
+            wrong = f"shows {name!r}: {problem}; expected a number"
+        raise MisfitError(f"robot {robot} {wrong}", self.written_by, "shows")
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Give robots (r,) new minds."""
@@ -235,6 +311,49 @@ class MindComputation:
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) the memory of another one."""
         self._swarm.adopt(robots, source)
+
+
+def _said(kind: type) -> dict[str, np.dtype[Any]]:
+    """The fields of the messages of a class of minds, by name. Raises MisfitError for what is no such thing."""
+    says = getattr(kind, "says", {})
+    if not isinstance(says, Mapping):
+        raise MisfitError(
+            f"says is {own.brief(says)}; expected names with their types, as in {{'x': 'f8'}}", kind, "says"
+        )
+    if bool(says) != callable(getattr(kind, "say", None)):
+        raise MisfitError(
+            f"{kind.__name__}: expected both 'says', the fields of a message, and 'say', or neither", kind, "say"
+        )
+    taken = {"sender", "age", *(name for name in dir(Columns) if not name.startswith("_"))}
+    kinds = {}
+    for name, dtype in says.items():
+        if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+            raise MisfitError(f"says: {own.brief(name)} cannot be a field; expected a name such as 'x'", kind, "says")
+        if name in taken:
+            raise MisfitError(f"says: {name!r} is what messages have besides; expected another name", kind, "says")
+        try:
+            kinds[name] = np.dtype(dtype)
+        except (TypeError, ValueError):
+            near = nearest(str(dtype), dict.fromkeys(_NUMBERS))
+            raise MisfitError(f"says: {name}: no type is called {own.brief(dtype)}; {near}", kind, "says") from None
+        if kinds[name].base.kind not in "fiub":
+            wrong = f"says: {name}: {own.brief(dtype)} holds no numbers; expected one of {', '.join(_NUMBERS)}"
+            raise MisfitError(wrong, kind, "says")
+    return kinds
+
+
+def _shown(kind: type) -> tuple[str, ...]:
+    """The attributes that a class of minds shows. Raises MisfitError for what are no names of attributes."""
+    shows = getattr(kind, "shows", ())
+    names = shows if isinstance(shows, tuple | list) else ()
+    if (shows and not names) or not all(isinstance(name, str) for name in names):
+        raise MisfitError(f"shows is {own.brief(shows)}; expected names, as in ('energy',)", kind, "shows")
+    for name in names:
+        if name in dir(OwnMinds):
+            raise MisfitError(f"shows: {name!r} is what a task finds otherwise; expected another name", kind, "shows")
+        if callable(getattr(kind, name, None)):
+            raise MisfitError(f"shows: {name!r} is a method; expected attributes that are numbers", kind, "shows")
+    return tuple(names)
 
 
 class MindStrategy:
@@ -254,7 +373,7 @@ class MindStrategy:
         knowledge = observations.knowledge
         if isinstance(knowledge, OwnMinds) and isinstance(knowledge.minds[0], self._kind):
             self._swarm.minds[:] = knowledge.minds
-        decided = self._swarm.each(observations, lambda mind, me: _intent(mind.step(me)))
+        decided = self._swarm.each(observations, self._intent)
         count = len(observations.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
         twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
@@ -265,12 +384,15 @@ class MindStrategy:
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
         here = observations.pose[:, :2]
         from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
-        return replace(Intents.along(from_here, count, self._lattice.cells, planned), twists=twists)
+        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists)
 
-
-def _intent(answer: Any) -> Intent:
-    if answer is None:
-        return Intent((0.0, 0.0))
-    if not isinstance(answer, Intent) or (answer.way is not None and len(answer.way) == 0):
-        raise TypeError(f"step gave {answer!r}; expected me.drive(...), me.head(...), me.go(...) or None to stand")
-    return answer
+    def _intent(self, mind: Any, me: Me) -> Intent:
+        answer = mind.step(me)
+        if answer is None:
+            return Intent((0.0, 0.0))
+        if not isinstance(answer, Intent):
+            raise MisfitError(
+                f"step gave {own.brief(answer)}; expected me.drive(...), me.head(...), me.go(...) or None to stand",
+                self._kind, "step",
+            )  # fmt: skip
+        return answer

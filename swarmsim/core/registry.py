@@ -20,6 +20,7 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.own import told
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -110,12 +111,15 @@ def _own(seam: str, use: str) -> type[msgspec.Struct]:
     place, _, name = use.rpartition(":")
     try:
         module = _loaded(Path(place)) if place.endswith(".py") else importlib.import_module(place)
-        found = getattr(module, name)
-    except Exception as problem:  # whatever a file of somebody's own does while it is read
-        told = f"{type(problem).__name__}: {problem}" if not isinstance(problem, ImportError | OSError) else problem
-        raise InputError(f"use: {use!r} cannot be imported ({told}); expected './file.py:Name' or 'module:Name'") from (
+        found = getattr(module, name, None)
+    except (Exception, SystemExit) as problem:  # whatever a file of somebody's own does while it is read
+        why = told(problem) if not isinstance(problem, ImportError | OSError) else problem
+        raise InputError(f"use: {use!r} cannot be imported; expected './file.py:Name' or 'module:Name': {why}") from (
             problem
         )
+    if found is None:
+        there = {one: kind for one, kind in vars(module).items() if getattr(kind, "__module__", "") == module.__name__}
+        raise InputError(f"use: {place!r} has no {name!r}; {nearest(name, there)}")
     return _part(seam, use, found)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.events import Event
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox
 
 if TYPE_CHECKING:
@@ -192,10 +193,10 @@ class Intents:
         cls,
         ways: Mapping[int, NDArray[np.float64]],
         robots: int,
-        cells: Callable[[Any], Any],
+        lattice: Lattice,
         planned: NDArray[np.bool_],
     ) -> Intents:
-        """Some of so many robots follow ways (w, 2) in m, the others stand; `cells` are those of a lattice.
+        """Some of so many robots follow ways (w, 2) in m, the others stand; a way that leaves the lattice has no goal.
 
         Long straight pieces are given in steps, since a motion steers for the next waypoint in an arc.
         """
@@ -204,7 +205,9 @@ class Intents:
         goals, counts = np.full((robots, 2), -1, np.int32), np.zeros(robots, np.int32)
         waypoints = np.zeros((robots, longest, 2))
         for robot, way in dense.items():
-            waypoints[robot, : len(way)], counts[robot], goals[robot] = way, len(way), cells(way[-1])
+            waypoints[robot, : len(way)], counts[robot], goal = way, len(way), lattice.cells(way[-1])
+            if (goal >= 0).all() and (goal < lattice.shape).all():
+                goals[robot] = goal
         return cls(goals, waypoints, counts, planned)
 
     def record(self) -> Record:
@@ -238,7 +241,7 @@ class Measured:
 
     def record(self) -> Record:
         """A table for each measure, of its name."""
-        return Record({**self.values, **self.robots})
+        return Record({**{name: float(value) for name, value in self.values.items()}, **self.robots})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import math
+import sys
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Columns, Delivery, Said
-from swarmsim.core.state import Intents, Knowledge, Measured, Observations, Readings, State
+from swarmsim.core.own import brief
+from swarmsim.core.parts import Curve
+from swarmsim.core.registry import nearest
+from swarmsim.core.state import Intents, Knowledge, Measured, Observations, Readings, Record, State
 from swarmsim.kernels import checks
+from swarmsim.recording import layout
 
 
 def array(name: str, found: Any, dtype: Any, *shape: int | None, finite: bool = True) -> str | None:
     """What is wrong with an array that should have this type and shape (None: any length), or None."""
-    if isinstance(found, np.ndarray):
+    if type(found) is np.ndarray:
         kind = found.dtype
         whole = kind.type is dtype and kind.isnative and (found.shape == shape or _fits(found.shape, shape))
         if whole and (not finite or kind.kind != "f" or math.isfinite(np.vdot(found, found))):
             return None
     wanted = f"{np.dtype(dtype)} of shape ({', '.join('any' if side is None else str(side) for side in shape)})"
-    if not isinstance(found, np.ndarray):
-        return f"{name}: {type(found).__name__}; expected an array, {wanted}"
+    if type(found) is not np.ndarray:  # masks would be lost, and kernels do not take subclasses
+        kind = "a plain array" if isinstance(found, np.ndarray) else "an array"
+        return f"{name}: {type(found).__name__}; expected {kind}, {wanted}"
     if found.dtype != np.dtype(dtype) or not _fits(found.shape, shape):
         return f"{name}: {found.dtype} of shape {found.shape}; expected {wanted}"
     if finite and found.dtype.kind == "f" and not np.isfinite(found).all():
@@ -103,9 +111,11 @@ def readings(found: Any, state: State) -> str | None:
     return wrong
 
 
-def pose(found: Any, state: State) -> str | None:
-    """Estimated poses (n, 3)."""
-    return array("pose", found, np.float64, state.robots, 3)
+def located(found: Any, state: State) -> str | None:
+    """Estimated poses (n, 3), and the readings where these put them."""
+    if not isinstance(found, tuple) or len(found) != 2:
+        return f"locate: {type(found).__name__}; expected two: the estimated poses, and the readings"
+    return first_of(array("pose", found[0], np.float64, state.robots, 3), readings(found[1], state))
 
 
 def said(found: Any, observations: Observations) -> str | None:
@@ -127,12 +137,51 @@ def said(found: Any, observations: Observations) -> str | None:
 
 
 def knowledge(found: Any, kind: type[Knowledge]) -> str | None:
-    """Knowledge of the kind announced."""
-    return None if isinstance(found, kind) else f"hear: {type(found).__name__}; expected {kind.__name__}"
+    """Knowledge of the kind announced, in plain arrays of numbers."""
+    if not isinstance(found, kind):
+        return f"hear: {type(found).__name__}; expected {kind.__name__}"
+    return next((wrong for one in found.arrays() if (wrong := _plain(kind.__name__, one)) is not None), None)
 
 
-def intents(found: Any, observations: Observations) -> str | None:
-    """Ways and velocities with a row for each robot, all finite."""
+def _plain(name: str, found: Any) -> str | None:
+    """What is wrong with an array that may be of any numbers and shape, or None."""
+    if type(found) is not np.ndarray:
+        return f"{name}: {brief(found)}; expected a plain array of numbers"
+    return None if found.dtype.kind in "fiub" else f"{name}: an array of {found.dtype}; expected numbers"
+
+
+#: The type and the shape of a row of each table, and whether there is one in each iteration.
+Form = dict[str, tuple[np.dtype[Any], tuple[int, ...], str]]
+
+
+def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[Form, str | None]:
+    """The form of what a part of a seam gives to be recorded, and what is wrong with it, if anything.
+
+    Names may not be taken, and all is of the same form as `before`, in the iteration before; None: in the first.
+    """
+    form: Form = {}
+    verb = "measure" if seam == "task" else "hear"
+    for rows, table in ((layout.EACH, found.rows), (layout.MANY, found.lists)):
+        for name, given in table.items():
+            row = np.asarray(given)
+            wrong = None if np.isscalar(given) else _plain(f"{name!r}", given)
+            wrong = first_of(wrong, layout.wrong_name(name, seam))
+            if wrong is None and rows == layout.MANY and row.ndim > 0:
+                row = np.empty(row.shape[1:], row.dtype)
+            wrong = wrong or layout.wrong_form(name, row, rows, robots)
+            if wrong is not None:
+                return form, f"{verb}: {wrong}"
+            form[name] = row.dtype, row.shape, rows
+    if before is not None and form != before:
+        name = next(name for name in (*before, *form) if before.get(name) != form.get(name))
+        first, now = (f"{one[name][0]} of shape {one[name][1]}" if name in one else "nothing" for one in (before, form))
+        wanted = "expected the same names, types and shapes in every iteration"
+        return form, f"{verb}: {name!r} is {now} after {first}; {wanted}"
+    return form, None
+
+
+def intents(found: Any, observations: Observations, lattice: Lattice) -> str | None:
+    """Ways and velocities with a row for each robot, all finite; goals are cells of the lattice."""
     if not isinstance(found, Intents):
         return f"step: {type(found).__name__}; expected Intents"
     n = len(observations.alive)
@@ -142,24 +191,70 @@ def intents(found: Any, observations: Observations) -> str | None:
         array("counts", found.counts, np.int32, n),
         array("planned", found.planned, np.bool_, n),
     )
+    if wrong is None:
+        far = ((found.goals < -1) | (found.goals >= lattice.shape)).any(axis=1)
+        if far.any():
+            robot = int(np.flatnonzero(far)[0])
+            cell = found.goals[robot].tolist()
+            wrong = (
+                f"goals[{robot}]: {cell}; expected a cell of the {lattice.rows} x {lattice.columns}, or -1, -1 for none"
+            )
     if wrong is None and found.twists is not None:
         wrong = array("twists", found.twists, np.float64, n, 2, finite=False)
-        if wrong is None and np.isinf(found.twists).any():
-            wrong = "twists: infinite; expected m/s and rad/s, or NaN where a robot follows its waypoints"
+        if wrong is None and not np.isfinite(found.twists).all():
+            follows = np.isnan(found.twists).all(axis=1) & (found.counts > 0)
+            strange = np.flatnonzero(~np.isfinite(found.twists).all(axis=1) & ~follows & observations.alive)
+            if len(strange):
+                robot = int(strange[0])
+                wrong = (
+                    f"twists[{robot}]: robot {robot} at {found.twists[robot].tolist()}; expected finite m/s and rad/s, "
+                    "0 to stand, or NaN twice for a robot that follows waypoints"
+                )
     if wrong is None and not checks.counts_hold(found.counts, found.waypoints.shape[1]):
         wrong = f"counts: {found.counts.max()} of {found.waypoints.shape[1]} waypoints"
     return wrong
 
 
-def measured(found: Any, robots: int) -> str | None:
-    """Measures that are numbers, one of them at least."""
+def measured(found: Any, robots: int, curve: Curve) -> str | None:
+    """Measures that are numbers, that of the curve among them, and of each robot; how much is done, and whether all."""
     if not isinstance(found, Measured) or not found.values:
-        return f"measure: {type(found).__name__}; expected Measured, with one value at least"
-    strange = [name for name, value in found.values.items() if not isinstance(value, float | int | np.number)]
-    if strange:
-        return f"values[{strange[0]!r}]: {type(found.values[strange[0]]).__name__}; expected a number"
-    rows = [name for name, row in found.robots.items() if np.shape(row)[:1] != (robots,)]
-    return f"robots[{rows[0]!r}]: expected a row for each of {robots} robots" if rows else None
+        return f"measure: {brief(found)}; expected Measured, with one value at least"
+    for name, value in found.values.items():
+        real = isinstance(value, float | int | np.number) and not isinstance(value, np.complexfloating)
+        if not real or (isinstance(value, int) and abs(value) > sys.float_info.max):
+            return f"values[{name!r}]: {brief(value)}; expected a number"
+    for name, row in found.robots.items():
+        wrong = _plain(f"robots[{name!r}]", row)
+        if wrong is None and row.shape[:1] != (robots,):
+            wrong = f"robots[{name!r}]: {brief(row)}; expected a row for each of {robots} robots"
+        if wrong is not None:
+            return wrong
+    if not isinstance(found.progress, float | int | np.number) or not 0.0 <= found.progress <= 1.0:
+        return f"progress: {brief(found.progress)}; expected a number from 0 to 1"
+    if not isinstance(found.finished, bool | np.bool_):
+        return f"finished: {brief(found.finished)}; expected True or False"
+    if curve.name not in found.values:
+        return f"values: {nearest(curve.name, found.values)}; expected {curve.name!r}, which the task's curve is about"
+    if curve.robots is not None and curve.robots not in found.robots:
+        return f"robots: {nearest(curve.robots, found.robots)}; expected {curve.robots!r}, which the task's curve names"
+    return None
+
+
+def summary(found: Any, taken: Collection[str]) -> str | None:
+    """Numbers, or None where one is not defined, by names that are not taken."""
+    if not isinstance(found, Mapping):
+        return f"summary: {brief(found)}; expected numbers by name"
+    for name, value in found.items():
+        if name in taken:
+            listed = ", ".join(sorted(taken))
+            return (
+                f"summary: {name!r} is measured of every run; expected another name, as 'own_{name}' (taken: {listed})"
+            )
+        if value is not None and (
+            not isinstance(value, float | int | np.number) or isinstance(value, np.complexfloating)
+        ):
+            return f"summary: {name!r}: {brief(value)}; expected a number, or None"
+    return None
 
 
 def message_sizes(said: Said[Any], codec: Codec[Any], iteration: int) -> str | None:

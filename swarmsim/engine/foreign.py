@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.minds import OwnMinds
+from swarmsim.core.own import line_of, told
 from swarmsim.core.parts import Fault, Parts, Setting
+from swarmsim.core.state import Estimates
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-_PACKAGE: Final = Path(__file__).parents[1]
 #: What the part of each seam has to have, besides what is found out when it is used.
 VERBS: Final = {
     "generator": ("draw",),
@@ -46,10 +51,10 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
     if registry.is_ours(parameters):
         return parameters.build(setting)
     try:
-        part = parameters.build(setting)
+        part = parameters.build(lent(setting))
     except InputError:
         raise
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
     missing = [verb for verb in VERBS[seam] if not hasattr(part, verb)]
     if missing:
@@ -58,13 +63,28 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
     return part
 
 
+def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
+    """The names under which a part will have something recorded, as far as it tells them before it is asked.
+
+    With each comes what of the part tells it, in words, and the line of code that does.
+    """
+    kind = registry.author_of(part)
+    if seam == "task":
+        yield part.curve.name, f"measures {part.curve.name!r}", line_of(kind)
+        return
+    for name in getattr(part, "shows", ()) if issubclass(part.knows, OwnMinds) else ():
+        yield name, f"shows {name!r}", line_of(kind, "shows")
+    for field in fields(part.knows) if issubclass(part.knows, Estimates) else ():
+        yield field.name, f"gives {part.knows.__name__} with a field {field.name!r}", line_of(part.knows, field.name)
+
+
 def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
     """The parts with a fault in them. Raises InputError, also for what somebody else's `install` raises or gives."""
     try:
         found = fault.install(parts)
     except InputError:
         raise
-    except Exception as problem:
+    except (Exception, SystemExit) as problem:
         if registry.is_ours(fault):
             raise
         raise InputError(f"use: {table['use']!r} cannot be installed: {told(problem)}") from problem
@@ -73,13 +93,46 @@ def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
     return found
 
 
-def told(problem: BaseException) -> str:
-    """An exception in words, with the lines of code outside of this package that led to it."""
-    frames = [f for f in traceback.extract_tb(problem.__traceback__) if _PACKAGE not in Path(f.filename).parents]
-    own = [f for f in frames if "site-packages" not in f.filename] or frames
-    lines = "".join(f"\n  {frame.filename}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in own)
-    whose = "".join(f", {note}" for note in getattr(problem, "__notes__", ()))
-    return f"{type(problem).__name__}: {problem}{whose}{lines}"
+def lent(value: Any) -> Any:
+    """The same to look at: with views in the place of its arrays that cannot be written to."""
+    return _anew(value, _read_only)
+
+
+def copied(value: Any) -> Any:
+    """The same with copies of its arrays, for what kernels are asked often: they take read-only arrays slowly."""
+    return _anew(value, np.copy)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+def _anew(value: Any, array: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
+    """Frozen dataclasses and tuples anew, at any depth, with something else for each plain array in them."""
+    kind = type(value)
+    if kind is np.ndarray:
+        return array(value)
+    if kind is tuple:
+        return tuple([_anew(one, array) for one in value])
+    names = _fields_of(kind)  # type: ignore[arg-type]  # classes can be hashed
+    if not names:
+        return value
+    made = object.__new__(kind)
+    if kind.__dictoffset__:  # what else it holds
+        vars(made).update(vars(value))
+    for name in names:
+        object.__setattr__(made, name, _anew(getattr(value, name), array))
+    return made
+
+
+@lru_cache(maxsize=256)
+def _fields_of(kind: type) -> tuple[str, ...]:
+    """The names of all that instances of a frozen dataclass hold; none for other classes, lent as they are."""
+    if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
+        return ()
+    return tuple(field.name for field in fields(kind))
 
 
 def foreign(seam: str, table: dict[str, Any]) -> dict[str, str]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.messages import Codec, Delivery, Said
+from swarmsim.core.own import line_of, told
 from swarmsim.core.parts import (
     Channel,
     Computation,
@@ -33,9 +34,19 @@ from swarmsim.core.parts import (
 )
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
 from swarmsim.engine import contracts
-from swarmsim.engine.foreign import told
+from swarmsim.engine.foreign import copied, lent
+from swarmsim.recording.measures import RunMeasures
 
 T = TypeVar("T")
+
+
+def nothing(found: Any) -> None:
+    """There is nothing to check."""
+
+
+def as_it_is(value: Any) -> Any:
+    """The same."""
+    return value
 
 
 class Guard:
@@ -45,21 +56,25 @@ class Guard:
         kind = registry.author_of(part)
         file = getattr(sys.modules[kind.__module__], "__file__", None) if registry.is_own(kind) else None
         place = f"{Path(file).name}:" if file else f"{kind.__module__}."
-        self._part, self._name = part, f"{seam} {place}{kind.__qualname__}"
+        self._part, self._kind, self._name = part, kind, f"{seam} {place}{kind.__qualname__}"
         self._iteration = 0
+        #: What makes of arguments what the part is given: code of others cannot write to their arrays.
+        self.given: Callable[[Any], Any] = lent
 
-    def _call(self, iteration: int, call: Callable[[], T], check: Callable[[T], str | None]) -> T:
+    def _call(self, iteration: int, verb: Callable[..., T], *given: Any, check: Callable[[T], str | None]) -> T:
         self._iteration = iteration
         try:
-            given = call()
+            found = verb(*(self.given(one) for one in given))
         except InputError:
             raise
-        except Exception as problem:
-            raise PartError(f"{self._name}, iteration {iteration}: {told(problem)}") from problem
-        wrong = check(given)
+        except (Exception, SystemExit) as problem:  # a part must not end the process, least of all as if all were well
+            at = line_of(self._kind, verb.__name__)
+            raise PartError(f"{self._name}, iteration {iteration}: {told(problem, at)}") from problem
+        wrong = check(found)
         if wrong is not None:
-            raise PartError(f"{self._name}, iteration {iteration}: {wrong}")
-        return given
+            at = "" if registry.is_ours(self._kind) else line_of(self._kind, verb.__name__)
+            raise PartError(f"{self._name}, iteration {iteration}: {wrong}{at}")
+        return found
 
 
 class GuardedSensor(Guard):
@@ -69,7 +84,9 @@ class GuardedSensor(Guard):
 
     def sense(self, state: State) -> Readings:
         """The readings, checked."""
-        return self._call(state.iteration, lambda: self._part.sense(state), lambda r: contracts.readings(r, state))
+        return self._call(
+            state.iteration, self._part.sense, state, check=lambda found: contracts.readings(found, state)
+        )
 
 
 class GuardedLocalisation(Guard):
@@ -79,14 +96,15 @@ class GuardedLocalisation(Guard):
 
     def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
         """The estimates, checked."""
-        return self._call(
-            state.iteration,
-            lambda: self._part.locate(state, readings),
-            lambda given: contracts.first_of(
-                contracts.pose(given[0], state),
-                None if given[1] is readings else contracts.readings(given[1], state),
-            ),
-        )
+
+        def locate(given: State, measured: Readings) -> tuple[NDArray[np.float64], Readings]:
+            found = self._part.locate(given, measured)
+            if not isinstance(found, tuple) or len(found) != 2:
+                return found
+            pose, put = found  # what is only passed on is given back, not lent
+            return state.pose if pose is given.pose else pose, readings if put is measured else put
+
+        return self._call(state.iteration, locate, state, readings, check=lambda found: contracts.located(found, state))
 
 
 class GuardedTopology(Guard):
@@ -96,7 +114,7 @@ class GuardedTopology(Guard):
 
     def links(self, state: State) -> Links:
         """The links, checked."""
-        return self._call(state.iteration, lambda: self._part.links(state), lambda found: contracts.links(found, state))
+        return self._call(state.iteration, self._part.links, state, check=lambda found: contracts.links(found, state))
 
 
 class GuardedChannel(Guard):
@@ -108,8 +126,11 @@ class GuardedChannel(Guard):
         """What arrives, checked."""
         return self._call(
             state.iteration,
-            lambda: self._part.deliver(state, links, sizes),
-            lambda found: contracts.delivery(found, state, len(links)),
+            self._part.deliver,
+            state,
+            links,
+            sizes,
+            check=lambda found: contracts.delivery(found, state, len(links)),
         )
 
 
@@ -120,7 +141,8 @@ class GuardedComputation(Guard):
 
     def __init__(self, part: Computation, setting: Setting) -> None:
         super().__init__("computation", part)
-        self._auditor = part.knows.auditor(setting)
+        self._auditor, self._robots = part.knows.auditor(setting), setting.robots.count
+        self._form: contracts.Form | None = None
 
     @property
     def knows(self) -> type[Knowledge]:
@@ -141,8 +163,9 @@ class GuardedComputation(Guard):
         """The messages, checked."""
         return self._call(
             observations.iteration,
-            lambda: self._part.say(observations),
-            lambda found: contracts.said(found, observations),
+            self._part.say,
+            observations,
+            check=lambda found: contracts.said(found, observations),
         )
 
     def hear(self, observations: Observations) -> Knowledge:
@@ -150,18 +173,20 @@ class GuardedComputation(Guard):
 
         def check(found: Knowledge) -> str | None:
             wrong = contracts.knowledge(found, self._part.knows)
+            if wrong is None:
+                self._form, wrong = contracts.record(found.record(), "computation", self._robots, self._form)
             return wrong if wrong is not None else self._auditor.audit(found, observations)
 
-        return self._call(observations.iteration, lambda: self._part.hear(observations), check)
+        return self._call(observations.iteration, self._part.hear, observations, check=check)
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Pass it on."""
-        self._call(self._iteration, lambda: self._part.forget(robots), lambda _: None)
+        self._call(self._iteration, self._part.forget, robots, check=nothing)
         self._auditor.forget(robots)
 
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
         """Pass it on."""
-        self._call(self._iteration, lambda: self._part.adopt(robots, source), lambda _: None)
+        self._call(self._iteration, self._part.adopt, robots, source, check=nothing)
         self._auditor.adopt(robots, source)
 
 
@@ -169,6 +194,10 @@ class GuardedStrategy(Guard):
     """Intents that motors can follow."""
 
     _part: Strategy
+
+    def __init__(self, part: Strategy, setting: Setting) -> None:
+        super().__init__("strategy", part)
+        self._lattice = setting.lattice
 
     @property
     def reads(self) -> type[Knowledge]:
@@ -179,8 +208,9 @@ class GuardedStrategy(Guard):
         """The intents, checked."""
         return self._call(
             observations.iteration,
-            lambda: self._part.step(observations),
-            lambda found: contracts.intents(found, observations),
+            self._part.step,
+            observations,
+            check=lambda found: contracts.intents(found, observations, self._lattice),
         )
 
 
@@ -188,7 +218,11 @@ class GuardedTask(Guard):
     """Measures that are numbers, of the same names in every iteration."""
 
     _part: Task
-    _names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+    _form: contracts.Form | None = None
+
+    def __init__(self, part: Task, setting: Setting) -> None:
+        super().__init__("task", part)
+        self._taken = RunMeasures(setting.robots, setting.period, part.curve).summary().keys()
 
     @property
     def reads(self) -> type[Knowledge]:
@@ -204,18 +238,36 @@ class GuardedTask(Guard):
         """The measures, checked."""
 
         def check(found: Measured) -> str | None:
-            wrong = contracts.measured(found, moment.state.robots)
-            names = None if wrong else (tuple(found.values), tuple(found.robots))
-            self._names = self._names or names
-            if names != self._names and wrong is None:
-                return f"measure: {names} after {self._names}; expected the same names in every iteration"
+            wrong = contracts.measured(found, moment.state.robots, self._part.curve)
+            if wrong is None:
+                self._form, wrong = contracts.record(found.record(), "task", moment.state.robots, self._form)
             return wrong
 
-        return self._call(moment.state.iteration, lambda: self._part.measure(moment), check)
+        return self._call(moment.state.iteration, self._part.measure, moment, check=check)
 
     def summaries(self) -> Sequence[Summary]:
-        """Its own."""
-        return self._part.summaries()
+        """Its own, held to their contracts."""
+        return [GuardedSummary(one, self._taken) for one in self._part.summaries()]
+
+
+class GuardedSummary(Guard):
+    """Numbers under names that what is measured of every run does not have."""
+
+    _part: Summary
+
+    def __init__(self, part: Summary, taken: Collection[str]) -> None:
+        super().__init__("task", part)
+        self._taken = taken
+
+    def sample(self, moment: Moment) -> None:
+        """Pass it on."""
+        self._call(moment.state.iteration, self._part.sample, moment, check=nothing)
+
+    def summary(self) -> dict[str, float | int | None]:
+        """The numbers, checked."""
+        return self._call(
+            self._iteration, self._part.summary, check=lambda found: contracts.summary(found, self._taken)
+        )
 
 
 class GuardedMotion(Guard):
@@ -225,18 +277,19 @@ class GuardedMotion(Guard):
 
     def __init__(self, part: Motion, setting: Setting) -> None:
         super().__init__("motion", part)
-        self._robots = setting.robots.count
+        self._robots, self.given = setting.robots.count, copied
 
     def follow(self, intents: Intents) -> None:
         """Pass them on."""
-        self._call(self._iteration + 1, lambda: self._part.follow(intents), lambda _: None)
+        self._call(self._iteration + 1, self._part.follow, intents, check=nothing)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
         """The wheel speeds, checked at every sub-step."""
         return self._call(
             self._iteration,
-            lambda: self._part.command(pose),
-            lambda found: contracts.array("command", found, np.float64, self._robots, 2),
+            self._part.command,
+            pose,
+            check=lambda found: contracts.array("command", found, np.float64, self._robots, 2),
         )
 
 
@@ -245,30 +298,44 @@ class GuardedField(Guard):
 
     _part: Field
 
+    def __init__(self, part: Field, period: float) -> None:
+        """`period` of an iteration in s."""
+        super().__init__("field", part)
+        self._period = period
+
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The values, checked."""
         return self._call(
-            self._iteration,
-            lambda: self._part.value(time, points),
-            lambda found: contracts.array("value", found, np.float64, len(points)),
+            round(time / self._period),
+            self._part.value,
+            time,
+            points,
+            check=lambda found: contracts.array("value", found, np.float64, len(points)),
         )
 
 
-def held_field(field: Field) -> Field:
-    """The field; one that is not ours is held to its contract."""
-    return field if registry.is_ours(field) else GuardedField("field", field)
+def held_field(field: Field, period: float) -> Field:
+    """The field; one that is not ours is held to its contract. `period` of an iteration in s."""
+    return field if registry.is_ours(field) else GuardedField(field, period)
 
 
-def guarded(parts: Parts, setting: Setting, held: Collection[str]) -> Parts:
-    """The same parts, those of these seams held to their contracts."""
-    wrap: dict[str, Callable[[Any], Any]] = {
+def guarded(parts: Parts, setting: Setting, held: Collection[str], theirs: Collection[str]) -> Parts:
+    """The same parts, those of the seams `held` held to their contracts; in those of `theirs` there is code of others.
+
+    Code of others cannot write to what it is given. Ours does not, which kernels need not be compiled anew for.
+    """
+    kinds: dict[str, Callable[[Any], Guard]] = {
         "sensor": lambda part: GuardedSensor("sensor", part),
         "localisation": lambda part: GuardedLocalisation("localisation", part),
         "topology": lambda part: GuardedTopology("topology", part),
         "motion": lambda part: GuardedMotion(part, setting),
         "channel": lambda part: GuardedChannel("channel", part),
         "computation": lambda part: GuardedComputation(part, setting),
-        "strategy": lambda part: GuardedStrategy("strategy", part),
-        "task": lambda part: GuardedTask("task", part),
+        "strategy": lambda part: GuardedStrategy(part, setting),
+        "task": lambda part: GuardedTask(part, setting),
     }
-    return replace(parts, **{seam: make(getattr(parts, seam)) for seam, make in wrap.items() if seam in held})
+    guards = {seam: make(getattr(parts, seam)) for seam, make in kinds.items() if seam in held}
+    for seam in guards.keys() - set(theirs):
+        guards[seam].given = as_it_is
+    changed: dict[str, Any] = dict(guards)
+    return replace(parts, **changed)

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.own import array_of
+from swarmsim.core.registry import nearest
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Intents, Measured, Moment, Observations
 from swarmsim.engine.build import Run, build
@@ -21,6 +23,8 @@ from swarmsim.engine.simulation import Perceived
 #: What agents may decide: the place to go to straight, m from where they are, as far as `reach`; a velocity, ahead and
 #: turning; or the speeds of the left and the right wheel. All are numbers from -1 to 1, of the most there is.
 ACTIONS: Final = ("goal", "twist", "wheels")
+
+ROUNDING: Final = 1e-6  # by which an action may be beyond its limits: numbers of 32 bits have been computed with
 
 Reward = Callable[[Measured | None, Moment], NDArray[np.float64]]
 
@@ -153,10 +157,17 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         dict[str, bool],
         dict[str, dict[str, Any]],
     ]:
-        """One iteration in which every agent does what its action says; agents without one stand."""
+        """One iteration in which every agent does what its action says; agents without one stand.
+
+        Raises InputError for an action that is not of the action space, which names the agent, and for rewards that are
+        not a number for each robot.
+        """
         simulation = self._run.simulation
         moment = simulation.act(self._perceived, self._intents(actions))
-        rewards = self._reward(self._before, moment)
+        try:
+            rewards = array_of(self._reward(self._before, moment), moment.state.robots)
+        except ValueError as problem:
+            raise InputError(f"reward: {problem}; expected a number for each of {moment.state.robots} robots") from None
         self._before = moment.measured
         over, finished = simulation.over, simulation.finished
         if not over:
@@ -175,7 +186,9 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         observations = self._perceived.observations
         wanted = np.zeros((robots.count, 2))
         for agent, action in actions.items():
-            wanted[self._robots[agent]] = np.clip(np.asarray(action, np.float64), -1.0, 1.0)
+            if agent not in self._robots:
+                raise InputError(f"actions: {agent!r} is no agent; {nearest(str(agent), self._robots)}")
+            wanted[self._robots[agent]] = self._wanted(agent, action)
         if self._action == "goal":
             ways = {
                 robot: np.stack([pose, pose + self._reach * wanted[robot]])
@@ -183,7 +196,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 if robot in self._learners
             }
             fresh = np.zeros(robots.count, np.bool_)
-            mine = Intents.along(ways, robots.count, self._run.setting.lattice.cells, fresh)
+            mine = Intents.along(ways, robots.count, self._run.setting.lattice, fresh)
         else:
             speed, base = robots.each("speed"), robots.each("wheel_base")
             if self._action == "twist":
@@ -195,6 +208,17 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         if len(self._learners) == robots.count:
             return mine
         return _joined(mine, simulation.parts.strategy.step(observations), self._learners)
+
+    def _wanted(self, agent: str, action: Any) -> NDArray[np.float64]:
+        """An action as two numbers from -1 to 1. Raises InputError for all else; rounding alone is cut off."""
+        try:
+            given = array_of(action, 2)
+        except ValueError as problem:
+            raise InputError(f"actions[{agent!r}]: {problem}; expected two numbers from -1 to 1") from None
+        if not (np.abs(given) <= 1.0 + ROUNDING).all():
+            where = f"in iteration {self._perceived.state.iteration}"
+            raise InputError(f"actions[{agent!r}]: {given.tolist()} {where}; expected two numbers from -1 to 1")
+        return np.clip(given.astype(np.float64), -1.0, 1.0)
 
     def _observed(self, agents: Sequence[str]) -> dict[str, dict[str, NDArray[Any]]]:
         seen = self._perceived.observations

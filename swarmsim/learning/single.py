@@ -46,7 +46,7 @@ class RobotEnv(gymnasium.Env[dict[str, NDArray[Any]], NDArray[np.float32]]):
         return observed[self._agent], infos[self._agent]
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """One iteration of the whole swarm."""
+        """One iteration of the whole swarm. Raises InputError for an action that is not of the action space."""
         observed, rewards, ended, cut, infos = self.swarm.step({self._agent: action})
         agent = self._agent
         return observed[agent], rewards[agent], ended[agent], cut[agent], infos[agent]

@@ -52,13 +52,17 @@ class Session:
             self.recording.refresh()
 
     def strike(self, fault: Table, iteration: int) -> None:
-        """Let a fault, a table without its `at`, strike at an iteration that has been done or is the next one.
+        """Let a fault, a table without its `at`, strike at an iteration: one that has been done, the next or the one
+        after it.
 
-        What was recorded from then on is dropped, with later strikes. Raises InputError, and nothing has changed, for
-        a fault that cannot be.
+        What was recorded from then on is dropped, with later strikes: the run depends on fault and iteration alone, not
+        on how far it had come. Raises InputError, and nothing has changed, for a fault that cannot be.
         """
-        if not 1 <= iteration <= self.recording.iterations:
-            raise InputError(f"iteration {iteration}: expected 1 to {self.recording.iterations}")
+        done = self.recording.iterations
+        if self.over and iteration >= done:
+            raise InputError(f"the run ended after {done} iterations; go back in time to let something strike")
+        if not 1 <= iteration <= done + 1:
+            raise InputError(f"iteration {iteration}: expected 1 to {done + 1}")
         kept = [one for one in self._struck if one["at"] <= iteration]
         self._start((*kept, registry.complete("fault", {**fault, "at": iteration})), iteration + 1)
 

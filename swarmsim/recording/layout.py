@@ -26,6 +26,7 @@ class Table:
     #: What its numbers, or those of each column, lie within, both ends included; words as in `row`.
     low: tuple[float, ...] = ()
     high: tuple[float | str, ...] = ()
+    by: str = ""  # the seam whose parts, ours and others, may give it in this form; none: the recording itself alone
 
 
 TABLES: Final = {
@@ -46,7 +47,9 @@ TABLES: Final = {
     "twists": Table("f8", ("robots", 2), EACH),
     "links": Table("i4", (2,), MANY, (0.0, 0.0), ("last robot",) * 2),
     "letters": Table("i4", (5,), MANY, (0.0,) * 5, ("last robot", "last robot", 2e9, 2e9, "last fate")),
-    "changes": Table("i4", (3,), MANY, (0.0,) * 3, ("last robot", "last cell", 2.0)),
+    "changes": Table("i4", (3,), MANY, (0.0,) * 3, ("last robot", "last cell", 2.0), by="computation"),
+    "heading": Table("f8", ("robots",), EACH, by="computation"),
+    "covered": Table("f8", ("robots",), EACH, by="task"),
     "fates": Table("S32", (), ONCE),
     "waypoints": Table("f4", (2,), ONCE, (-FAR,) * 2, (FAR,) * 2),
     "paths": Table("i8", (3,), ONCE, (0.0,) * 3, (2e9, "last robot", "waypoints")),
@@ -69,6 +72,34 @@ NEEDED: Final = (
 #: The attributes of the file that are texts: TOML, JSON, or words.
 TEXTS: Final = ("versions", "scenario", "digested", "measures", "rows", "curve")
 BEFORE: Final = ("world", "domain", "truth", "digests")  # what it holds even before
+
+
+def wrong_name(name: Any, seam: str) -> str | None:
+    """Why a part of this seam cannot call a table so, and what it could be called, or None."""
+    if not isinstance(name, str) or not name.isprintable() or not name.strip(".") or "/" in name:
+        return f"{name!r} cannot be the name of a table; expected a word such as 'energy'"
+    if name.endswith("_end"):
+        return (
+            f"{name!r} ends as the tables that tell where rows of others end; expected such as {name[:-4] + '_last'!r}"
+        )
+    if name not in TABLES or TABLES[name].by == seam:
+        return None
+    others = ", ".join(sorted(one for one, table in TABLES.items() if table.by != seam))
+    return f"{name!r} names a table of the recording's own; expected another name, as 'own_{name}' (taken: {others})"
+
+
+def wrong_form(name: str, row: NDArray[Any], rows: str, robots: int) -> str | None:
+    """Why a row of this type and shape, of a table with EACH or MANY of them, cannot be recorded, or None."""
+    if row.dtype.kind not in "fiub":
+        return f"{name!r} is of {row.dtype}; expected numbers"
+    table = TABLES.get(name)
+    if table is None:
+        return None
+    shape = _sizes(table.row, (0, *row.shape), {"robots": robots})
+    if (row.dtype, row.shape, rows) == (np.dtype(table.kind), shape, table.rows):
+        return None
+    many = ", as many as there are" if table.rows == MANY else ""
+    return f"{name!r} is {row.dtype} of shape {row.shape}; expected {np.dtype(table.kind)} of {shape}{many}"
 
 
 def attribute(file: Any, name: str, kinds: str, shape: tuple[int, ...] = ()) -> Any:

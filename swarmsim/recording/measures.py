@@ -8,16 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.events import Ended
+from swarmsim.core.parts import Curve
 from swarmsim.core.robots import Robots
 from swarmsim.core.state import Moment, State
 
-SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of the task whose times are measured
+EDITION: Final = 2  # of what measures mean; raised when that changes, so that studies do not mix old rows with new ones
+SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of what a curve can reach, whose times are measured
 
 
 def reached(curve: NDArray[np.float64], share: float) -> int | None:
     """The number of iterations after which `curve` (t,), from 0 to 1, was first at `share`, or None."""
     hits = np.flatnonzero(curve >= share)
     return int(hits[0]) + 1 if len(hits) else None
+
+
+def times_of(values: NDArray[np.float64], curve: Curve) -> dict[int, int | None]:
+    """After how many iterations the `values` (t,) of a task's curve were first at each of SHARES; None for never.
+
+    They are shares of the top of the curve's axis, such as all of the domain for coverage, and not of what the task
+    asks for. Of a curve that has no top, such as an error, there are no shares: the answer is empty.
+    """
+    if not curve.rises or curve.low != 0.0 or curve.high is None:
+        return {}
+    return {share: reached(values * (curve.scale / curve.high), share / 100) for share in SHARES}
 
 
 def jain(shares: NDArray[np.float64]) -> float | None:
@@ -34,13 +47,13 @@ def share_of(part: float, whole: float) -> float | None:
 class RunMeasures:
     """A probe that keeps what is measured of every run, whatever its task, so that studies need no recording."""
 
-    def __init__(self, robots: Robots, period: float) -> None:
-        """`period` in s."""
-        self._period = period
+    def __init__(self, robots: Robots, period: float, curve: Curve) -> None:
+        """`period` in s; `curve` is that of the task."""
+        self._period, self._curve = period, curve
         self._leap = 2.0 * robots.speed * period  # m; whoever is that far in one iteration was carried there
         self._path = np.zeros(robots.count)
         self._last: State | None = None
-        self._progress: list[float] = []
+        self._values: list[float] = []  # of the curve
         self._finished = False
         self._links = self._messages = self._bytes = self._lost = 0
 
@@ -51,7 +64,7 @@ class RunMeasures:
             step = np.hypot(*(state.pose - last.pose)[:, :2].T)
             self._path += np.where(last.alive & (step < self._leap), step, 0.0)
         self._last = state
-        self._progress.append(moment.measured.progress)
+        self._values.append(moment.measured.values[self._curve.name])
         self._finished = any(isinstance(event, Ended) and event.finished for event in moment.events)
         self._links += len(moment.links)
         self._messages += len(moment.delivery.heard)
@@ -60,17 +73,16 @@ class RunMeasures:
 
     def summary(self) -> dict[str, float | int | None]:
         """The run in numbers; docs/measures.md defines each. None where a number is not defined."""
-        progress = np.array(self._progress)
-        ran = len(progress)
-        times = {f"t{share}": reached(progress, share / 100) for share in SHARES}
-        t95, t100 = times["t95"], times["t100"]
+        ran = len(self._values)
+        found = times_of(np.array(self._values), self._curve)
+        times = {share: found.get(share) for share in SHARES}
         return {
             "finished": int(self._finished),
             "iterations": ran if self._finished else None,
             "iterations_run": ran,
             "seconds": ran * self._period if self._finished else None,
-            **times,
-            "tail_ratio": t100 / t95 if t95 and t100 else None,
+            **{f"t{share}": time for share, time in times.items()},
+            "tail_ratio": times[100] / times[95] if times[95] and times[100] else None,
             "path_sum": float(self._path.sum()),
             "path_longest": float(self._path.max(initial=0.0)),
             "path_mean": float(self._path.mean()),

@@ -16,14 +16,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import hdf5
-from swarmsim.core.errors import InputError
+from swarmsim.core import files, hdf5
+from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario, shape
 from swarmsim.recording import layout
 from swarmsim.recording.layout import FAR
+from swarmsim.recording.measures import times_of
 
 FORMAT_NAME: Final = "swarmsim-recording"  # the attribute with the number
 FORMAT: Final = 4  # raised whenever an older reader would misread a newer file
@@ -38,7 +39,7 @@ READING: Final = (
     msgspec.MsgspecError,
 )
 READ_AHEAD: Final = 1 << 20  # rows of large tables
-SHARES: Final = (0.5, 0.75, 0.9, 0.95, 0.99, 1.0)  # of the task, whose times a summary tells
+PENDING: Final = {True: "under way", False: "interrupted", None: "under way or interrupted"}
 
 
 class Recording:
@@ -47,17 +48,20 @@ class Recording:
     def __init__(self, path: Path, file: h5py.File | None = None) -> None:
         """Open a recording, or the folder of a run that holds one; `file` is one that this process still writes.
 
-        Raises InputError.
+        Raises InputError, and StorageError for a disk that cannot be read.
         """
         self.path = path / "recording.h5" if path.is_dir() else path
         if not self.path.is_file():
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
+        files.check_plain(self.path, "a run's folder or its recording.h5", None)
         self._growing = file
         self._arrays: dict[str, NDArray[Any]] = {}  # what has been read
         self._near: dict[str, tuple[int, NDArray[Any]]] = {}  # of large tables: some rows, and the first one's number
         try:
             with self._file() as opened:
                 self._read(opened)
+                #: What a run that has not ended yet is: this process writes it, another does, or none any more.
+                self.pending = PENDING[True if self._growing else hdf5.being_written(self.path)]
         except READING as problem:
             raise self._damaged(problem) from problem
 
@@ -69,8 +73,10 @@ class Recording:
             with hdf5.open_for_reading(self.path) as opened:
                 yield opened
 
-    def _damaged(self, problem: Exception) -> InputError:
+    def _damaged(self, problem: Exception) -> InputError | StorageError:
         told = str(problem).partition("\n")[0]
+        if is_of_the_machine(problem):
+            return StorageError(f"{self.path}: cannot be read ({told})")
         return InputError(
             f"{self.path}: not a whole recording ({told}); expected an HDF5 file written by 'swarmsim run'"
         )
@@ -247,23 +253,19 @@ class Recording:
             heard += int(size.sum(where=fate == 0, dtype=np.int64))
         return counts, heard
 
-    def reached(self, share: float) -> int | None:
-        """The number of iterations after which this share of the task was done, or None."""
-        hits = np.flatnonzero(self.progress >= share)
-        return int(hits[0]) + 1 if len(hits) else None
-
     def summary(self) -> dict[str, Any]:
         """The run in a few numbers, for tables and JSON."""
         events = self.events()
         ends = ["finished" if event.finished else "not finished" for event in events if isinstance(event, Ended)]
         ran = self.iterations > 0
+        times = times_of(self[self.curve.name], self.curve) if ran and self.measures else {}
         return {
             "title": self.scenario.title,
-            "status": ends[-1] if ends else "interrupted",
+            "status": ends[-1] if ends else self.pending,
             "iterations": self.iterations,
             "measures": {name: float(self[name][-1]) for name in self.measures} if ran else {},
             "progress": float(self.progress[-1]) if ran else 0.0,
-            "reached": {f"{100 * share:g} %": self.reached(share) for share in SHARES} if ran else {},
+            "reached": {f"{share} %": at for share, at in times.items()},
             "robots": self.scenario.robots.count,
             "alive": int(self["alive"][-1].sum()) if ran else self.scenario.robots.count,
             "domain cells": int(self["domain"].sum()),

@@ -45,10 +45,10 @@ def costs(named: Mapping[str, Recording]) -> list[Cost]:
     """
     reference = next(iter(named.values()))
     for name, run in named.items():
-        if run.curve.name != reference.curve.name:
+        mine, theirs = (f"{one.curve.name!r} ({one.curve.label})" for one in (run, reference))
+        if mine != theirs:
             raise InputError(
-                f"{name}: its task is about {run.curve.name!r}, that of the first run about "
-                f"{reference.curve.name!r}; expected runs of one task"
+                f"{name}: its task is about {mine}, that of the first run about {theirs}; expected runs of one task"
             )
     horizon = max(run.iterations for run in named.values())
     return [_cost(name, run, reference, horizon) for name, run in named.items()]

@@ -51,8 +51,8 @@ class Compared:
 def compare(plan: Plan, results: Mapping[str, Result], method: str = "method", within: str | None = None) -> Compared:
     """Compare the methods of a study, those axes whose `together` is called so, separately for each value of a key.
 
-    An unfinished run counts with the iterations after which it was stopped, which flatters its method. Raises
-    InputError if there is no such axis, or runs are missing.
+    An unfinished run counts with the iterations after which it was stopped, which flatters its method: `lines` says of
+    which ratios that makes bounds. Raises InputError if there is no such axis, or runs are missing.
     """
     keys = [axis.key for axis in plan.study.vary if axis.together == method]
     if not keys:
@@ -132,16 +132,24 @@ HEAD = (
 
 
 def lines(standings: tuple[Standing, ...]) -> list[tuple[str, ...]]:
-    """One line for each method, under HEAD."""
+    """One line for each method, under HEAD; ratios that unfinished runs make bounds say so, or are left out."""
     return [
         (
             one.method,
             f"{one.finished} of {one.runs}",
-            f"{one.ratio:.3f}",
-            f"{one.interval[0]:.2f} to {one.interval[1]:.2f}",
-            "-" if one.across is None else f"{one.across[0]:.2f} to {one.across[1]:.2f}",
+            *_ratios(one, standings[0]),
             f"{100 * one.better:.0f} %",
             f"{100 * one.better_interval[0]:.0f} to {100 * one.better_interval[1]:.0f} %",
         )
         for one in standings
     ]
+
+
+def _ratios(one: Standing, first: Standing) -> tuple[str, str, str]:
+    """The ratio to the first method, and its two intervals."""
+    longer, shorter = one.finished < one.runs, first.finished < first.runs
+    if one is not first and longer and shorter:
+        return "-", "-", "-"
+    bound = "" if one is first or longer == shorter else "over " if longer else "under "
+    across = "-" if one.across is None else f"{bound}{one.across[0]:.2f} to {one.across[1]:.2f}"
+    return f"{bound}{one.ratio:.3f}", f"{bound}{one.interval[0]:.2f} to {one.interval[1]:.2f}", across

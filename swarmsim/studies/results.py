@@ -256,6 +256,7 @@ def compared(results: dict[str, Result], against: str) -> list[tuple[str, ...]]:
     for found in compare(groups, against) if against in groups else ():
         first, second = results[found.first].times, results[found.second].times
         difference, sd = first.mean() - second.mean(), np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 2)
-        needed = str(runs_needed(difference, sd, test="mann-whitney")) if difference and sd else "-"
+        whole = bool(results[found.first].finished.all() and results[found.second].finished.all())
+        needed = str(runs_needed(difference, sd, test="mann-whitney")) if whole and difference and sd else "-"
         table.append((found.first, f"{found.a12:.2f}", f"{found.p:.2g}", f"{found.adjusted:.2g}", needed))
     return table

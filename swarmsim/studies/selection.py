@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from swarmsim.core.errors import InputError
 from swarmsim.studies.engine import Task
 from swarmsim.studies.plan import Plan, with_seeds
-from swarmsim.studies.results import gather, missing
+from swarmsim.studies.results import Result, gather, missing
 from swarmsim.studies.statistics import bootstrap_mean
 from swarmsim.studies.store import Store
 
@@ -25,7 +26,8 @@ class Arm:
     """A condition at the end of the race."""
 
     name: str
-    times: tuple[float, ...]  # iterations, by seed; an unfinished run counts its limit
+    times: tuple[float, ...]  # iterations, by seed; of an unfinished run those after which it was stopped
+    finished: int  # how many of these runs
     dropped: int | None  # the round in which it was shown to be worse, None if never
 
 
@@ -54,12 +56,17 @@ def best(
     rest can be faster than the leader by more than `tolerance` (a share of the leader's mean). Differences are
     taken seed by seed, since equal seeds give equal starts; their Student intervals share 1 - `confidence`
     among all conditions and rounds. `perform` does the missing runs; at most `budget` are used.
+
+    An unfinished run took longer than its limit, by how much nobody knows. A condition that has one can be shown to be
+    slower, but it never leads. Raises InputError if all that are left have one, or one that led has: then it is not
+    known which is best.
     """
     names = [condition.name for condition in plan.conditions]
     dropped: dict[str, int] = {}
     seeds, rounds, decided = FIRST, 0, False
     times: dict[str, NDArray[np.float64]] = {}
-    leader = names[0]
+    found: dict[str, Result] = {}
+    leader, led = names[0], set[str]()
     while True:
         racing = [name for name in names if name not in dropped]
         spent = sum(len(times[name]) for name in dropped)
@@ -68,8 +75,11 @@ def best(
         rounds += 1
         part = with_seeds(plan, seeds, racing)
         perform(missing(part, store))
-        times |= {name: result.times for name, result in gather(part, store).items()}
-        leader = min(racing, key=lambda name: float(times[name].mean()))
+        found |= gather(part, store)
+        times |= {name: found[name].times for name in racing}
+        whole = _whole(plan, found, racing, led)
+        leader = min(whole, key=lambda name: float(times[name].mean()))
+        led.add(leader)
         alpha = (1.0 - confidence) * 6.0 / (math.pi * rounds) ** 2 / max(len(names) - 1, 1)
         decided = True
         for name in racing:
@@ -81,10 +91,31 @@ def best(
             elif high > tolerance * times[leader].mean():
                 decided = False
         seeds += MORE
-    arms = tuple(Arm(name, tuple(times[name].tolist()), dropped.get(name)) for name in names)
+    arms = tuple(
+        Arm(name, tuple(times[name].tolist()), int(found[name].finished.sum()), dropped.get(name)) for name in names
+    )
     return Answer(
         arms, leader, decided, sum(len(arm.times) for arm in arms), _said(arms, leader, decided, confidence, tolerance)
     )
+
+
+def _whole(plan: Plan, found: dict[str, Result], racing: Sequence[str], led: set[str]) -> list[str]:
+    """Those still in the race of which all runs have finished. Raises InputError as `best`, or for failed runs."""
+    for name in racing:
+        if found[name].failed:
+            row = found[name].failed[0]
+            raise InputError(f"{plan.path}: {name}, seed {row.seed}: failed, and cannot be compared: {row.message}")
+    whole = [name for name in racing if found[name].finished.all()]
+    if not whole or not led.intersection(racing) <= set(whole):
+        counts = ", ".join(
+            f"{int(result.finished.sum())} of {len(result.rows)} {name}" for name, result in found.items()
+        )
+        raise InputError(
+            f"{plan.path}: no condition can be called best, since too few runs finished: {counts}; an unfinished run "
+            f"has no time; expected one condition at least whose runs all finish: raise stop.iterations, ask less of "
+            f"the task, or compare what did finish with: swarmsim study table"
+        )
+    return whole
 
 
 def _difference(first: NDArray[np.float64], second: NDArray[np.float64], alpha: float) -> float:
@@ -103,19 +134,23 @@ def _said(arms: Sequence[Arm], leader: str, decided: bool, confidence: float, to
             f"{leader} is best: with {confidence:.0%} confidence no other needs fewer iterations by more than "
             f"{tolerance:.0%}{beside} ({runs} runs)"
         )
-    return f"not decided within the budget ({runs} runs): {leader} leads, not told apart from {', '.join(level)}"
+    cut = any(arm.finished < len(arm.times) for arm in arms if arm.name in level)
+    leads = "leads those whose runs all finished" if cut else "leads"
+    return f"not decided within the budget ({runs} runs): {leader} {leads}, not told apart from {', '.join(level)}"
 
 
-HEAD = ("condition", "runs", "mean", "95 % interval", "dropped in round")
+HEAD = ("condition", "runs", "finished", "mean", "95 % interval", "dropped in round")
 
 
 def lines(answer: Answer) -> list[tuple[str, ...]]:
     """The table of the race, one line for each condition, under HEAD."""
     rows: list[tuple[str, ...]] = []
     for arm in answer.arms:
-        interval = bootstrap_mean(arm.times)
+        cut = arm.finished < len(arm.times)
+        interval = None if cut else bootstrap_mean(arm.times)
         between = "-" if interval is None else f"{interval[0]:.1f} to {interval[1]:.1f}"
+        mean = f"{'over ' if cut else ''}{np.mean(arm.times):.1f}"
         mark = " (best)" if arm.name == answer.best else ""
         round_ = "-" if arm.dropped is None else str(arm.dropped)
-        rows.append((arm.name + mark, str(len(arm.times)), f"{np.mean(arm.times):.1f}", between, round_))
+        rows.append((arm.name + mark, str(len(arm.times)), str(arm.finished), mean, between, round_))
     return rows

@@ -7,9 +7,10 @@ import pygame
 from numpy.typing import NDArray
 
 from swarmsim.view.camera import Camera
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene, Shot
-from swarmsim.view.symbols import Lettering, Pen
+from swarmsim.view.symbols import Pen
 from swarmsim.view.theme import colour_of, ink_on
 
 LEAST = 3.0  # pixels, the least radius of a robot's disc, which may then lie over another's
@@ -124,9 +125,7 @@ class Actors:
             return None
         key = (robot, round(radius))
         if key not in self._ids:
-            size, ink = max(10, round(1.9 * radius)), ink_on(colour_of(robot))
             widest = "0" * len(str(self._scene.robots - 1))
-            while size > 10 and self._letters.render(widest, size, ink).get_width() > 1.7 * radius:
-                size -= 1
-            self._ids[key] = self._letters.render(str(robot), size, ink)
+            size = self._letters.size(widest, max(10, round(1.9 * radius)), 10, int(1.7 * radius))
+            self._ids[key] = self._letters.render(str(robot), size, ink_on(colour_of(robot)))
         return self._ids[key]

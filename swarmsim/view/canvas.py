@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from swarmsim.view.actors import Actors
 from swarmsim.view.camera import Camera
 from swarmsim.view.ground import FINEST, Ground
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import Look
 from swarmsim.view.panel import Panel
 from swarmsim.view.scene import Scene, Shot
-from swarmsim.view.symbols import Lettering, Pen, opaque
+from swarmsim.view.symbols import Pen, opaque
 
 LENS = 0.12  # of the picture's height: the radius of the magnifier
 WHOLE = 4000  # pixels, the greatest side of the ground under the magnifier
@@ -101,13 +102,9 @@ class Canvas:
         """The title, and a scale bar of a round length below the map; each with its place."""
         theme, unit, letters = self._look.colours, self._unit, self._letters
         of = "" if self._look.focus is None else f": what robot {self._look.focus} knows"
-        size = max(16, round(30 * unit))
-        while (
-            size > max(14, round(20 * unit))
-            and letters.render(self._scene.title + of, size, theme.text).get_width() > width
-        ):
-            size -= 1
-        title = letters.fitted(self._scene.title + of, size, theme.text, width)
+        told = self._scene.title + of
+        size = letters.size(told, max(16, round(30 * unit)), max(14, round(20 * unit)), width)
+        title = letters.fitted(told, size, theme.text, width)
         length = max(
             step * 10.0**power for power in range(-4, 5) for step in (1, 2, 5)
             if step * 10.0**power * self.camera.scale < 0.2 * self.area.width
@@ -197,7 +194,7 @@ def _arranged(
     if not panel:
         return pygame.Rect(pad, head, size[0] - 2 * pad, size[1] - head - pad), pygame.Rect(size[0], 0, 0, 0)
     if wide:
-        side = max(round(322 * unit), 150)
+        side = max(round(322 * unit), 190)
         area = pygame.Rect(pad, head, size[0] - side - 3 * pad, size[1] - head - pad)
         return area, pygame.Rect(size[0] - side - pad, pad, side, size[1] - 2 * pad)
     below = round(0.5 * size[1])

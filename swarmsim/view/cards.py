@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pygame
 
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.panel import clock
-from swarmsim.view.symbols import Lettering
 from swarmsim.view.theme import Theme
 from swarmsim.view.wording import fault_line
 
@@ -54,8 +54,7 @@ def draw_card(surface: pygame.Surface, lines: list[str], theme: Theme, letters: 
     room = round(0.86 * width)
     sizes = [max(18, round(46 * unit)), *[max(13, round(26 * unit))] * (len(lines) - 1)]
     inks = [theme.text, *[theme.muted] * (len(lines) - 1)]
-    while sizes[0] > sizes[-1] and letters.render(lines[0], sizes[0], theme.text).get_width() > room:
-        sizes[0] -= 2
+    sizes[0] = letters.size(lines[0], sizes[0], sizes[-1], room)
     drawn = [letters.fitted(text, size, ink, room) for text, size, ink in zip(lines, sizes, inks, strict=True)]
     gap = round(12 * unit)
     top = (height - sum(line.get_height() + gap for line in drawn)) // 2

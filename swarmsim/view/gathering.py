@@ -15,8 +15,9 @@ from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
 from swarmsim.operations.mapping.registration import Transform
 from swarmsim.operations.mapping.sharing import cells_of, mark_sensed
 from swarmsim.view.camera import Camera
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.scene import Bounds, Scene
-from swarmsim.view.symbols import Lettering, Pen, opaque
+from swarmsim.view.symbols import Pen, opaque
 from swarmsim.view.theme import Colour, Theme, colour_of, ink_on
 from swarmsim.view.video import HOLD, Film
 
@@ -180,7 +181,8 @@ class Gathering:
         count = self.frames
         write(self._scene.title, theme.text, 1.15, 0.8)
         write(f"iteration {moment.state.iteration + 1}", theme.text, gap=0.1)
-        write(f"coverage {100.0 * moment.measured.values['coverage']:.1f} %", theme.text, gap=0.8)
+        covered = math.floor(1000.0 * moment.measured.values["coverage"]) / 10.0  # 100 % is all of it
+        write(f"coverage {covered:.1f} %", theme.text, gap=0.8)
         write(f"{count} frame{'s' * (count != 1)} of reference", theme.text, 1.3, 0.6)
         for robot, root in list(enumerate(self._roots.tolist()))[:LINES]:
             colour = colour_of(root)

@@ -10,9 +10,10 @@ import pygame
 from numpy.typing import NDArray
 
 from swarmsim.view.legend import draw_sign, signs
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene, Shot
-from swarmsim.view.symbols import Lettering, Pen, opaque, polygon
+from swarmsim.view.symbols import Pen, opaque, polygon
 from swarmsim.view.theme import Colour, colour_of
 
 Reals = NDArray[np.float64]
@@ -57,8 +58,10 @@ class Panel:
             room = area.height - len(kinds) * row - round(14 * unit)
             if room - top < 6 * self._line + len(strips) * strip:  # too small a picture for all of it
                 strips = []
-            if room - top < 6 * self._line:
-                room, kinds = area.height, []
+            if room - top < 6 * self._line:  # some signs of the legend are better than none
+                fit = max(0, (area.height - top - 6 * self._line - round(14 * unit)) // row)
+                kinds = kinds[:fit]
+                room = area.height - len(kinds) * row - round(14 * unit) * bool(kinds)
             self._plot(pygame.Rect(0, top, width, room - top - len(strips) * strip))
             legend = (0, room + round(8 * unit))
             below = pygame.Rect(0, room - len(strips) * strip, width, strip)
@@ -99,12 +102,13 @@ class Panel:
         pygame.draw.aacircle(surface, self._theme.curve, at, max(3, round(5 * unit)))
 
     def _told(self, shot: Shot) -> str:
-        groups = f"{shot.groups} group{'s' if shot.groups != 1 else ''}"
-        return f"{groups}, {shot.messages:,} messages".replace(",", " ", shot.messages > 999).replace("  ", ", ", 1)
+        """The groups and the messages so far; without room for both, the messages alone."""
+        messages = f"{shot.messages:,} messages"
+        return f"{shot.groups} group{'s' * (shot.groups != 1)}, {messages}" if self._grouped else messages
 
     def _faulty(self, shot: Shot) -> str:
         robots = [str(robot) for robot, mark in enumerate(shot.marks) if mark == "fault" and shot.alive[robot]]
-        return ", ".join(robots) if robots else "none"
+        return f"robot{'s' * (len(robots) > 1)} {', '.join(robots)}" if robots else "none"
 
     def _worded(self, value: float) -> str:
         """The value of the curve, in its unit."""
@@ -137,12 +141,14 @@ class Panel:
         faults = any(mark in scene.signs for mark in ("fault",))
         names = ["iteration", "simulated", "alive", "network", *(["faulty"] if faults else []), "topology", "seed"]
         fixed = {"topology": scene.topology, "seed": str(scene.seed)}
-        column = max(letters.render(name, self._small, theme.muted).get_width() for name in names) + self._small // 2
+        column = max(letters.width(name, self._small) for name in names) + self._small // 2
         wide = letters.render(self._widest(), self._large, theme.curve).get_size()
         at = (wide[0] + self._small // 2, wide[1] // 2 + self._small // 3)
         of = "" if self._look.focus is None else ", all robots"
         self._write(scene.curve.label.partition(",")[0] + of, at, theme.muted, area.width - at[0])
         top = wide[1] + round(8 * self._unit)
+        longest = f"{scene.robots} groups, {scene.at(scene.iterations).messages:,} messages"
+        self._grouped = letters.width(longest, self._small) <= area.width - column
         rows = [(column, top + place * self._line) for place in range(len(names))]
         half = letters.render("X", self._small, theme.muted).get_height() // 2
         for name, (x, y) in zip(names, rows, strict=True):
@@ -156,13 +162,14 @@ class Panel:
         scene, line, theme = self._scene, self._line, self._theme
         (low, high), parts = scene.limits, (0.0, 0.25, 0.5, 0.75, 1.0)
         ticks = {part: f"{low + part * (high - low):.3g}" for part in parts}
-        widths = [self._letters.render(tick, self._small, theme.muted).get_width() for tick in ticks.values()]
+        widths = [self._letters.width(tick, self._small) for tick in ticks.values()]
         left = room.left + max(widths) + self._small // 2
         right = room.right - self._small
         area = pygame.Rect(left, room.top + line, right - left, max(line, room.height - round(2.4 * line)))
         self._plot_area = area
         self._key((room.left, room.top + line // 3), room.width)
-        for part in parts[::2] if area.height < 5 * line else parts:
+        apart = 1 if area.height >= 5 * line else 2 if area.height >= 2.5 * line else 4
+        for part in parts[::apart]:
             y = area.bottom - 1 - round(part * (area.height - 1))
             pygame.draw.line(self._still, theme.rule, (area.left, y), (area.right, y))
             self._write(ticks[part], (area.left - self._small // 3, y), theme.muted, anchor="midright")
@@ -212,9 +219,10 @@ class Panel:
             if drawn.get_width() > area.height - 4:
                 continue  # half a name says nothing; captions say it in full
             upright = pygame.transform.rotate(drawn, 90)
+            upright = upright.subsurface(upright.get_bounding_rect())
             width = upright.get_width()
             for left in (line + 2, line - 2 - width):
-                if not any(left - 1 < x < left + width + 1 for x in taken):
+                if left > area.left and not any(left - 1 < x < left + width + 1 for x in taken):
                     self._still.blit(upright, (left, area.top + 2))
                     taken.append(left + width // 2)
                     break
@@ -248,7 +256,7 @@ class Panel:
         lines = [(counts[:, 0], theme.mean), *([(counts[:, 1], theme.lost)] if counts[:, 1].any() else [])]
         top = float(counts.max())
         named = "heard and lost" if len(lines) > 1 else "heard"
-        return [*strips, Strip(f"messages {named}, up to {top:.0f} an iteration", at, lines, top)]
+        return [*strips, Strip(f"messages {named}, up to {top:.0f}", at, lines, top)]
 
     def _strip(self, strip: Strip, room: pygame.Rect) -> tuple[pygame.Rect, pygame.Surface]:
         """Draw a small curve, dim; gives where it is, and a bright one."""

@@ -1,4 +1,4 @@
-"""The signs and letters of a picture, drawn alike on the map and in its legend."""
+"""The signs of a picture, drawn alike on the map and in its legend."""
 
 from __future__ import annotations
 
@@ -11,28 +11,6 @@ import pygame
 from swarmsim.view.theme import Colour, Theme
 
 Pixel = tuple[float, float]
-
-
-class Lettering:
-    """Antialiased text in pygame's own font, at any size."""
-
-    def __init__(self) -> None:
-        pygame.font.init()
-        self._fonts: dict[int, pygame.font.Font] = {}
-
-    def render(self, text: str, size: int, colour: Colour) -> pygame.Surface:
-        """The text on a transparent ground; `size` is about the height of a line in pixels."""
-        if size not in self._fonts:
-            self._fonts[size] = pygame.font.Font(None, size)
-        return self._fonts[size].render(text, True, colour)
-
-    def fitted(self, text: str, size: int, colour: Colour, width: int) -> pygame.Surface:
-        """The text as `render` gives it, cut with an ellipsis to at most `width` pixels."""
-        drawn = self.render(text, size, colour)
-        while drawn.get_width() > width and text:
-            text = text[:-1].rstrip()
-            drawn = self.render(f"{text}…", size, colour)
-        return drawn
 
 
 def opaque(size: tuple[int, int]) -> pygame.Surface:
@@ -68,7 +46,7 @@ class Pen:
             polygon(surface, ink, nose)
             pygame.draw.aacircle(surface, ink, at, radius + grown)
         if label is not None:
-            surface.blit(label, label.get_rect(center=(round(at[0]), round(at[1]) + 1)))
+            surface.blit(label, label.get_rect(center=(round(at[0]), round(at[1]))))
 
     def heading(self, surface: pygame.Surface, at: Pixel, yaw: float, length: float, width: int) -> None:
         """A line from a robot's centre, under its disc, along the heading that it estimates."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -14,15 +15,15 @@ from swarmsim.core.errors import InputError
 from swarmsim.recording.reader import Recording
 from swarmsim.view.camera import Camera
 from swarmsim.view.canvas import Canvas
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import LAYERS, Look
 from swarmsim.view.scene import Scene
-from swarmsim.view.symbols import Lettering
-from swarmsim.view.video import Film, write_film
+from swarmsim.view.video import SMALLEST, Film, write_film
 
 BAR: Final = 64  # pixels below the picture: the time line and a line of words
-SMALLEST: Final = (640, 360)
 FRAMES: Final = 60  # a second
 BUDGET: Final = 0.03  # s of simulating for one frame, at most
+LONGEST: Final = 0.25  # s by which time goes on in one frame, at most: doing a run again is no reason to leap
 RENEWED: Final = 0.5  # s from one drawing of the panel to the next, of a run that goes on
 SPEEDS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # iterations a second
 PUSH: Final = 0.5  # m/s
@@ -79,9 +80,18 @@ class Window:
     """The window; `handle` takes one event of pygame's, `frame` draws one picture."""
 
     def __init__(
-        self, show: Show, folder: Path, size: tuple[int, int] = (1280, 784), look: Look | None = None, speed: int = 20
+        self,
+        show: Show,
+        folder: Path,
+        size: tuple[int, int] = (1280, 784),
+        look: Look | None = None,
+        speed: int = 20,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """Films are saved into `folder`. Raises InputError where there is no display."""
+        """Films are saved into `folder`; `clock` gives seconds, and says how much is simulated for a frame, never what.
+
+        Raises InputError where there is no display.
+        """
         try:
             pygame.display.init()
             self._screen = pygame.display.set_mode(size, pygame.RESIZABLE)
@@ -91,6 +101,7 @@ class Window:
             ) from problem
         pygame.display.set_caption("swarmsim")
         self._show, self._folder, self._look = show, folder, look or Look()
+        self._clock = clock
         self._speed = min(range(len(SPEEDS)), key=lambda place: abs(SPEEDS[place] - speed))
         self._letters = Lettering()
         self.time = 0.0  # iterations
@@ -112,7 +123,7 @@ class Window:
         """Show the run until the window is closed."""
         clock = pygame.time.Clock()
         while self.open:
-            seconds = clock.tick(FRAMES) / 1000.0
+            seconds = min(clock.tick(FRAMES) / 1000.0, LONGEST)
             for event in pygame.event.get():
                 self.handle(event)
             self.frame(seconds)
@@ -121,7 +132,7 @@ class Window:
     def frame(self, seconds: float) -> None:
         """Let time go on by so many seconds, and draw."""
         if self.playing:
-            self._go_to(self.time + seconds * SPEEDS[self._speed])
+            self._play(seconds)
         self._renew()
         self._screen.fill(self._look.colours.background)
         self._screen.blit(self._canvas.draw(self.time), (0, 0))
@@ -220,12 +231,27 @@ class Window:
         self.playing = False
         self._go_to(min(max(share, 0.0), 1.0) * self._scene.iterations)
 
+    def _play(self, seconds: float) -> None:
+        """Let time go on, and simulate as far as it needs: an iteration or more, but for no longer than a frame may
+        take. Time waits for what is simulated.
+        """
+        show, moment = self._show, self.time + seconds * SPEEDS[self._speed]
+        until = self._clock() + BUDGET
+        while moment > show.recording.iterations and not show.over:
+            show.advance()
+            if self._clock() > until:
+                break
+        self._look_at(moment)
+
     def _go_to(self, moment: float) -> None:
-        """Move time, and simulate as far as it needs, but never for longer than a frame may take."""
-        until = time.perf_counter() + BUDGET
-        recording = self._show.recording
-        while moment > recording.iterations and not self._show.over and time.perf_counter() < until:
+        """Move time, and simulate all that it needs."""
+        while moment > self._show.recording.iterations and not self._show.over:
             self._show.advance()
+        self._look_at(moment)
+
+    def _look_at(self, moment: float) -> None:
+        """Move time within what has been simulated."""
+        recording = self._show.recording
         self.time = min(max(moment, 0.0), float(recording.iterations))
         if recording.iterations > self._scene.iterations:
             self._scene.refresh()
@@ -234,7 +260,7 @@ class Window:
 
     def _renew(self) -> None:
         """Draw the panel again, now and then, of a run that goes on."""
-        now = time.perf_counter()
+        now = self._clock()
         if self._canvas.outdated and now - self._renewed > RENEWED:
             self._canvas.renew()
             self._renewed = now
@@ -266,13 +292,13 @@ class Window:
         self._try({"use": "door", "box": box}, "door closed")
 
     def _try(self, fault: dict[str, Any], word: str) -> None:
-        moment = min(int(self.time) + 1, self._show.recording.iterations)
+        iteration = int(self.time) + 1  # after the one that is seen, however far the run has come
         try:
-            self._show.strike(fault, moment)
+            self._show.strike(fault, iteration)
         except InputError as problem:
             self.words = str(problem)
             return
-        self._changed(f"iteration {moment}: {word}")
+        self._changed(f"iteration {iteration}: {word}")
 
     def _changed(self, word: str) -> None:
         """Look at a recording that is another one now."""
@@ -300,7 +326,7 @@ class Window:
     def _drawn(self) -> Canvas:
         width, height = self._screen.get_size()
         size = (max(width, SMALLEST[0]), max(height - BAR, SMALLEST[1]))
-        self._renewed = time.perf_counter()
+        self._renewed = self._clock()
         return Canvas(self._scene, size, self._look, self._camera, finest=size[0])
 
     def _film(self) -> None:
@@ -342,18 +368,22 @@ class Window:
             pygame.draw.line(self._screen, theme.mark, (x, line.top - 2), (x, line.bottom + 2), 2)
         state = "running" if self.playing else "over" if self._show.over and done >= 1.0 else "paused"
         told = f"{state}, {SPEEDS[self._speed]} iterations a second    {self.words}"
-        text = self._letters.fitted(told, 20, theme.text, width - 24)
+        size = self._letters.size(told, 20, 15, width - 24)
+        text = self._letters.fitted(told, size, theme.text, width - 24)
         self._screen.blit(text, (12, height - BAR + 30))
 
     def _draw_help(self) -> None:
-        theme, lines = self._look.colours, [self._letters.render(text, 22, self._look.colours.text) for text in HELP]
-        width, height = max(line.get_width() for line in lines) + 40, 30 * len(lines) + 30
+        theme, letters, room = self._look.colours, self._letters, self._screen.get_width() - 60
+        size = min(letters.size(text, 22, 12, room) for text in HELP)
+        lines = [letters.fitted(text, size, theme.text, room) for text in HELP]
+        row = round(1.35 * size)
+        width, height = max(line.get_width() for line in lines) + 40, row * len(lines) + 30
         area = pygame.Rect(0, 0, width, height)
         area.center = (self._screen.get_width() // 2, (self._screen.get_height() - BAR) // 2)
         pygame.draw.rect(self._screen, theme.background, area, border_radius=8)
         pygame.draw.rect(self._screen, theme.rule, area, 2, border_radius=8)
         for place, line in enumerate(lines):
-            self._screen.blit(line, (area.left + 20, area.top + 18 + 30 * place))
+            self._screen.blit(line, (area.left + 20, area.top + 18 + row * place))
 
 
 def driver() -> str:

@@ -15,13 +15,13 @@ from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
 from swarmsim.world.features import Feature, Part, layer_named, not_an_area, thick
 from swarmsim.world.indoor import IGNORED, NO_FLOOR, OUTLINE, PLACES, role_of, width_of
+from swarmsim.world.indoor_storey import storey
 from swarmsim.world.levels import chosen, levels_of
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, LAYERS, SPAWN_LAYER
 from swarmsim.world.problems import Problems
 from swarmsim.world.projection import Projection, are_degrees
 from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.sheets import sheet
-from swarmsim.world.storeys import storey
 
 _NAMES: Final = ("layer", "class", "name", "id")  # of properties, which may name the layer of a feature
 _KINDS: Final = ("category", "indoor", "room", "type")  # likewise, for names that the user gives

@@ -19,6 +19,9 @@ Points = NDArray[np.float64]  # (n, 2): x, y
 Outlines = list[tuple[Points, bool]]  # each with whether it closes itself
 
 _PATH_TOKENS = re.compile(rf"{NUMBER}|[MmZzLlHhVvCcSsQqTtAa]|[\s,]+")
+_NUMBER = re.compile(NUMBER)
+_STEP = re.compile(r"([MmLlHhVvZz])([^MmLlHhVvZz]*)")
+_STRAIGHT = re.compile(rf"\s*[Mm](?:{NUMBER}|[MmLlHhVvZz\s,])*")
 _MOST_CHORDS = 10_000  # of one curve; more are needed only beyond the largest coordinate
 
 
@@ -29,7 +32,8 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
     """
     match element.tag:
         case "path":
-            return _flattened(_segments(element.attributes.get("d", "")), flatness)
+            data = element.attributes.get("d", "")
+            return _straight(data) if _STRAIGHT.fullmatch(data) else _flattened(_segments(data), flatness)
         case "polygon" | "polyline":
             values = numbers(element.attributes.get("points", ""), "points")
             if len(values) % 2:
@@ -53,8 +57,53 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
             radii = [page.length(element, key) for key in given] * (3 - len(given)) or [0.0, 0.0]
             if min(radii) < 0.0:
                 raise ElementError("rx or ry is negative; a radius should be 0 or larger")
+            if 0.0 in radii:
+                (x, y), (width, height) = corner, size
+                corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+                return [(np.array(corners), True)]
             curve = svgelements.Rect(*corner, *size, *radii)
     return _flattened(curve.segments(), flatness)
+
+
+def _straight(data: str) -> Outlines:
+    """The outlines of path data without curves, which most floor plans have thousands of."""
+    drawn: list[tuple[list[tuple[float, float]], bool]] = []
+    points: list[tuple[float, float]] = []
+    x = y = 0.0
+    for match in _STEP.finditer(data):
+        letter = match[1]
+        values = [float(value) for value in _NUMBER.findall(match[2])]
+        command, relative = letter.upper(), letter.islower()
+        if command == "Z":
+            if values:
+                raise ElementError(f"d is {quoted(data)}, in which a command has too few or too many numbers")
+            drawn.append((points, True))
+            points = points[:1]
+            x, y = points[0] if points else (0.0, 0.0)
+            continue
+        pair = command in "ML"
+        if not values or (pair and len(values) % 2):
+            raise ElementError(f"d is {quoted(data)}, in which a command has too few or too many numbers")
+        if not points and command != "M":
+            raise ElementError(f"d is {quoted(data)}; it should start with M and a point")
+        for at in range(0, len(values), 2 if pair else 1):
+            value = values[at]
+            if command == "H":
+                x = x + value if relative else value
+            elif command == "V":
+                y = y + value if relative else value
+            else:
+                other = values[at + 1]
+                x, y = (x + value, y + other) if relative else (value, other)
+            if command == "M" and at == 0:
+                drawn.append((points, False))
+                points = []
+            points.append((x, y))
+    drawn.append((points, False))
+    found = [(np.array(corners), closed) for corners, closed in drawn if len(corners) > 1]
+    if not all(np.isfinite(corners).all() for corners, _ in found):
+        raise ElementError("d has a number that is too large")
+    return found
 
 
 def _segments(data: str) -> list[Any]:

@@ -115,10 +115,9 @@ def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> 
     if not shown:
         return Read(MultiPolygon(), False, notes)
     drawn, symbols = cut_by_symbols(shown)
-    lines = _strokes(drawn, page, ground)
-    share, likely = _rooms(shown, lines, ground)
-    rooms = world.solid == "strokes" or (world.solid is None and likely)
-    if likely and rooms:
+    share = 0.0 if world.solid == "all" else _share_of_rooms(drawn, page, ground)
+    rooms = world.solid == "strokes" or share > 0.0
+    if share:
         notes.append(
             f"filled areas cover {100.0 * share:.0f} % of the building: its strokes are taken for walls and its fills "
             'for floor (world.solid = "strokes"); world.solid = "all" takes all of it for walls'
@@ -129,7 +128,7 @@ def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> 
     if len(symbols):
         count = "1 door symbol cuts" if len(symbols) == 1 else f"{len(symbols)} door symbols cut"
         notes.append(f"{count} the walls")
-    solid = lines if rooms else _all(drawn, ground)
+    solid = _strokes(drawn, page, ground) if rooms else _all(drawn, ground)
     if len(symbols):
         solid = polygons(shapely.difference(solid, shapely.union_all(symbols)))
     return Read(solid, rooms, notes)
@@ -195,10 +194,11 @@ def _painted(ink: list[tuple[int, MultiPolygon]], covers: list[tuple[int, MultiP
     )
 
 
-def _rooms(shapes: Sequence[Shape], lines: MultiPolygon, ground: float) -> tuple[float, bool]:
-    """The share of the building that wide light fills cover, and whether it is plainly a plan of rooms.
+def _share_of_rooms(shapes: Sequence[Shape], page: Box, ground: float) -> float:
+    """The share of the building that the fills of rooms cover, if it is plainly a plan of rooms, and 0 otherwise.
 
-    Its fills have lines along most of their borders, or strokes alone would not make walls.
+    Rooms are wide and light, most of the building is painted, and its strokes follow most of their borders: strokes
+    alone would make no walls otherwise.
     """
     light = [
         shape.fill
@@ -206,16 +206,16 @@ def _rooms(shapes: Sequence[Shape], lines: MultiPolygon, ground: float) -> tuple
         if not shape.fill.is_empty and _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
     ]
     if len(light) < ROOMS[2]:
-        return 0.0, False
+        return 0.0
     whole = shapely.union_all([_area(shape) for shape in shapes])
     hull = shapely.convex_hull(whole).area
-    share = shapely.union_all(light).area / hull
+    share = float(shapely.union_all(light).area / hull)
     if whole.area <= ROOMS[0] * hull or share < ROOMS[1]:
-        return share, False
-    near = shapely.buffer(lines, 0.02)
+        return 0.0
+    near = shapely.buffer(_strokes(shapes, page, ground), 0.02)
     borders = shapely.boundary(np.array(light))
     lined = shapely.length(shapely.intersection(borders, near)) >= 0.5 * shapely.length(borders)
-    return share, bool(lined.mean() >= 0.5)
+    return share if lined.mean() >= 0.5 else 0.0
 
 
 def _breadth(shape: MultiPolygon) -> float:

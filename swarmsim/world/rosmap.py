@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from shapely import MultiPolygon, affinity
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.files import check_plain
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.registry import convert
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
@@ -152,8 +153,7 @@ def columns_of(path: Path) -> int:
 def _about(path: Path) -> MapFile:
     """What a YAML file says. Its text is never repeated in messages."""
     try:
-        if path.stat().st_size > 1_000_000:
-            raise InputError(f"{path}: larger than 1 MB; expected the YAML file of a map_server pair")
+        check_plain(path, "the YAML file of a map_server pair", 1_000_000)
         table = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a map_server YAML file") from problem
@@ -189,6 +189,7 @@ def _opened(path: Path) -> Image.Image:
     """A picture whose size is bearable, not decoded yet. Raises InputError."""
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected an image: PGM or PNG")
+    check_plain(path, "an image: PGM or PNG", None)
     limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # ours is checked below
     try:
         picture = Image.open(path)
@@ -309,7 +310,5 @@ def save(files: dict[Path, bytes]) -> tuple[Path, ...]:
             part.replace(path)
         except OSError as problem:
             part.unlink(missing_ok=True)
-            raise InputError(
-                f"{path}: cannot be written ({problem.strerror}); expected a folder that exists and is writable"
-            ) from problem
+            raise unwritten(path, problem, "a folder that exists and is writable") from problem
     return tuple(files)

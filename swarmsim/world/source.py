@@ -17,7 +17,7 @@ from shapely import MultiPolygon
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.files import LARGEST
+from swarmsim.core.files import LARGEST, check_plain, content
 from swarmsim.core.parts import Site
 from swarmsim.core.scenario import World
 from swarmsim.core.streams import Streams
@@ -149,28 +149,29 @@ def _made(world: World, cell: float) -> str:
 
 def _check(path: Path) -> None:
     """Raises InputError unless there is a plain file of a bearable size."""
-    expected = f"expected a drawing or a map: {', '.join(_ENDINGS[:7])}"
+    expected = f"a drawing or a map: {', '.join(_ENDINGS[:7])}"
     if not path.exists():
-        raise InputError(f"world: {path} cannot be read (no such file); {expected}")
-    if not path.is_file():
-        raise InputError(f"world: {path} is no plain file; {expected}")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"world: {path} is larger than {LARGEST // 1_000_000} MB; {expected}")
+        raise InputError(f"world: {path} cannot be read (no such file); expected {expected}")
+    if path.is_dir():
+        raise InputError(f"world: {path} is a folder, no plain file; expected {expected}")
+    try:
+        check_plain(path, expected)
+    except InputError as problem:
+        raise InputError(f"world: {problem}") from problem
 
 
 def _text(path: Path) -> str:
     """The text of a file in the encoding that its first bytes or its XML declaration name, or else UTF-8."""
     try:
-        content = path.read_bytes()
-    except OSError as problem:
-        raise InputError(f"world: {path} cannot be read ({problem.strerror}); expected a drawing") from problem
-    if content.startswith(_GZIP):
-        content = _unpacked(content, path)
-    declared = _DECLARED.search(content[:200])
-    marked = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), None)
+        packed = content(path, "a drawing")
+    except InputError as problem:
+        raise InputError(f"world: {problem}") from problem
+    plain = _unpacked(packed, path) if packed.startswith(_GZIP) else packed
+    declared = _DECLARED.search(plain[:200])
+    marked = next((encoding for mark, encoding in _MARKS.items() if plain.startswith(mark)), None)
     encoding = marked or (declared[1].decode("ascii") if declared else "utf-8")
     try:
-        return content.decode(encoding)
+        return plain.decode(encoding)
     except LookupError:
         raise InputError(
             f"world: {path} declares the encoding {encoding!r}, which nobody knows; save it as UTF-8"

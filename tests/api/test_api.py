@@ -169,7 +169,8 @@ def test_the_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYDEVD_DISABLE_FILE_VALIDATION", "1")
     notebook = nbformat.read(ROOT / "docs" / "swarmsim.ipynb", as_version=4)
     assert all(not cell.get("outputs") for cell in notebook.cells)
-    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(ROOT / "docs")}}).execute()
+    folder = {"metadata": {"path": str(ROOT / "docs")}}
+    NotebookClient(notebook, timeout=None, startup_timeout=3600, resources=folder).execute()
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("data:image/png" in output.get("data", {}).get("text/html", "") for output in shown)
     assert not any(output["output_type"] == "error" for output in shown)

@@ -203,12 +203,12 @@ def test_a_run_that_is_stopped_says_what_is_kept_even_if_quiet(
     forever = ["--set", "stop.when_done='go-on'", "--set", "stop.iterations=100000"]
     command = [sys.executable, "-m", "swarmsim", "run", str(ROOT / "scenarios/room.toml"), "--out", str(out)]
     process = subprocess.Popen([*command, *forever, *quiet], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120.0
-    while not (out / "recording.h5").exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    time.sleep(1.0)
+    recording = out / "recording.h5"
+    while not recording.exists() or recording.stat().st_size < 60_000:  # 40 kB are the first 64 iterations
+        assert process.poll() is None
+        time.sleep(0.05)
     process.send_signal(ended)
-    printed, said = process.communicate(timeout=60)
+    printed, said = process.communicate()
     assert process.returncode == code
     assert re.fullmatch(rf"swarmsim: {word}; \d+ iterations are kept in {re.escape(str(out))}\n", said)
     assert not quiet or printed == ""
@@ -248,6 +248,39 @@ def test_an_interruption_that_gets_lost_in_a_callback_is_raised_again(
     assert raised
     assert ended.value.code == 130
     assert Recording(tmp_path / "r").iterations == 6
+
+
+STARTING = """
+import os, signal, sys, threading
+if __name__ == "__main__":
+    from swarmsim.cli import main
+    from swarmsim.studies import engine
+    start = engine._start
+    def starting(workers):
+        threading.Timer(0.5, {end}).start()
+        return start(workers)
+    engine._start = starting
+    main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a group of processes")
+@pytest.mark.parametrize(
+    ("end", "code", "word"),
+    [
+        ("lambda: os.kill(os.getpid(), signal.SIGTERM)", 143, "terminated"),
+        ("lambda: os.killpg(os.getpgid(0), signal.SIGINT)", 130, "interrupted"),  # as a terminal sends Ctrl-C
+    ],
+)
+def test_a_study_that_is_ended_while_its_workers_start_says_so(tmp_path: Path, end: str, code: int, word: str) -> None:
+    (tmp_path / "s.toml").write_text(f'title = "s"\nscenario = "{ROOT}/scenarios/room.toml"\nseeds = 3\n')
+    (tmp_path / "start.py").write_text(STARTING.format(end=end))
+    command = [sys.executable, "start.py", "study", "run", "s.toml", "--workers", "2", "--quiet"]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=150, start_new_session=True
+    )
+    told = f"swarmsim: {word}; 0 of 3 runs are kept; the same command goes on from there\n"
+    assert (done.stderr, done.returncode) == (told, code)
 
 
 @pytest.mark.parametrize("film", [False, True])

@@ -110,6 +110,28 @@ def number(moment):
     return 1
 
 
+def half(moment):
+    """A whole number at first, as one writes it by mistake."""
+    return Measured({"half": 0 if moment.state.iteration == 0 else 0.5})
+
+
+class Outward:
+    def step(self, me):
+        return me.go((-40.0, -40.0))
+
+
+class Nearly:
+    """Follows a way at first, then a velocity: what it does not do is NaN, which is no mistake."""
+
+    says = {"far": "f4", "yes": "?", "place": "(2,)f8"}
+
+    def say(self, me):
+        return {"far": 0.1, "yes": True, "place": (me.x, me.y)}
+
+    def step(self, me):
+        return me.go((me.x, me.y)) if me.iteration % 2 else me.drive(np.float32(0.1), np.array(0.5))
+
+
 def all_of_it(moment):
     return Measured({"all_of_it": 2.0, "more": 3.0}, {}, 0.5)
 '''
@@ -184,13 +206,34 @@ def test_a_mind_decides_on_the_map_that_another_computation_makes(own) -> None:
     [
         ("raise", r"ValueError: lost my way, robot 1\n.*mine\.py, line \d+, in step"),
         ("write", r"ValueError: assignment destination is read-only, robot 1"),
-        ("talk", r"TypeError: step gave 'north'; expected me\.drive"),
+        ("talk", r"robot 1: step gave 'north'; expected me\.drive"),
     ],
 )
 def test_what_goes_wrong_in_a_mind_names_it_the_robot_and_the_line(own, how: str, words: str) -> None:
     run = own(f'mind={{use="./mine.py:Broken", how="{how}"}}')
     with pytest.raises(PartError, match=rf"(?s)strategy mine\.py:Broken, iteration 2: {words}"):
         run.simulation.run()
+
+
+def test_a_way_out_of_the_building_can_be_recorded(own, tmp_path: Path) -> None:
+    run = own('mind={use="./mine.py:Outward"}')
+    with run.recorder(tmp_path / "r.h5") as recorder:
+        run.simulation.run([recorder])
+    assert (Recording(tmp_path / "r.h5")["goals"] == -1).all()
+
+
+def test_velocities_and_ways_take_turns(own) -> None:
+    moments = moments_of(own('mind={use="./mine.py:Nearly"}'))
+    assert np.isfinite(moments[0].intents.twists).all()
+    assert np.isnan(moments[1].intents.twists).all()
+    assert set(moments[0].delivery.heard[:, 3].tolist()) == {6 + 4 + 1 + 16}
+
+
+def test_measures_are_recorded_as_they_are_though_the_first_is_a_whole_number(own, tmp_path: Path) -> None:
+    run = own('task={use="./mine.py:half"}')
+    with run.recorder(tmp_path / "r.h5") as recorder:
+        run.simulation.run([recorder])
+    assert Recording(tmp_path / "r.h5")["half"].tolist() == [0.0, 0.5, 0.5, 0.5, 0.5, 0.5]
 
 
 def test_half_a_conversation_is_refused(own) -> None:
@@ -237,7 +280,7 @@ def test_tasks_give_a_number_whether_they_are_done_or_everything(own) -> None:
 
 def test_a_function_that_changes_its_mind_about_shapes_is_refused(own) -> None:
     run = own('mind.computation={use="./mine.py:wrong_shape"}', 'mind.strategy={use="stand"}')
-    with pytest.raises(PartError, match=r"computation mine\.py:wrong_shape, iteration 0: ValueError: gave an array"):
+    with pytest.raises(PartError, match=r"computation mine\.py:wrong_shape, iteration 0: wrong_shape gave an array"):
         run.simulation.run()
 
 

@@ -347,7 +347,7 @@ def test_tiles_of_another_size_are_recorded(own, tmp_path: Path) -> None:
 def test_a_part_that_cannot_be_built_is_bad_input(own) -> None:
     with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Unbuildable' cannot be built: TypeError"):
         own('mind.strategy={use="./mine.py:Unbuildable"}')
-    with pytest.raises(InputError, match=r"mind\.strategy\.use: .*Missing' cannot be imported"):
+    with pytest.raises(InputError, match=r"mind\.strategy\.use: .*mine\.py' has no 'Missing'"):
         own('mind.strategy={use="./mine.py:Missing"}')
 
 
@@ -491,7 +491,7 @@ def herd(observations):
 
 
 def whim(moment):
-    return Measured({f"whim_{moment.state.iteration}": 1.0})
+    return Measured({"whim": 0.0, f"whim_{moment.state.iteration}": 1.0})
 
 
 class Restless:
@@ -500,6 +500,11 @@ class Restless:
     def step(self, me):
         Restless.calls += 1
         return me.drive(0.001 * Restless.calls)
+
+
+class Lost:
+    def step(self, me):
+        return me.drive(np.nan)
 """
 
 
@@ -515,4 +520,66 @@ def test_the_checks_find_who_breaks_contracts(own, tmp_path: Path) -> None:
         testing.check_strictly(own.path, ['mind.computation={use="./mine.py:Short"}'], allow_code=True)
     with pytest.raises(AssertionError, match=r"task nosy\.py:whim, iteration 1: measure: .*expected the same names"):
         testing.check_strictly(own.path, ['task={use="./nosy.py:whim"}'], allow_code=True)
+    with pytest.raises(AssertionError, match=r"strategy nosy\.py:Lost, iteration 0: robot 0: me\.drive: ahead: nan"):
+        testing.check_contracts(own.path, ['mind.strategy={use="./nosy.py:Lost"}'], allow_code=True)
     testing.check_contracts(own.path, ['mind.computation={use="./mine.py:Honest"}'], allow_code=True)
+
+
+SUMMARY = """
+from msgspec import Struct
+from swarmsim.core.parts import Curve
+from swarmsim.core.state import Knowledge, Measured
+
+
+class Gap(Struct, frozen=True):
+    how: str
+
+    def build(self, setting):
+        return Measuring(self.how)
+
+
+class Measuring:
+    reads, curve = Knowledge, Curve("gap", "gap, m")
+
+    def __init__(self, how):
+        self.how = how
+
+    def measure(self, moment):
+        return Measured({"gap": 1.0})
+
+    def summaries(self):
+        return [Numbers(self.how)]
+
+
+class Numbers:
+    def __init__(self, how):
+        self.how = how
+
+    def sample(self, moment):
+        pass
+
+    def summary(self):
+        return {"name": {"messages": 1}, "text": {"gap_end": "wide"}, "fine": {"gap_end": None}}[self.how]
+"""
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        (
+            "name",
+            r"summary: 'messages' is measured of every run; expected another name, as 'own_messages' \(taken: bytes, ",
+        ),
+        ("text", r"summary: 'gap_end': 'wide'; expected a number, or None\n.*, in summary: def summary\(self\):"),
+        ("none", r"KeyError: 'none'\n.*, in summary: return "),
+    ],
+)
+def test_numbers_of_a_whole_run_do_not_stand_in_the_place_of_others(own, how: str, words: str) -> None:
+    (own.path.parent / "gap.py").write_text(SUMMARY)
+    run = own(f'task={{use="./gap.py:Gap", how="{how}"}}', "stop.iterations=2")
+    (summary,) = run.simulation.parts.task.summaries()
+    run.simulation.run([summary])
+    with pytest.raises(PartError, match=rf"task gap\.py:Numbers, iteration 1: {words}"):
+        summary.summary()
+    fine = own('task={use="./gap.py:Gap", how="fine"}').simulation.parts.task.summaries()
+    assert fine[0].summary() == {"gap_end": None}

@@ -163,3 +163,39 @@ def test_seeds_count_on_from_the_one_given() -> None:
 def test_what_cannot_be_is_refused(keys: dict, words: str) -> None:
     with pytest.raises(InputError, match=words):
         SwarmEnv(ROOM, **keys)
+
+
+@pytest.mark.parametrize("action", ACTIONS)
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([np.nan, 0.0], r"actions\['robot_1'\]: \[nan, 0\.0\] in iteration 0; expected two numbers from -1 to 1"),
+        ([0.0, np.inf], r"actions\['robot_1'\]: \[0\.0, inf\] in iteration 0"),
+        ([1.01, 0.0], r"actions\['robot_1'\]: \[1\.01, 0\.0\] in iteration 0"),
+        (0.5, r"actions\['robot_1'\]: 0\.5, of shape \(\); expected two numbers"),
+        ([0.0, 0.0, 0.0], r"actions\['robot_1'\]: \[0\.0, 0\.0, 0\.0\], of shape \(3,\)"),
+        ("ab", r"actions\['robot_1'\]: 'ab'; expected"),
+        (np.ma.zeros(2), r"actions\['robot_1'\]: a masked array"),
+    ],
+)
+def test_actions_that_are_none_are_refused_by_agent(action: str, given: object, words: str) -> None:
+    env = SwarmEnv(ROOM, action=action)
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=words):
+        env.step(still(env) | {"robot_1": given})
+    env.step(still(env) | {"robot_1": np.array([1.0 + 1e-7, -1.0])})  # rounding is no mistake, and nothing has broken
+
+
+def test_actions_of_nobody_and_rewards_that_are_none_are_refused() -> None:
+    env = SwarmEnv(ROOM)
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=r"actions: 'robot1' is no agent; did you mean 'robot_1'\?"):
+        env.step({"robot1": np.zeros(2)})
+    robot = RobotEnv(ROOM, robot=2)
+    robot.reset(seed=1)
+    with pytest.raises(InputError, match=r"actions\['robot_2'\]: \[nan, nan\]"):
+        robot.step(np.full(2, np.nan, np.float32))
+    env = SwarmEnv(ROOM, reward=lambda before, moment: 1.0)
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=r"reward: 1\.0, of shape \(\); expected a number for each of 3 robots"):
+        env.step(still(env))

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -36,10 +37,15 @@ def session(tmp_path: Path) -> Iterator[Session]:
     made._recorder.close()
 
 
-def window(show, folder: Path):
+def still() -> float:
+    """A clock by which everything is done in no time."""
+    return 0.0
+
+
+def window(show, folder: Path, clock=still):
     from swarmsim.view.window import Window
 
-    return Window(show, folder, size=(960, 604))
+    return Window(show, folder, size=(960, 604), clock=clock)
 
 
 def press(opened, *keys: int) -> None:
@@ -66,8 +72,8 @@ def test_a_live_run_goes_on_pauses_steps_and_goes_back(session: Session, tmp_pat
     opened = window(session, tmp_path)
     for _ in range(10):
         opened.frame(0.1)
-    assert opened.time == pytest.approx(20.0, abs=1.0)
-    assert session.recording.iterations in (20, 21)
+    assert opened.time == pytest.approx(20.0)
+    assert session.recording.iterations in (20, 21)  # tenths add up to 2 but for the last bit
     press(opened, pygame.K_SPACE)
     was = opened.time
     opened.frame(0.5)
@@ -160,6 +166,53 @@ def test_a_strike_in_the_past_drops_what_came_after_and_can_be_taken_back(sessio
     for _ in range(10):
         press(opened, pygame.K_RIGHT)
     assert np.array_equal(session.recording["pose"][:20], poses[:20])
+
+
+@pytest.mark.parametrize("until", [10.0, 10.5])
+def test_a_strike_gives_the_same_run_whatever_the_clock(tmp_path: Path, until: float) -> None:
+    path, found = ROOT / "scenarios" / "room.toml", []
+    clocks = {"fast": still, "slow": count(0.0, 1.0).__next__, "uneven": count(0.0, 0.02).__next__}
+    for name, clock in clocks.items():
+        (tmp_path / name).mkdir()
+        session = Session(load(path, ["robots.count=4", "stop.when_done='go-on'"]), str(path), tmp_path / name)
+        opened, frames = window(session, tmp_path, clock), 0
+        while opened.time < until:
+            opened.frame(0.1 if until - opened.time >= 2.0 else (until - opened.time) / 20.0)
+            frames += 1
+        if name == "uneven":  # somebody looked ahead, and came back
+            opened._go_to(30.0)
+            opened._go_to(until)
+        opened.picked = 2
+        press(opened, pygame.K_r)
+        assert opened.words == "iteration 11: robot 2 removed"
+        while opened.time < 30.0:
+            opened.frame(0.1)
+        found.append((session.scenario, session.recording["digests"][:30].tolist()))
+        assert name != "slow" or frames >= 9  # one iteration a frame, after the first
+        session._recorder.close()
+    assert found[0] == found[1] == found[2]
+
+
+def test_a_key_steps_by_an_iteration_however_slow_the_machine(session: Session, tmp_path: Path) -> None:
+    opened = window(session, tmp_path, count(0.0, 100.0).__next__)
+    for step in range(1, 6):
+        press(opened, pygame.K_RIGHT)
+        assert opened.time == step
+    opened._go_to(40.0)
+    assert (opened.time, session.recording.iterations) == (40.0, 40)
+
+
+def test_nothing_strikes_a_run_that_is_over(tmp_path: Path) -> None:
+    path = ROOT / "scenarios" / "room.toml"
+    session = Session(load(path, ["robots.count=4", "stop.iterations=12"]), str(path), tmp_path)
+    opened = window(session, tmp_path)
+    opened._go_to(50.0)
+    opened.picked = 1
+    press(opened, pygame.K_k)
+    assert opened.words == "the run ended after 12 iterations; go back in time to let something strike"
+    press(opened, pygame.K_LEFT, pygame.K_LEFT, pygame.K_k)
+    assert opened.words == "iteration 11: robot 1 killed"
+    session._recorder.close()
 
 
 def test_a_fault_that_cannot_be_is_told_and_changes_nothing(session: Session, tmp_path: Path) -> None:

@@ -71,8 +71,36 @@ def test_no_text_whatever_does_more_than_be_refused(text: str) -> None:
 
 
 def test_a_formula_that_is_not_finite_on_the_floor_is_refused() -> None:
-    with pytest.raises(InputError, match=r"field\.formula: 'log\(x - 4\)' is not finite everywhere on the floor"):
+    with pytest.raises(
+        InputError, match=r"field\.formula: 'log\(x - 4\)' is nan in iteration 0 .*everywhere on the floor"
+    ):
         made('field={use="formula", formula="log(x - 4)"}', scenario=FIELD)
+
+
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        ('{use="formula", formula="x + 1 / (t - 3)"}', r"field\.formula: 'x \+ 1 / \(t - 3\)' is inf in iteration 6 "),
+        (
+            '{use="formula", formula="sqrt(2.4 - t)"}',
+            r"field\.formula: 'sqrt\(2\.4 - t\)' is nan in iteration 5 \(t = 2\.5 s\)",
+        ),
+        (
+            '{use="sources", sources=[{x=1.0, y=1.0, velocity=[1.5e308, 0.0]}]}',
+            r"field\.sources: .* is nan in iteration 3 ",
+        ),
+    ],
+)
+def test_a_field_that_becomes_infinite_is_named_with_the_iteration(field: str, words: str) -> None:
+    """Each iteration is half a second long, so that times and iterations differ."""
+    run = made(f"field={field}", "period=0.5", "robots.count=2", 'network.topology={use="none"}', scenario=FIELD)
+    with pytest.raises(InputError, match=words):
+        run.simulation.run()
+
+
+def test_a_picture_of_values_too_large_for_numbers_is_refused() -> None:
+    with pytest.raises(InputError, match=r"field\.values: the picture is inf in iteration 0"):
+        made('field={use="picture", values=[[1.0, 1e9], [1.0, 1e9]], high=1e300}', scenario=FIELD)
 
 
 def test_pictures_lie_on_the_page_with_their_first_row_at_the_top(tmp_path: Path) -> None:
@@ -209,3 +237,15 @@ def _room(folder: Path) -> Recording:
     with run.recorder(folder / "room.h5") as recorder:
         run.simulation.run([recorder])
     return Recording(folder / "room.h5")
+
+
+def test_a_swarm_of_the_dead_makes_no_progress() -> None:
+    dead = 'faults=[{use="remove", at=1, robots=[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], keep=0}]'
+    last = moments_of(made("robots.count=12", "stop.iterations=3", dead, scenario=FIELD))[-1].measured
+    assert (last.progress, last.finished) == (0.0, False)
+
+
+@pytest.mark.parametrize("key", ["mind.computation.spacing", "mind.strategy.margin", "mind.strategy.nearness"])
+def test_numbers_beyond_reason_are_refused(key: str) -> None:
+    with pytest.raises(InputError, match=rf"{key}: expected `float` <= 1000000"):
+        made("mind.strategy={use='most-uncertain'}", f"{key}=1e300", scenario=FIELD)

@@ -67,6 +67,15 @@ def test_ratio_is_the_geometric_mean_over_worlds_and_better_the_mean_share_of_pa
     assert second.profile[-1] == 1.0
 
 
+def test_ratios_with_unfinished_runs_are_told_as_the_bounds_that_they_are() -> None:
+    plan, results = plan_of({("a", 1): [100.0, 200.0], ("b", 1): [75.0, 1000.0], ("c", 1): [80.0, 90.0]})
+    told = methods.lines(methods.compare(plan, results).groups[""])
+    assert [line[1:3] for line in told] == [("2 of 2", "1.000"), ("1 of 2", "over 3.583"), ("2 of 2", "0.567")]
+    plan, results = plan_of({("a", 1): [100.0, 1000.0], ("b", 1): [75.0, 1000.0], ("c", 1): [80.0, 90.0]})
+    told = methods.lines(methods.compare(plan, results).groups[""])
+    assert [line[1:3] for line in told] == [("1 of 2", "1.000"), ("1 of 2", "-"), ("2 of 2", "under 0.155")]
+
+
 def test_intervals_agree_with_a_bootstrap_by_loops() -> None:
     rng = np.random.default_rng(3)
     cells = {("a", w): rng.normal(100 + 10 * w, 9, 12) for w in range(4)}

@@ -5,9 +5,11 @@ import json
 import os
 import shlex
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +17,14 @@ import pyarrow.parquet as parquet
 import pytest
 from conftest import ROOT, called
 
+from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.recording import measures
 from swarmsim.studies import results as res
+from swarmsim.studies import selection
 from swarmsim.studies.engine import execute, perform
 from swarmsim.studies.plan import open_study
-from swarmsim.studies.selection import best
+from swarmsim.studies.selection import Answer, best
 from swarmsim.studies.store import Row, Store
 
 STUDY = f"""
@@ -71,6 +76,37 @@ def test_a_plan_crosses_axes_and_adds_named_conditions(study: Path) -> None:
     assert len(open_study(study, 5).seeds) == 5
 
 
+def test_a_key_of_a_mind_in_the_short_form_is_varied_as_it_is_written(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "class Still:\n    def __init__(self, reach: float = 0.5) -> None:\n        self.reach = reach\n"
+        "    def step(self, me) -> None:\n        me.say(self.reach)\n"
+    )
+    (tmp_path / "short.toml").write_text(
+        'world = {generate = {use = "rooms"}}\n[robots]\ncount = 2\n[network.topology]\nuse = "full"\n'
+        '[mind]\nuse = "./own.py:Still"\nreach = 0.8\n[task]\nuse = "gathered"\n'
+    )
+    path = tmp_path / "study.toml"
+    path.write_text(
+        'title = "Reach"\nscenario = "short.toml"\n[[vary]]\nkey = "mind.reach"\nvalues = [0.2, 0.4]\n'
+        '[[condition]]\nname = "one half"\nset = {"mind.strategy.reach" = 0.1, "task.use" = "gathered"}\n'
+    )
+    with registry.own_code(True):
+        plan = open_study(path)
+    minds = [condition.scenario.mind for condition in plan.conditions]
+    assert [(mind.computation["reach"], mind.strategy["reach"]) for mind in minds] == [
+        (0.2, 0.2), (0.4, 0.4), (0.8, 0.1),
+    ]  # fmt: skip
+    assert [condition.name for condition in plan.conditions] == ["reach=0.2", "reach=0.4", "one half"]
+    assert [condition.x for condition in plan.conditions] == [0.2, 0.4, None]
+
+
+def test_a_larger_budget_makes_no_other_run(study: Path) -> None:
+    first = open_study(study)
+    second = open_study(study, changes={"budget": 7200.0})
+    assert second.conditions[0].scenario.budget == 7200.0
+    assert first.identity(first.conditions[0], 1) == second.identity(second.conditions[0], 1)
+
+
 def test_axes_cross_or_step_together(study: Path) -> None:
     more = '\n[[vary]]\nkey = "robots.count"\nvalues = [4, 5]\n'
     study.write_text(STUDY + more)
@@ -116,16 +152,20 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
     return study, folder / "small.sqlite", run_all(study, folder / "small.sqlite")
 
 
-def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(done, tmp_path: Path) -> None:
+def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(
+    done, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("swarmsim.studies.engine.ANSWER", 3600.0)
+    monkeypatch.setenv("DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT", "3600s")
     study, _, digest = done
     assert run_all(study, tmp_path / "one.sqlite", 1) == digest
     address = "tcp://127.0.0.1:18786"
-    script = Path(sys.executable).parent / "dask"
-    dask = [str(script), "scheduler", "--host", "127.0.0.1", "--port", "18786", "--no-dashboard"]
-    worker = [str(script), "worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
+    dask = [sys.executable, "-m", "dask"]
+    scheduler = [*dask, "scheduler", "--host", "127.0.0.1", "--port", "18786", "--no-dashboard"]
+    worker = [*dask, "worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(tmp_path)]
     processes = [
         subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        for command in (dask, worker, worker)
+        for command in (scheduler, worker, worker)
     ]
     try:
         assert run_all(study, tmp_path / "own.sqlite", 1, address) == digest
@@ -133,7 +173,7 @@ def test_one_worker_or_two_or_a_scheduler_of_ones_own_give_equal_digests(done, t
         for process in processes:
             process.terminate()
         for process in processes:
-            process.wait(20)
+            process.wait()
 
 
 def test_an_unanswered_scheduler_is_refused(done, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -208,15 +248,27 @@ def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, t
     assert sum(count for _, count in rows) == 15
 
 
+def kept_in(store: Path) -> int:
+    """How many runs a store that is being written has."""
+    base = sqlite3.connect(f"file:{store}?mode=ro", uri=True)
+    try:
+        return base.execute("select count(*) from runs").fetchone()[0]
+    except sqlite3.OperationalError:  # no table yet
+        return 0
+    finally:
+        base.close()
+
+
 def test_a_killed_study_is_finished_by_running_it_again(done, tmp_path: Path) -> None:
     study, _, digest = done
     store = tmp_path / "killed.sqlite"
     command = [sys.executable, "-m", "swarmsim", "study", "run", str(study), "--store", str(store), "--quiet"]
-    rng = np.random.default_rng(3)
-    for _ in range(2):
+    for some in (1, 5):
         process = subprocess.Popen(command, start_new_session=True)
-        time.sleep(float(rng.uniform(3.0, 6.0)))
-        os.killpg(process.pid, signal.SIGKILL)
+        while process.poll() is None and (not store.exists() or kept_in(store) < some):
+            time.sleep(0.02)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert subprocess.run(command, check=False).returncode == 0
     with Store(store) as kept:
@@ -271,43 +323,92 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "figures").iterdir()} >= {"iterations.png", "coverage.svg", "table.png"}
 
 
-def test_the_race_finds_the_better_condition_with_few_runs(tmp_path: Path) -> None:
-    study = tmp_path / "race.toml"
-    text = STUDY.replace("[0, 1, 2]", "[0, 1]").replace('"stop.iterations" = 60', '"robots.count" = 3')
+def test_times_in_a_table_are_of_coverage_and_not_of_the_share_asked_for(tmp_path: Path) -> None:
+    study, store, out = tmp_path / "part.toml", tmp_path / "part.sqlite", tmp_path / "part.csv"
+    text = STUDY.replace("seeds = 3", "seeds = 1").replace('"stop.iterations" = 60', '"task.share" = 0.6')
+    study.write_text(text[: text.index("[[vary]]")])
+    with Store(store) as kept:
+        for task in res.missing(open_study(study), kept):
+            kept.add(perform(task))
+    assert called("study", "export", study, "--store", store, "--csv", out).returncode == 0
+    (row,) = csv.DictReader(out.read_text().splitlines())
+    assert row["status"] == "finished"
+    assert {row[f"measure_{name}"] for name in ("t75", "t100", "tail_ratio")} == {""}
+    assert 0 < int(row["measure_t50"]) < int(row["iterations"])
+    assert 0.6 <= float(row["measure_coverage"]) == float(row["measure_sensed"]) < 0.75
+    told = called("study", "table", study, "--store", store, "--measure", "t100").stdout
+    assert "│base│1│0│-│-│-│-│" in "".join(told.split())
+
+
+def test_rows_of_another_edition_of_the_measures_are_not_mixed_in(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = open_study(study)
+    before = {plan.identity(condition, seed) for condition, seed in plan.runs}
+    monkeypatch.setattr(measures, "EDITION", measures.EDITION + 1)
+    assert not before & {plan.identity(condition, seed) for condition, seed in plan.runs}
+
+
+def race(folder: Path, times, tolerance: float = 0.03, budget: int = 500) -> Answer:
+    """What a race of k=0 and k=1 ends with; `times` gives iterations by condition and seed, below 0 if unfinished."""
+    study, text = folder / "race.toml", STUDY.replace("[0, 1, 2]", "[0, 1]")
     study.write_text(text[: text.index("[[condition]]")])
-    plan = open_study(study, 1)
-    generator = np.random.default_rng(0)
-    with Store(tmp_path / "race.sqlite") as store:
+    with Store(folder / "race.sqlite") as store:
 
         def invent(tasks) -> None:
             for task in tasks:
-                mean = {"k=0": 200, "k=1": 100}[task.condition]
-                times = int(generator.normal(mean, 15))
+                took = int(times(task.condition, task.seed))
+                status = "finished" if took > 0 else "not finished"
                 store.add(
-                    Row(task.identity, task.condition, task.seed, "finished", times, {}, None, "d", {}, 0.1, None)
+                    Row(task.identity, task.condition, task.seed, status, abs(took), {}, None, "d", {}, 0.1, None)
                 )
 
-        answer = best(plan, store, invent, 0.95, 500, 0.03)
+        return best(open_study(study, 1), store, invent, 0.95, budget, tolerance)
+
+
+def test_the_race_finds_the_better_condition_with_few_runs(tmp_path: Path) -> None:
+    generator = np.random.default_rng(0)
+    answer = race(tmp_path, lambda name, seed: generator.normal({"k=0": 200, "k=1": 100}[name], 15))
     assert (answer.best, answer.decided, answer.runs) == ("k=1", True, 20)
     assert "k=1 is best: with 95% confidence" in answer.sentence
 
 
 def test_a_race_between_equals_ends_with_the_budget(tmp_path: Path) -> None:
-    study = tmp_path / "race.toml"
-    text = STUDY.replace("[0, 1, 2]", "[0, 1]")
-    study.write_text(text[: text.index("[[condition]]")])
-    plan = open_study(study, 1)
     generator = np.random.default_rng(0)
-    with Store(tmp_path / "race.sqlite") as store:
-
-        def invent(tasks) -> None:
-            for task in tasks:
-                times = int(generator.normal(100, 30))
-                store.add(
-                    Row(task.identity, task.condition, task.seed, "finished", times, {}, None, "d", {}, 0.1, None)
-                )
-
-        answer = best(plan, store, invent, 0.95, 60, 0.0)
+    answer = race(tmp_path, lambda name, seed: generator.normal(100, 30), 0.0, 60)
     assert not answer.decided
     assert answer.runs <= 60
     assert "not decided within the budget" in answer.sentence
+
+
+def test_a_condition_with_unfinished_runs_can_lose_and_never_lead(tmp_path: Path) -> None:
+    """A run that was cut took longer than its limit: enough to be slower, never to be faster."""
+    slower = race(tmp_path, lambda name, seed: -400 if name == "k=0" and seed % 2 else 100 + seed % 3)
+    assert (slower.best, slower.decided) == ("k=1", True)
+    assert [row[1:4] for row in selection.lines(slower)] == [("10", "5", "over 250.6"), ("10", "10", "101.0")]
+    (tmp_path / "other").mkdir()
+    cut_early = race(tmp_path / "other", lambda name, seed: -60 if name == "k=0" else 100 + seed % 3, 0.03, 40)
+    assert (cut_early.best, cut_early.decided) == ("k=1", False)
+    assert "k=1 leads those whose runs all finished, not told apart from k=0" in cut_early.sentence
+
+
+@pytest.mark.parametrize(
+    ("times", "counts"),
+    [
+        (lambda name, seed: -60, "0 of 10 k=0, 0 of 10 k=1"),
+        (lambda name, seed: -60 if seed == 3 else 50, "9 of 10 k=0, 9 of 10 k=1"),
+        (lambda name, seed: 50 + seed % 7 if name == "k=0" else -99 if seed == 13 else 49 + 3 * seed % 7,
+         "20 of 20 k=0, 19 of 20 k=1"),
+    ],
+    ids=["none finished", "each has one that did not", "the leader's later"],
+)  # fmt: skip
+def test_no_condition_is_best_if_those_that_lead_have_unfinished_runs(tmp_path: Path, times, counts: str) -> None:
+    with pytest.raises(InputError, match=f"no condition can be called best.*: {counts}; .*expected.*stop.iterations"):
+        race(tmp_path, times, 0.0, 100)
+
+
+def test_best_ends_with_2_if_nothing_finished(tmp_path: Path) -> None:
+    study = tmp_path / "race.toml"
+    text = STUDY.replace("[0, 1, 2]", "[0, 1]").replace('"stop.iterations" = 60', '"stop.iterations" = 3')
+    study.write_text(text[: text.index("[[condition]]")])
+    done = called("study", "best", study, "--store", tmp_path / "race.sqlite", "--quiet", "--workers", "1")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "0 of 10 k=0, 0 of 10 k=1" in " ".join(done.stderr.split())

@@ -12,9 +12,41 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Setting
+from swarmsim.core.parts import Field, Setting
 
 Noise = Annotated[float, Meta(ge=0.0)]
+
+
+class FiniteField:
+    """A field that ends the run where and when it is no finite number: nothing that is measured of it would mean any.
+
+    A formula may have a pole at a time, and what moves may leave what numbers can tell.
+    """
+
+    def __init__(self, field: Field, what: str, setting: Setting) -> None:
+        """`what` the field is, starting with its key. Raises InputError if it is not finite on the floor at first."""
+        self._field, self._what, self._period = field, what, setting.period
+        floor = setting.lattice.centres(np.argwhere(setting.building.domain))
+        with np.errstate(all="ignore"):
+            first = field.value(0.0, floor)
+        self._check(first, 0.0, floor, "")
+
+    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values (k,) at points (k, 2). Raises InputError, which names the iteration, if one is not finite."""
+        with np.errstate(all="ignore"):  # what comes of it is told
+            found = self._field.value(time, points)
+        self._check(found, time, points, "field.")
+        return found
+
+    def _check(self, found: NDArray[np.float64], time: float, points: NDArray[np.float64], place: str) -> None:
+        if np.isfinite(found).all():
+            return
+        first = int(np.flatnonzero(~np.isfinite(found))[0])
+        x, y = points[first].tolist()
+        raise InputError(
+            f"{place}{self._what} is {found[first]} in iteration {round(time / self._period)} (t = {time:g} s) at "
+            f"x = {x:.3g} m, y = {y:.3g} m; expected what is finite everywhere on the floor, at all times"
+        )
 
 
 class Source(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -34,9 +66,9 @@ class Sources(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     base: float = 0.0  # in the field's unit
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, setting: Setting) -> SourceField:
-        """The field."""
-        return SourceField(self, setting.building.bounds)
+    def build(self, setting: Setting) -> FiniteField:
+        """The field. Raises InputError for sources whose sum is no finite number."""
+        return FiniteField(SourceField(self, setting.building.bounds), "sources: their sum", setting)
 
 
 class SourceField:
@@ -75,13 +107,9 @@ class Formula(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     formula: str
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, setting: Setting) -> FormulaField:
+    def build(self, setting: Setting) -> FiniteField:
         """The field. Raises InputError for anything that is not a formula, or gives no finite number."""
-        field = FormulaField(self.formula)
-        found = field.value(0.0, setting.lattice.centres(np.argwhere(setting.building.domain)))
-        if not np.isfinite(found).all():
-            raise InputError(f"formula: {self.formula!r} is not finite everywhere on the floor; expected numbers")
-        return field
+        return FiniteField(FormulaField(self.formula), f"formula: {self.formula!r}", setting)
 
 
 _OPERATORS: Final[dict[type, Callable[..., Any]]] = {
@@ -154,13 +182,14 @@ class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     high: float = 1.0  # what 1 stands for
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, setting: Setting) -> PictureField:
-        """The field. Raises InputError for rows of different lengths."""
+    def build(self, setting: Setting) -> FiniteField:
+        """The field. Raises InputError for rows of different lengths, and for values that are not finite."""
         lengths = {len(row) for row in self.values}
         if len(lengths) > 1 or min(lengths) < 2:
             raise InputError(f"values: rows of {' and '.join(map(str, sorted(lengths)))} values; expected a rectangle")
-        scaled = self.low + (self.high - self.low) * np.array(self.values, np.float64)
-        return PictureField(scaled, setting.building.bounds)
+        with np.errstate(all="ignore"):
+            scaled = self.low + (self.high - self.low) * np.array(self.values, np.float64)
+        return FiniteField(PictureField(scaled, setting.building.bounds), "values: the picture", setting)
 
 
 class PictureField:

@@ -18,6 +18,8 @@ from swarmsim.operations.mapping.frames import FrameMeasures
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.measures import MapMeasures
 from swarmsim.operations.mapping.provenance import MapProvenance
+from swarmsim.operations.mapping.sharing import cells_of
+from swarmsim.operations.mapping.sightings import Sightings
 
 CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0, robots="covered", format=".1f")
 
@@ -27,6 +29,9 @@ class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     The domain is every free cell that robots can observe, and the wall cells beside those; it changes with the
     building. It is measured, and never fed back.
+
+    Robots that put others' maps where they believe them to lie may put them wrong. Of theirs a cell counts only where a
+    map holds it for what some robot has truly seen there; `correct` is the share of all cells on the union that are so.
     """
 
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the domain
@@ -38,7 +43,7 @@ class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class CoverageTask:
-    """Counts cells by the changes of the maps alone, which recordings keep as well."""
+    """Counts cells by the changes of the maps, which recordings keep as well; where maps can be put wrong, by truth."""
 
     reads: type[Knowledge] = Maps
     curve = CURVE
@@ -51,18 +56,33 @@ class CoverageTask:
         self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
         self._union = 0  # ... and in any
         self._version = -1  # of the building whose domain that is
+        self._sightings = Sightings(setting.lattice)
 
     def measure(self, moment: Moment) -> Measured:
         """The share of the domain that the union covers, and that each robot's own map does."""
         if self._version != moment.building.version:
             self._count_anew(moment.building)
-        changes = moment.knowledge.changes
-        self._union += occupancy.recount(changes, self._held, self._holders, self._domain, self._each)
+        more: dict[str, float] = {}
+        if moment.knowledge.frames is None:
+            changes = moment.knowledge.changes
+            self._union += occupancy.recount(changes, self._held, self._holders, self._domain, self._each)
+        else:
+            more["correct"] = self._count_what_is_right(moment)
         share = self._union / self._cells
         return Measured(
-            {"coverage": share}, {"covered": self._each / self._cells}, min(1.0, share / self._wanted),
+            {"coverage": share, **more}, {"covered": self._each / self._cells}, min(1.0, share / self._wanted),
             share >= self._wanted,
         )  # fmt: skip
+
+    def _count_what_is_right(self, moment: Moment) -> float:
+        """Count the cells that maps hold for what was truly seen there; gives the share of the union that is so."""
+        self._sightings.add(moment)
+        maps = cells_of(moment.knowledge)
+        right = self._sightings.agree(maps).reshape(len(maps), -1) & self._domain
+        self._each[:] = np.count_nonzero(right, axis=1)
+        self._union = int(np.count_nonzero(right.any(axis=0)))
+        share = self._sightings.share(maps.max(axis=0))  # OCCUPIED where any robot believes so
+        return 1.0 if share is None else share
 
     def _count_anew(self, building: Building) -> None:
         self._version, self._domain = building.version, building.domain.reshape(-1)
@@ -73,5 +93,6 @@ class CoverageTask:
     def summaries(self) -> Sequence[Summary]:
         """What maps are judged by, and how well they follow a building that changes."""
         robots, building = self._setting.robots.count, self._setting.building
-        always = MapMeasures(robots, building.domain), ChangeMeasures(building), FrameMeasures(building.domain)
-        return (*always, MapProvenance(robots, self._setting.lattice)) if self._traces else always
+        lattice = self._setting.lattice
+        always = MapMeasures(robots, building.domain, lattice), ChangeMeasures(building), FrameMeasures(building.domain)
+        return (*always, MapProvenance(robots, lattice)) if self._traces else always

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
-from swarmsim.core.state import UNKNOWN, Moment
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
+from swarmsim.operations.mapping.sightings import Sightings
 from swarmsim.recording.measures import jain, mean_value, share_of
 
 
@@ -148,9 +150,9 @@ class MapMeasures:
     from its own tiles; its map also holds what it heard. Robots that died keep their rows.
     """
 
-    def __init__(self, robots: int, domain: NDArray[np.bool_]) -> None:
+    def __init__(self, robots: int, domain: NDArray[np.bool_], lattice: Lattice) -> None:
         """The coverage domain (rows, columns) at the start counts for what was sensed, the last one for maps."""
-        self._domain = domain
+        self._domain, self._sightings = domain, Sightings(lattice)
         self._sensed = memory.zeros((robots * domain.size,), np.bool_)
         self._known = memory.zeros((robots * domain.size,), np.bool_)  # sensed or heard
         self._robots = np.arange(robots)
@@ -163,6 +165,7 @@ class MapMeasures:
         """Take note of one iteration."""
         self._union.append(moment.measured.values["coverage"])
         self._last = moment
+        self._sightings.add(moment)
         self._read(moment)
 
     def _read(self, moment: Moment) -> None:
@@ -207,12 +210,16 @@ class MapMeasures:
         building, maps = self._last.building, self._last.knowledge
         domain = building.domain
         truth, pool, robots = building.occupied[domain], Pool(int(np.count_nonzero(domain))), []
+        union_cells, free, full = np.zeros(domain.shape, np.uint8), np.uint8(FREE), np.uint8(OCCUPIED)
         for observed, log_odds in zip(maps.observed, maps.log_odds, strict=True):
+            np.maximum(union_cells, np.where(log_odds > 0.0, full, free) * observed, out=union_cells)
             held, odds = observed[domain], log_odds[domain]
             pool.add(held, odds)
             robots.append(_judge(truth, held & (odds > 0.0), np.where(held, probability(odds), 0.5), held))
         union = _judge(truth, pool.occupied, pool.probability, pool.observed)
         return {
+            "sensed": share_of(int(np.count_nonzero(self._sightings.seen & domain)), int(np.count_nonzero(domain))),
+            "correct": self._sightings.share(union_cells),
             **{f"union_{name}": value for name, value in union.items()},
             **{f"robot_{name}": _mean([robot[name] for robot in robots]) for name in union},
             "disagreement": pool.disagreement,

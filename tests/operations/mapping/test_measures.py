@@ -12,10 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmsim.core.events import Ended
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
 from swarmsim.core.robots import Robots
 from swarmsim.core.state import Intents, Measured, Moment, Readings, State, Tiles
 from swarmsim.network.channel import letters
+from swarmsim.operations.mapping.coverage import CURVE as CURVED
 from swarmsim.operations.mapping.grids import OccupancyGrids
 from swarmsim.operations.mapping.measures import (
     MapMeasures,
@@ -54,6 +56,7 @@ def grid(rows: str) -> np.ndarray:
 DOMAIN = grid("11110 11110 11110 11110 11110") == 1
 TRUTH = grid("00011 00011 00011 00011 00011") == 1
 HALL = replace(building(), domain=DOMAIN, occupied=TRUTH)
+LATTICE = Lattice(0.0, 0.0, 0.15, *DOMAIN.shape)
 PAIR = Robots(count=2, spawn="hall", speed=20.0)
 
 # 0 unknown, 1 free, 2 occupied. Robot 0 errs in (0, 0) and (1, 3); both of its rows reach out of the domain.
@@ -98,7 +101,7 @@ def story(last_events=()) -> list[Moment]:
 
 
 def told(last_events=()) -> dict:
-    run, maps = RunMeasures(PAIR, 0.5), MapMeasures(2, DOMAIN)
+    run, maps = RunMeasures(PAIR, 0.5, CURVED), MapMeasures(2, DOMAIN, LATTICE)
     for each in story(last_events):
         run.sample(each)
         maps.sample(each)
@@ -111,6 +114,9 @@ def test_summary_of_a_hand_made_run():
         "t50": 1, "t75": None, "t90": None, "t95": None, "t99": None, "t100": None, "tail_ratio": None,
         "mean_coverage": 2.6 / 4,
         "discovery_time": 2.1,  # 10 cells after 1 iteration, 4 after 2, 6 never, counted as 4
+        "sensed": 14 / 20,
+        # Of 14 cells on the union (0, 0) was seen free, and (0, 4), (1, 4), (2, 0) and (2, 1) not at all.
+        "correct": 9 / 14,
         # The union: TP (0, 3), (1, 3), (2, 3); FP (0, 0); 12 cells seen, of which the robots split on (1, 3).
         "union_precision": 3 / 4, "union_recall": 1.0, "union_f1": 6 / 7, "union_iou": 3 / 4,
         "union_false_occupied": 1,
@@ -151,7 +157,7 @@ def test_a_run_at_its_limit_has_none():
 
 
 def test_what_nothing_defines_is_none():
-    run, maps = RunMeasures(PAIR, 1.0), MapMeasures(2, DOMAIN)
+    run, maps = RunMeasures(PAIR, 1.0, CURVED), MapMeasures(2, DOMAIN, LATTICE)
     nothing = {**run.summary(), **maps.summary()}
     assert (nothing["coverage"], nothing["path_sum"], nothing["messages"]) == (0.0, 0.0, 0)
     assert {nothing[name] for name in ("mean_coverage", "discovery_time", "jain_path", "delivered_share")} == {None}
@@ -294,7 +300,7 @@ def heard(recording: Recording) -> tuple[int, int, int]:
 def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     run = made("network.topology.k=2")
     domain, truth, robots, parts = run.domain, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
-    probes = [RunMeasures(run.scenario.robots, run.scenario.period), *parts.task.summaries()]
+    probes = [RunMeasures(run.scenario.robots, run.scenario.period, parts.task.curve), *parts.task.summaries()]
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:
         run.simulation.run([recorder, *probes])

@@ -1,0 +1,129 @@
+"""Code of people's own: where it stands, and what in it does not fit its form."""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import inspect
+import math
+import reprlib
+import sysconfig
+import textwrap
+import traceback
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_PACKAGE: Final = Path(__file__).parents[1]
+_PYTHON: Final = Path(sysconfig.get_path("stdlib"))
+
+
+class MisfitError(ValueError):
+    """What somebody's own code gives, or says of itself, and its form does not ask for; with the line of that code."""
+
+    def __init__(self, wrong: str, owner: Any = None, name: str = "") -> None:
+        """`wrong` in words, about a function or, of the class `owner`, about what it calls `name`.
+
+        Without an owner it is about the code that called what raises this.
+        """
+        super().__init__(wrong)
+        self.line = "" if owner is None else line_of(owner, name)
+
+
+def told(problem: BaseException, at: str = "") -> str:
+    """An exception in words, with the lines of code outside of this package that led to it; without any, with `at`."""
+    foreign = [
+        frame
+        for frame in traceback.extract_tb(problem.__traceback__)
+        if _PACKAGE not in Path(frame.filename).parents
+        and not frame.filename.startswith("<frozen")
+        and (_PYTHON not in Path(frame.filename).parents or "site-packages" in frame.filename)
+    ]
+    own = [f for f in foreign if "site-packages" not in f.filename] or foreign
+    lines = "".join(_worded(frame.filename, frame.lineno, frame.name, frame.line or "") for frame in own)
+    whose = "".join(f", {note}" for note in getattr(problem, "__notes__", ()))
+    if isinstance(problem, MisfitError):
+        return "".join(f"{note}: " for note in getattr(problem, "__notes__", ())) + f"{problem}{lines or problem.line}"
+    return f"{type(problem).__name__}: {problem}{_meant(problem)}{whose}{lines or at}"
+
+
+def _meant(problem: BaseException) -> str:
+    """The attribute most like one that is not there, after a semicolon, or nothing."""
+    if not isinstance(problem, AttributeError) or problem.obj is None:
+        return ""
+    similar = difflib.get_close_matches(str(problem.name), [name for name in dir(problem.obj) if name[0] != "_"], n=1)
+    return f"; did you mean {similar[0]!r}?" if similar else ""
+
+
+def _worded(file: str, number: int | None, name: str, code: str) -> str:
+    return f"\n  {file}, line {number}, in {name}: {code.strip()}"
+
+
+def line_of(owner: Any, name: str = "") -> str:
+    """The line where a function begins, or that in which a class says what its `name` is, as `told` has lines.
+
+    Nothing for what has no code.
+    """
+    home = next((kind for kind in getattr(owner, "__mro__", ()) if name in vars(kind)), owner)
+    member = vars(home).get(name) if isinstance(home, type) else None
+    found = member if inspect.isfunction(member) else home
+    try:
+        lines, first = inspect.getsourcelines(found)
+        at = _assigned(lines, name) if isinstance(found, type) else 0
+        where = name if name and isinstance(found, type) else found.__name__
+        return _worded(inspect.getfile(found), max(first, 1) + at, where, lines[at])
+    except (OSError, TypeError, SyntaxError):
+        return ""
+
+
+def _assigned(lines: list[str], name: str) -> int:
+    """How many lines into the code of a class it says what `name` is; 0 if it is said elsewhere."""
+    kind = ast.parse(textwrap.dedent("".join(lines))).body[0]
+    for node in kind.body if isinstance(kind, ast.ClassDef) else ():
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        if any(isinstance(one, ast.Name) and one.id == name for one in targets):
+            return node.lineno - 1
+    return 0
+
+
+def brief(value: Any) -> str:
+    """A value as Python writes it, cut short; of an array what it is."""
+    if not isinstance(value, np.ndarray) or value is np.ma.masked:
+        return reprlib.repr(value)
+    kind = "masked array" if isinstance(value, np.ma.MaskedArray) else "array"
+    return f"a {kind} of {value.dtype} and shape {value.shape}".replace("a array", "an array")
+
+
+def number_of(value: Any) -> float:
+    """A number as a float. Raises ValueError for all else: text, arrays, tables, masked values."""
+    several = isinstance(value, np.ndarray) and (type(value) is not np.ndarray or value.ndim > 0)
+    try:
+        if several or isinstance(value, str | bytes | bytearray | np.complexfloating):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{brief(value)}, which is no number") from None
+
+
+def finite(value: Any) -> float:
+    """A finite number as a float. Raises ValueError for all else."""
+    found = number_of(value)
+    if not math.isfinite(found):
+        raise ValueError(f"{found}, which is not finite")
+    return found
+
+
+def array_of(value: Any, *shape: int | None) -> NDArray[Any]:
+    """An array of numbers, of this shape (None: any length). Raises ValueError for all else, masked arrays too."""
+    try:
+        found = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        found = np.empty(0, object)
+    subclass = isinstance(value, np.ndarray) and type(value) is not np.ndarray
+    if subclass or found.dtype.kind not in "fiub":
+        raise ValueError(brief(value))
+    if len(found.shape) != len(shape) or any(side not in (None, n) for side, n in zip(shape, found.shape, strict=True)):
+        raise ValueError(brief(value) if found is value else f"{brief(value)}, of shape {found.shape}")
+    return found

@@ -1,0 +1,72 @@
+"""In what runs that are put side by side differ that makes their numbers tell little of each other."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import msgspec
+
+from swarmsim.core.scenario import Scenario
+
+MOST: Final = 4  # names that a notice lists
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """A run or a condition, and the text of its floor plan."""
+
+    name: str
+    scenario: Scenario
+    world: str
+
+
+def notices(sides: Sequence[Side]) -> list[str]:
+    """A sentence for each thing that should be alike and is not: building, task, cells, period; with values and names.
+
+    Networks, minds, robots, faults and seeds are what runs are compared for.
+    """
+    worlds = _worlds(sides)
+    rows = [
+        {
+            "world": world,
+            **{f"task.{key}": value for key, value in side.scenario.task.items()},
+            "grid.cell": side.scenario.grid.cell,
+            "period": side.scenario.period,
+        }
+        for side, world in zip(sides, worlds, strict=True)
+    ]
+    told = []
+    for key in dict.fromkeys(key for row in rows for key in row):
+        groups: dict[str, list[str]] = {}
+        for side, row in zip(sides, rows, strict=True):
+            groups.setdefault(_shown(row.get(key)), []).append(side.name)
+        if len(groups) > 1:
+            values = _listed((f"{value} ({_listed(names)})" for value, names in groups.items()), "; ")
+            told.append(f"these differ in {key}, so that their numbers tell little of each other: {values}")
+    return told
+
+
+def _worlds(sides: Sequence[Side]) -> list[str]:
+    """What each side's building is called, alike for equal ones; different ones that are called alike get a hash."""
+    hashes = []
+    for side in sides:
+        plan = {**msgspec.structs.asdict(side.scenario.world), "file": "", "text": side.world}
+        hashes.append(hashlib.blake2b(msgspec.json.encode(plan), digest_size=3).hexdigest())
+    names: dict[str, str] = {}
+    for side, found in zip(sides, hashes, strict=True):
+        title = side.scenario.world.title
+        names.setdefault(found, f"{title}, drawing {found}" if title in names.values() else title)
+    return [names[found] for found in hashes]
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) else "none" if value is None else msgspec.json.encode(value).decode()
+
+
+def _listed(words: Iterable[str], between: str = ", ") -> str:
+    every = list(words)
+    more = [f"{len(every) - MOST} more"] if len(every) > MOST else []
+    return between.join(every[:MOST] + more)
