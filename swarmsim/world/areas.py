@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import sparse
 from shapely import MultiPolygon, affinity
 from svgelements import Matrix
 
@@ -61,6 +60,8 @@ def united(geometries: Iterable[shapely.Geometry]) -> MultiPolygon:
     shapes = np.array(list(geometries), dtype=object)
     if len(shapes) < _MANY:
         return polygons(shapely.union_all(shapes, grid_size=_GRID))
+    from scipy import sparse  # takes a while, and few drawings have that many shapes
+
     # Most of many shapes touch no other: they need no union, which takes much longer than finding that out.
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(shapes), len(shapes)))

@@ -40,7 +40,12 @@ def written(plan: FloorPlan) -> str:
         for properties, shape in shapes
         if not shape.is_empty
     ]
-    mark = {"plan": 1, "notices": list(plan.notices), "openings": [list(box) for box in plan.openings]}
+    mark = {
+        "plan": 1,
+        "notices": list(plan.notices),
+        "openings": [list(box) for box in plan.openings],
+        "guessed": plan.guessed,
+    }
     collection = {"type": "FeatureCollection", _MARK: mark, "bbox": list(plan.page), "features": features}
     if not plan.unknown.is_empty:  # what of it is solid too, traced in one with the walls
         collection["solid"] = shapely.geometry.mapping(plan.walls)
@@ -102,13 +107,14 @@ def plan_from(
     mark = table.get(_MARK)
     if isinstance(mark, dict):
         told = [str(notice) for notice in mark.get("notices") or ()]
-    plan = _plan(found, _page(table, name), name, scale, across, told)
+    plan = _plan(found, _page(table, name), name, scale, across, told, ours)
     if table.get("solid") is not None:
         plan = replace(plan, walls=polygons(shapely.from_geojson(json.dumps(table["solid"]))))
     if not isinstance(mark, dict):
         return plan
     openings = tuple(_box(box) for box in mark.get("openings") or ())
-    return replace(plan, openings=tuple(box for box in openings if box is not None))
+    boxes = tuple(box for box in openings if box is not None)
+    return replace(plan, openings=boxes, guessed=mark.get("guessed") is True)
 
 
 def read(source: str, name: str, world: World) -> Drawing:
@@ -183,12 +189,13 @@ def _plan(
     scale: float,
     across: float | None,
     notices: Sequence[str],
+    ours: bool,
 ) -> FloorPlan:
     """The plan with these shapes by layer and area, of which what is larger than one metre each way is multiplied."""
     layers = {layer: joined(found.get((layer, ""), ())) for layer in SOLID_LAYERS}
     spawns = {area: joined(shapes) for (layer, area), shapes in found.items() if layer == SPAWN_LAYER}
     unknown, border = (joined(found.get((layer, ""), ())) for layer in (UNKNOWN_LAYER, _BORDER))
-    if all(layer.is_empty for layer in (*layers.values(), unknown, border)):
+    if not ours and all(layer.is_empty for layer in (*layers.values(), unknown, border)):
         raise InputError(f"{name}: nothing in it is solid; expected polygons, or lines with a width")
     page = page or shapely.union_all([*layers.values(), *spawns.values(), unknown]).bounds
     factor = scale if across is None else across / (page[2] - page[0])
