@@ -2,8 +2,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 RUN := runs/demo
+INSTALL := $(BIN)/pip install --quiet --require-hashes
+COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header $(UPGRADE)
+ADDED = $(COMPILE) pyproject.toml --constraint locks/run.txt $$(sed -n 's/^\([a-z0-9-]*\)==[^;]*$$/--no-emit-package \1/p' locks/run.txt)
 
-.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging external soak bounds golden format clean
+.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging external soak bounds golden format lock clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -60,6 +63,17 @@ format: .venv/test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+# The versions of all packages, with the hashes of their files: what every run needs and what builds the package, then
+# what each extra adds to that, also elsewhere (some are needed on some machines alone). Versions stay, unless pyproject.toml or UPGRADE=... (options of uv) asks for others.
+lock: build/lock/bin/uv
+	echo uv | $(COMPILE) - --output-file locks/uv.txt
+	$(PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")' | \
+		$(COMPILE) pyproject.toml - --output-file locks/run.txt
+	$(ADDED) --extra test --output-file locks/test.txt
+	$(ADDED) --extra browser --constraint locks/test.txt --output-file locks/browser.txt
+	$(ADDED) --extra docs --constraint locks/test.txt --output-file locks/docs.txt
+	$(ADDED) --extra slurm --constraint locks/test.txt --output-file locks/slurm.txt
+
 clean:
 	rm -rf .venv runs build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
@@ -68,19 +82,25 @@ clean:
 		{ echo "swarmsim needs Python 3.11 or newer; name one with: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
 	$(PYTHON) -m venv .venv
 
-.venv/package: pyproject.toml constraints.txt | .venv/bin/pip
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
+.venv/package: pyproject.toml locks/run.txt | .venv/bin/pip
+	$(INSTALL) --requirement locks/run.txt
+	$(BIN)/pip install --quiet --no-deps --no-build-isolation --editable .
 	touch $@
 
-.venv/test: pyproject.toml constraints.txt | .venv/bin/pip
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test]'
+.venv/test: .venv/package locks/test.txt
+	$(INSTALL) --requirement locks/test.txt
 	touch $@
 
-.venv/browser: .venv/test
+.venv/browser: .venv/test locks/browser.txt
 	@command -v chromium >/dev/null || { echo "the browser tests need chromium; install it, for instance with: apt-get install chromium"; exit 2; }
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test,browser]'
+	$(INSTALL) --requirement locks/browser.txt
 	touch $@
 
-.venv/docs: .venv/package
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[docs]'
+.venv/docs: .venv/package locks/docs.txt
+	$(INSTALL) --requirement locks/docs.txt
+	touch $@
+
+build/lock/bin/uv: locks/uv.txt
+	$(PYTHON) -m venv build/lock
+	build/lock/bin/pip install --quiet --require-hashes --requirement $<
 	touch $@
