@@ -3,11 +3,19 @@
 import sys
 from pathlib import Path
 
+
+def main() -> None:
+    """Run the command line, which can be interrupted while it is still being imported."""
+    try:
+        from swarmsim.cli import main as run
+    except KeyboardInterrupt:
+        print("swarmsim: interrupted", file=sys.stderr)
+        sys.exit(130)
+    run()
+
+
 if __name__ == "__main__":
     # `-m` puts the current folder first, and the command does not: both have to find the same modules.
     if not sys.flags.safe_path and sys.path[0] in ("", str(Path.cwd())):
         del sys.path[0]
-
-    from swarmsim.cli import main
-
     main()

@@ -41,6 +41,7 @@ class Growing:
             raise unwritten(path, problem, "a new file in a folder that can be written") from problem
         #: Whether all that was written went well.
         self.whole = True
+        self._readable = False  # whether its head, and something after it, is on the disk
         self._lock = _locked(self.path)
 
     @contextmanager
@@ -49,11 +50,13 @@ class Growing:
 
         Raises StorageError, which says what was `kept`.
         """
+        begun = self.file.swmr_mode
         try:
             yield
         except (OSError, RuntimeError) as problem:  # as h5py words whatever HDF5 could not do
             self._abandon()
             raise StorageError(f"{self.path}: cannot be written ({_reason(problem)}); {kept}") from problem
+        self._readable = begun
 
     def close(self, kept: str) -> None:
         """Close the file, if it is open and whole. Raises StorageError, which says what was `kept`."""
@@ -75,7 +78,7 @@ class Growing:
             nowhere = os.open(os.devnull, os.O_RDWR)
             os.dup2(nowhere, self.file.id.get_vfd_handle())
             os.close(nowhere)
-            if not self.file.swmr_mode:  # its head is not whole, so that it can never be read
+            if not self._readable:
                 self.path.unlink(missing_ok=True)
         self._unlock()
 

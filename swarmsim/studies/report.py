@@ -21,18 +21,16 @@ from swarmsim.studies.plan import Study
 from swarmsim.studies.reproduction import Reproduction
 from swarmsim.studies.results import HEAD, Result, filled, lines
 from swarmsim.view import plots
+from swarmsim.view.page.document import hashed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b }}
-table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; font-size: 0.9rem }}
-th, td {{ border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: left; vertical-align: top }}
-img {{ max-width: 100% }} code {{ background: #f3f3f3; padding: 0 0.2rem }}
-</style></head><body>
-{body}</body></html>
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; font-size: 0.9rem }
+th, td { border-bottom: 1px solid #ccc; padding: 0.25rem 0.7rem; text-align: left; vertical-align: top }
+img { max-width: 100% } code { background: #f3f3f3; padding: 0 0.2rem }
 """
 
 
@@ -130,9 +128,18 @@ def write(found: Sequence[Reproduction], folder: Path) -> list[Path]:
     for name in figures:  # so that the page is one file, to be mailed
         data = b64encode((folder / f"{name}.png").read_bytes()).decode()
         body = body.replace(f'src="{name}.png"', f'src="data:image/png;base64,{data}"')
-    page = PAGE.format(title="Kit, Mateo and Bouffanais (2018), reproduced", body=body)
-    write_whole(folder / "report.html", page)
+    write_whole(folder / "report.html", page("Kit, Mateo and Bouffanais (2018), reproduced", body))
     return [folder / "report.md", folder / "report.html"]
+
+
+def page(title: str, body: str) -> str:
+    """A page of text and of pictures that are in it, which may do nothing else."""
+    policy = f"default-src 'none'; style-src {hashed(STYLE)}; img-src data:; base-uri 'none'; form-action 'none'"
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">
+<title>{title}</title><style>{STYLE}</style></head><body>
+{body}</body></html>
+"""
 
 
 def _figures(found: Reproduction, folder: Path) -> dict[str, str]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
 import tempfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import IO, TypeVar
 
 import imageio_ffmpeg
 import numpy as np
@@ -18,7 +20,7 @@ import pygame
 from numpy.typing import NDArray
 from PIL import Image
 
-from swarmsim.core.errors import InputError, StorageError, unwritten
+from swarmsim.core.errors import OF_THE_MACHINE, InputError, StorageError, unwritten
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.cards import draw_card, first_lines, last_lines
@@ -178,19 +180,47 @@ def write_pictures(
 
 def _write_mp4(part: Path, pictures: Iterable[bytes], size: tuple[int, int], fps: int) -> None:
     """H.264 with half the colour resolution, as every player knows it."""
-    film = imageio_ffmpeg.write_frames(
-        part, size, pix_fmt_in="bgr0", pix_fmt_out="yuv420p", fps=fps, quality=None, codec="libx264",
-        macro_block_size=2, ffmpeg_log_level="error", output_params=ENCODER,
-    )  # fmt: skip
-    film.send(None)  # starts the encoder
-    with closing(film), ThreadPoolExecutor(1) as writer:
-        writing: deque[Future[None]] = deque()
+    with _encoder(part, size, fps) as film, ThreadPoolExecutor(1) as writer:
+        writing: deque[Future[int]] = deque()
         for picture in pictures:  # drawn while the ones before are encoded
-            writing.append(writer.submit(film.send, picture))
+            writing.append(writer.submit(film.write, picture))
             if len(writing) > AHEAD:
                 writing.popleft().result()
         for written in writing:
             written.result()
+
+
+@contextmanager
+def _encoder(part: Path, size: tuple[int, int], fps: int) -> Iterator[IO[bytes]]:
+    """What takes pictures, as `_memory` gives them. Raises OSError if the encoder did not write a whole film.
+
+    It is started here, and not by imageio_ffmpeg, which does not look at how the encoder ended.
+    """
+    command = [
+        imageio_ffmpeg.get_ffmpeg_exe(), "-f", "rawvideo", "-s", f"{size[0]}x{size[1]}", "-pix_fmt", "bgr0",
+        "-r", str(fps), "-i", "-", "-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-v", "error", "-xerror",
+        *ENCODER, str(part),
+    ]  # fmt: skip
+    with subprocess.Popen(  # a limit on files is an error that it tells, not a signal; Ctrl-C is for us
+        command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, restore_signals=False, process_group=0
+    ) as encoder:
+        assert encoder.stdin is not None
+        assert encoder.stderr is not None
+        try:
+            yield encoder.stdin
+        except BrokenPipeError:  # it tells why it ended
+            pass
+        except BaseException:
+            encoder.kill()
+            raise
+        finally:
+            with suppress(BrokenPipeError):
+                encoder.stdin.close()
+        told = encoder.stderr.read().decode(errors="replace").strip()
+    if encoder.returncode:
+        reasons = (os.strerror(number) for number in OF_THE_MACHINE)
+        last = told.rpartition("\n")[2] or f"exit code {encoder.returncode}"
+        raise OSError(next((reason for reason in reasons if reason in told), f"the encoder: {last}"))
 
 
 def _write_gif(part: Path, pictures: Iterable[Pixels], fps: int, samples: list[Pixels]) -> None:

@@ -31,7 +31,7 @@ except StorageError as problem:
     sys.exit(4)
 sys.exit(1)  # the limit comes first
 """
-SIZES = 5  # of a disk, for each verb
+SIZES = 30  # of a disk, for each verb
 LONG = ["--set", "robots.count=15", "--set", "stop.iterations=400", "--set", "stop.when_done='go-on'"]
 SHORT = ["--set", "stop.iterations=20"]
 
@@ -163,13 +163,15 @@ def test_a_full_disk_ends_in_a_sentence(inputs: Path, tmp_path: Path, size: int)
 
 
 def sizes(words: list[str], folder: Path, ended: Ended) -> list[int]:
-    """Sizes of disks from 16 kB, or less than what a command writes, to what it needs, or 1 MB; in bytes."""
+    """Sizes of disks from 16 kB, or less than what a command writes, to 200 kB, what it needs, or 1 MB."""
     (folder / "out").mkdir(parents=True)
     done = ended(words, folder)
     assert (done.returncode, done.stderr.count("Traceback")) in ((0, 0), (1, 0)), (words, done.stderr)
     needed = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
     shutil.rmtree(folder)
-    return [int(size) for size in np.geomspace(min(16_000, needed / 20), min(1_000_000, 1.2 * needed), SIZES)]
+    return [
+        int(size) for size in np.geomspace(min(16_000, needed / 20), min(1_000_000, max(200_000, 1.2 * needed)), SIZES)
+    ]
 
 
 @pytest.mark.slow

@@ -104,7 +104,7 @@ def study_page(
 def _page(title: str, body: str, script: str) -> str:
     """A page that runs this script, wears our style, shows pictures that are in it, and may do nothing else."""
     style = _text("page.css")
-    policy = f"default-src 'none'; script-src {_hashed(script)}; style-src {_hashed(style)}; img-src data:"
+    policy = f"default-src 'none'; script-src {hashed(script)}; style-src {hashed(style)}; img-src data:"
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy" content="{policy}; base-uri 'none'; form-action 'none'">
@@ -113,7 +113,7 @@ def _page(title: str, body: str, script: str) -> str:
 """
 
 
-def _hashed(text: str) -> str:
+def hashed(text: str) -> str:
     """What names a script or a style in a page's policy: its SHA-256, so that no other one is run."""
     return f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 

@@ -30,7 +30,7 @@ def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], No
         raise InputError("--rerun needs rerun-sdk; install it with: pip install 'swarmsim-lab[rerun]'") from problem
     scene, lattice = Scene(recording), recording.lattice
     stream = rr.RecordingStream("swarmsim", recording_id=recording.digest())
-    stream.save(out)
+    log = stream.binary_stream()  # a file of the SDK's own tells of a full disk in lines of a log and a RuntimeError
     solid = [part for layer in scene.layers.values() for part in layer.geoms]
     rings = [_turned(shapely.get_coordinates(ring)) for part in solid for ring in (part.exterior, *part.interiors)]
     stream.log("world/walls", rr.LineStrips2D(rings, colors=(140, 148, 160), radii=0.02), static=True)
@@ -70,8 +70,8 @@ def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], No
                 stream.log("events", rr.TextLog(note.words))
         if progress is not None:
             progress(row + 1, recording.iterations)
-    stream.flush()
     stream.disconnect()
+    out.write_bytes(log.read() or b"")
 
 
 def _turned(points: NDArray[np.float64]) -> NDArray[np.float64]:
