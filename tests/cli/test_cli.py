@@ -216,6 +216,21 @@ def test_a_run_that_is_stopped_says_what_is_kept_even_if_quiet(
     assert json.loads((out / "summary.json").read_text())["status"] == "interrupted"
 
 
+def test_an_interruption_while_the_command_is_imported_is_told() -> None:
+    script = """
+import sys
+class Interrupted:
+    def find_spec(self, name, path, target=None):
+        if name == "swarmsim.cli.doctor":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupted())
+from swarmsim.__main__ import main
+main()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "swarmsim: interrupted\n")
+
+
 def test_an_interruption_that_gets_lost_in_a_callback_is_raised_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

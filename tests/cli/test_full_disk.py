@@ -123,7 +123,18 @@ def wrong(done: subprocess.CompletedProcess[str], folder: Path, ended: Ended = e
     return shown(folder, ended)
 
 
-@pytest.mark.parametrize(("verb", "size"), [("run", 16_000), ("run", 90_000), ("Python", 60_000), ("figure", 16_000)])
+@pytest.mark.parametrize(
+    ("verb", "size"),
+    [
+        ("run", 16_000),
+        ("run", 90_000),
+        ("run, film", 18_000),
+        ("Python", 60_000),
+        ("figure", 16_000),
+        ("mp4", 16_000),
+        ("rerun", 16_000),
+    ],
+)
 def test_a_limit_on_files_ends_in_a_sentence(inputs: Path, tmp_path: Path, verb: str, size: int) -> None:
     (tmp_path / "out").mkdir()
     done = ended(commands(inputs)[verb], tmp_path, size)
@@ -152,7 +163,7 @@ def no_disk(folder: Path, size: int) -> Iterator[None]:
 
 
 @pytest.mark.skipif(shutil.which("mount") is None or os.geteuid() != 0, reason="a small disk needs root to mount it")
-@pytest.mark.parametrize("size", [64_000, 300_000])
+@pytest.mark.parametrize("size", [64_000, 200_000])
 def test_a_full_disk_ends_in_a_sentence(inputs: Path, tmp_path: Path, size: int) -> None:
     (tmp_path / "out").mkdir()
     with small_disk(tmp_path, size):
