@@ -21,7 +21,7 @@ Outlines = list[tuple[Points, bool]]  # each with whether it closes itself
 _PATH_TOKENS = re.compile(rf"{NUMBER}|[MmZzLlHhVvCcSsQqTtAa]|[\s,]+")
 _NUMBER = re.compile(NUMBER)
 _STEP = re.compile(r"([MmLlHhVvZz])([^MmLlHhVvZz]*)")
-_STRAIGHT = re.compile(rf"\s*[Mm](?:{NUMBER}|[MmLlHhVvZz\s,])*")
+_STRAIGHT = re.compile(r"\s*[Mm][MmLlHhVvZz0-9eE+\-.\s,]*")
 _MOST_CHORDS = 10_000  # of one curve; more are needed only beyond the largest coordinate
 
 
@@ -33,7 +33,7 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
     match element.tag:
         case "path":
             data = element.attributes.get("d", "")
-            return _straight(data) if _STRAIGHT.fullmatch(data) else _flattened(_segments(data), flatness)
+            return _straight(data) if _is_straight(data) else _flattened(_segments(data), flatness)
         case "polygon" | "polyline":
             values = numbers(element.attributes.get("points", ""), "points")
             if len(values) % 2:
@@ -57,8 +57,17 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
             radii = [page.length(element, key) for key in given] * (3 - len(given)) or [0.0, 0.0]
             if min(radii) < 0.0:
                 raise ElementError("rx or ry is negative; a radius should be 0 or larger")
+            if 0.0 in radii:
+                (x, y), (width, height) = corner, size
+                corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+                return [(np.array(corners), True)]
             curve = svgelements.Rect(*corner, *size, *radii)
     return _flattened(curve.segments(), flatness)
+
+
+def _is_straight(data: str) -> bool:
+    """Whether path data has no curve in it, and nothing that is wrong."""
+    return _STRAIGHT.fullmatch(data) is not None and not _PATH_TOKENS.sub("", data)
 
 
 def _straight(data: str) -> Outlines:
