@@ -13,11 +13,13 @@ from shapely import MultiPolygon
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.world.areas import polygons
+from swarmsim.world.doors import FURNITURE
 
 ENCLOSED: Final = 0.3  # of the largest open piece inside of the walls' hull; a larger closed piece is the floor
 FIELD: Final = 0.5  # of the edge of a drawing's extent; a floor that runs off along more of it has no outline at all
 UNSURE: Final = (0.1, 0.6)  # between these, a user should say which piece is meant
 BLOCK: Final = 0.5  # of its own hull; a building more solid than that, with robots around it, was misread
+HELD: Final = 0.1  # of a closed piece, what another one has at least that it surrounds, to be the floor perhaps
 BORDER: Final = 0.1  # m, how thick a border is
 _AT_EDGE: Final = 1e-6  # m
 
@@ -62,7 +64,8 @@ def floor_of(
         within = float(shapely.area(shapely.intersection(usable[open_.argmax()], hull))) if open_.any() else 0.0
         ratio = closed.max() / within if within > 0.0 else np.inf
         taken = int(closed.argmax() if closed.any() and ratio >= ENCLOSED else areas.argmax())
-        sure = not UNSURE[0] < ratio < UNSURE[1] or closed.max() < UNSURE[0] * open_.max()
+        around = is_open[taken] or not _holds_another(taken, pieces, is_open)
+        sure = (around and not UNSURE[0] < ratio < UNSURE[1]) or closed.max() < UNSURE[0] * open_.max()
     floor = usable[taken]
     if floor.geom_type != "Polygon":
         floor = max(polygons(floor).geoms, key=lambda part: part.area, default=pieces[taken])
@@ -71,6 +74,14 @@ def floor_of(
     frame = shapely.difference(shapely.buffer(box, BORDER, join_style="mitre"), box)
     opening, share = _opening(pieces[taken], box)
     return Floor(floor, polygons(frame), opening, share, sure)
+
+
+def _holds_another(taken: int, pieces: NDArray[np.object_], is_open: NDArray[np.bool_]) -> bool:
+    """Whether a piece surrounds something with closed space that may be the building, as the frame of a sheet does."""
+    around = pieces[taken]
+    holes = [shapely.Polygon(ring) for ring in around.interiors]
+    others = pieces[~is_open & (shapely.area(pieces) >= max(HELD * around.area, FURNITURE))]
+    return bool(len(shapely.STRtree(others).query(holes, predicate="contains")[0])) if len(others) and holes else False
 
 
 def check_outside(drawn: MultiPolygon, floor: Floor, name: str) -> None:
