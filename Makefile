@@ -48,7 +48,7 @@ bench-peers: .venv/test .venv-irsim/done .venv-vmas/done
 	$(PYTHON) -m venv .venv-vmas && .venv-vmas/bin/pip install --quiet --requirement $< && touch $@
 
 soak: .venv/test
-	$(BIN)/pytest -m slow -s -o faulthandler_timeout=0 tests/faults/test_invariants_under_load.py tests/recording/test_damage.py tests/cli/test_whatever_is_typed.py
+	$(BIN)/pytest -m slow -s -o faulthandler_timeout=0 tests/generated tests/recording/test_damage.py tests/cli/test_whatever_is_typed.py tests/cli/test_full_disk.py
 
 bounds: .venv/test
 	NUMBA_BOUNDSCHECK=1 NUMBA_CACHE_DIR=build/bounds $(BIN)/pytest -n 2 tests/kernels tests/test_docs.py -k "kernels or every_scenario_runs"

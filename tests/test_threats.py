@@ -5,9 +5,12 @@ from __future__ import annotations
 import gzip
 import json
 import os
+import pty
 import re
 import shutil
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -115,9 +118,12 @@ def test_files_outside_are_named_and_not_repeated(tmp_path: Path) -> None:
         assert "sesame" not in str(refused.value)
 
 
+ENDLESS = ("/proc/kmsg", "/proc/kpagemap")  # the system says that they are plain, and of no length
+
+
 def test_devices_and_pipes_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.svg")
-    for file in ("/dev/zero", str(tmp_path / "pipe.svg")):
+    for file in ("/dev/zero", str(tmp_path / "pipe.svg"), *(name for name in ENDLESS if Path(name).exists())):
         for words in (
             ("run", scenario(tmp_path, file)),
             ("run", scenario(tmp_path, topology=f'{{use = "edges", links = {{file = "{file}"}}}}')),
@@ -126,6 +132,9 @@ def test_devices_and_pipes_are_refused(tmp_path: Path) -> None:
         ):
             with pytest.raises(InputError):
                 done(*words, *(("--out", tmp_path / "run") if words[0] == "run" else ()))
+    (tmp_path / "map.yaml").write_text("image: /proc/kmsg\nresolution: 0.05\norigin: [0, 0, 0]\n")
+    with pytest.raises(InputError, match=r"kmsg"):
+        done("run", scenario(tmp_path, "map.yaml"), "--out", tmp_path / "run")
     (tmp_path / "large.csv").write_bytes(b"0,1\n" * 17_000_000)
     with pytest.raises(InputError, match="larger than 64 MB"):
         done(
@@ -200,6 +209,11 @@ def test_bombs_are_refused(tmp_path: Path) -> None:
         (["physics.substep=1e-9"], "at most 100000"),
         (["period=1e9"], "<= 100000"),
         (["sensor.beams=10001"], "<= 10000"),
+        (
+            ["grid.cell=0.01", "sensor.beams=10000", "sensor.tile=[99, 99]", "budget=60"],
+            "takes about .* a budget of 60",
+        ),
+        (["stop.iterations=100000", "sensor.beams=10000", "budget=60"], "takes about .* a budget of 60"),
         (["sensor.tile=[100, 100]"], "<= 99"),
     ],
 )
@@ -214,6 +228,39 @@ def test_pages_escape_what_they_show(tmp_path: Path) -> None:
     done("run", path, "--out", tmp_path / "run")
     done("report", tmp_path / "run", "--out", tmp_path / "page.html")
     assert "<script>alert" not in (tmp_path / "page.html").read_text()
+
+
+EVIL = r"evil \u001b]0;owned\u0007\u001b[2J\u001b[31mred\u009b1A\r\u0008 end"
+
+
+@pytest.mark.parametrize("kind", ["table", "error", "title"])
+def test_text_from_files_does_not_steer_the_terminal(tmp_path: Path, kind: str) -> None:
+    path = scenario(tmp_path, more=f'title = "{EVIL}"')
+    if kind == "table":
+        done("run", path, "--out", tmp_path / "run")
+    (tmp_path / "bad.toml").write_text(f'"{EVIL}" = 1\n' + path.read_text())
+    (tmp_path / "study.toml").write_text(f'title = "{EVIL}"\nscenario = "s.toml"\nseeds = 1\n')
+    words = {
+        "table": ["show", str(tmp_path / "run")],
+        "error": ["run", str(tmp_path / "bad.toml")],
+        "title": ["study", "status", str(tmp_path / "study.toml"), "--store", str(tmp_path / "s.sqlite")],
+    }[kind]
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "swarmsim", *words], stdout=theirs, stderr=theirs, env={**os.environ, "TERM": "xterm"}
+    )
+    os.close(theirs)
+    printed = b""
+    try:
+        while piece := os.read(ours, 4096):
+            printed += piece
+    except OSError:  # the end of a terminal
+        pass
+    process.wait()
+    os.close(ours)
+    text = printed.decode()
+    assert "evil" in text
+    assert not any(mark in text for mark in ("\x1b]", "\x1b[2J", "\x1b[31m", "\x07", "\x08", "\x9b"))
 
 
 def test_spreadsheets_get_no_formulas(tmp_path: Path) -> None:

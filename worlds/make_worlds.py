@@ -154,7 +154,7 @@ def floors() -> FloorPlan:
 
 
 def _made(drawn: Drawn) -> FloorPlan:
-    return geojson.read(drawn.draw(), "made")
+    return geojson.plan_from(drawn.draw(), "made")
 
 
 def _generated(kind: Callable[..., object], seed: int, **keys: float) -> Callable[[], FloorPlan]:

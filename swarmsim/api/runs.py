@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Moment
@@ -43,24 +43,33 @@ def run(
 
     `overrides` are values at dotted keys; a table replaces the whole table. The recording goes into the new folder
     `out` or, without one, into a temporary one that lives as long as the run that is given. `allow_code` lets the
-    scenario run code of its own. Raises InputError for what cannot work, PartError for parts of others that fail.
+    scenario run code of its own. Raises InputError for what cannot work, PartError for parts of others that fail,
+    StorageError for a full disk, on which what was flushed can be read.
     """
     with registry.own_code(allow_code):
         made = _made(scenario, seed, overrides)
-        if out is None:
-            folder = Path(tempfile.mkdtemp(prefix="swarmsim-"))
-        else:
-            folder = Path(out)
-            try:
-                folder.mkdir(parents=True)
-            except FileExistsError as problem:
-                raise InputError(f"{folder}: exists already; expected a new folder, no run is overwritten") from problem
-        with made.recorder(folder / "recording.h5") as recorder:
-            made.simulate([recorder])
-    done = Run(Recording(folder))
+        folder = Path(tempfile.mkdtemp(prefix="swarmsim-")) if out is None else _new(Path(out))
+        try:
+            with made.recorder(folder / "recording.h5") as recorder:
+                made.simulate([recorder])
+            done = Run(Recording(folder))
+        except BaseException:
+            if out is None:
+                shutil.rmtree(folder, ignore_errors=True)
+            raise
     if out is None:
         weakref.finalize(done, shutil.rmtree, folder, ignore_errors=True)
     return done
+
+
+def _new(folder: Path) -> Path:
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError as problem:
+        raise InputError(f"{folder}: exists already; expected a new folder, no run is overwritten") from problem
+    except OSError as problem:
+        raise unwritten(folder, problem, "a new folder") from problem
+    return folder
 
 
 def simulate(

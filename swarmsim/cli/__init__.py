@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
+from contextlib import suppress
 from typing import Annotated
 
 import typer
@@ -24,8 +24,13 @@ from swarmsim.cli import (
     views,
     worlds,
 )
+from swarmsim.cli.interruption import end_if_asked, end_upon_signals, told_if_interrupted
+from swarmsim.cli.printed import drop_unwritten, printed
+from swarmsim.cli.waiting import told_how_long
+from swarmsim.core.errors import InputError, PartError, StorageError, is_of_the_machine
 
 BAD_INPUT, PART_FAILED, NO_ROOM = 2, 3, 4  # exit codes
+CLOSED = 141  # as shells give it for SIGPIPE
 
 app = typer.Typer(
     help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
@@ -60,31 +65,51 @@ app.add_typer(examples.app, name="examples")
 def main() -> None:
     """Run the command line.
 
-    Bad input ends with its message and exit code 2, a part that is not ours with 3, a disk that is full with 4. The end
-    that SIGTERM asks for is that of Ctrl-C, with exit code 143 instead of 130.
+    Bad input ends with its message and exit code 2, a part that is not ours with 3, a disk that is full with 4, also
+    where it is standard output that cannot be written. A reader that closes the pipe ends it quietly. The end that
+    SIGTERM asks for is that of Ctrl-C, with exit code 143 instead of 130.
     """
-    from swarmsim.cli.interruption import end_upon_signals
-    from swarmsim.core.errors import InputError, PartError, StorageError
-
     end_upon_signals()
+    with printed():
+        code = _code()
+    drop_unwritten()
+    sys.exit(code)
+
+
+def _code() -> int | str | None:
+    """Do what was typed, and say how it ended."""
     try:
-        app()
+        with told_if_interrupted():
+            try:
+                app()
+            finally:
+                end_if_asked()  # typer keeps to itself what it was ended by
+                sys.stdout.flush()  # here, where it can be told if that fails
+    except typer.Exit as end:
+        return end.exit_code
+    except SystemExit as end:
+        return CLOSED if isinstance(end.__context__, BrokenPipeError) else end.code
+    except BrokenPipeError:
+        return CLOSED
     except InputError as problem:
-        print(f"swarmsim: {problem}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
+        return _said(problem, BAD_INPUT)
+    except PartError as problem:
+        return _said(problem, PART_FAILED)
+    except StorageError as problem:
+        return _said(problem, NO_ROOM)
     except OSError as problem:  # what the system says of files that parts of ours have not looked at first
+        if is_of_the_machine(problem):
+            return _said(f"{problem.filename or 'a file'}: {problem.strerror}", NO_ROOM)
         if problem.filename is None:
             raise
-        print(f"swarmsim: {str(problem.filename)[:200]}: {problem.strerror}", file=sys.stderr)
-        sys.exit(BAD_INPUT)
-    except PartError as problem:
+        return _said(f"{str(problem.filename)[:200]}: {problem.strerror}", BAD_INPUT)
+    return None
+
+
+def _said(problem: object, code: int) -> int:
+    with suppress(OSError, StorageError):  # a disk may be too full for that too
         print(f"swarmsim: {problem}", file=sys.stderr)
-        sys.exit(PART_FAILED)
-    except StorageError as problem:
-        print(f"swarmsim: {problem}", file=sys.stderr)
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(NO_ROOM)  # HDF5 would try to write the rest when the interpreter ends, and crash
+    return code
 
 
 def _version(asked: bool) -> None:
@@ -97,8 +122,9 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
     ] = False,
 ) -> None:
-    pass
+    context.with_resource(told_how_long(quiet=False))

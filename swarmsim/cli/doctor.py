@@ -87,12 +87,14 @@ def _letters() -> str:
 
 def _compiled() -> str:
     from swarmsim.kernels import occupancy
+    from swarmsim.kernels.compiling import makeshift
 
     folder = Path(occupancy.recount.stats.cache_path)
     folder.mkdir(parents=True, exist_ok=True)
     if not os.access(folder, os.W_OK):
         raise RuntimeError(f"{folder} cannot be written")
-    return f"{len(list(folder.glob('*.nbi')))} compiled kernels are kept in {folder}"
+    lasting = "" if makeshift() is None else ", which is temporary: NUMBA_CACHE_DIR names a lasting one"
+    return f"{len(list(folder.glob('*.nbi')))} compiled kernels are kept in {folder}{lasting}"
 
 
 def _folder() -> str:

@@ -62,9 +62,13 @@ def export(
 
 
 def _map(opened: Recording, name: Path, out: Path, robot: int | None, at: int | None) -> list[Path]:
+    from shapely import box
+
     from swarmsim.core.errors import InputError
     from swarmsim.operations.mapping.replay import MapReplay
     from swarmsim.world import rosmap
+    from swarmsim.world.rasters import cropped
+    from swarmsim.world.source import floor_plan
 
     if "changes" not in opened:
         raise InputError(f"{name}: these robots kept no maps; expected the run of a swarm that maps")
@@ -77,12 +81,14 @@ def _map(opened: Recording, name: Path, out: Path, robot: int | None, at: int | 
     replay = MapReplay(opened)
     replay.advance(iteration)
     states = replay.collective() if robot is None else replay.maps[robot]
-    return list(rosmap.write(out, states, opened.lattice))
+    plan = floor_plan(opened.world, opened.scenario.world)
+    areas = [box(*plan.page), *plan.layers.values(), plan.border]
+    return list(rosmap.write(out, *cropped(states, opened.lattice, areas)))
 
 
 def _whole(opened: Recording, out: Path, write: Write, quiet: bool) -> Path:
     """Write a file with a progress bar; it appears whole or not at all."""
-    from swarmsim.core.errors import InputError
+    from swarmsim.core.errors import StorageError, unwritten
 
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -92,5 +98,9 @@ def _whole(opened: Recording, out: Path, write: Write, quiet: bool) -> Path:
             write(opened, part, lambda done, _: progress.update(task, completed=done))
             part.replace(out)
     except OSError as problem:
-        raise InputError(f"{out}: cannot be written ({problem.strerror}); expected a place for a file") from problem
+        raise unwritten(out, problem) from problem
+    except RuntimeError as problem:  # as the SDK for MCAP says it, with no number of the system's
+        if "I/O error" not in str(problem):
+            raise
+        raise StorageError(f"{out}: cannot be written ({problem})") from problem
     return out

@@ -36,6 +36,12 @@ def end_upon_signals() -> None:
         signal.signal(signal.SIGINT, ending)
 
 
+def _answer() -> None:
+    ending = signal.getsignal(signal.SIGTERM)
+    if isinstance(ending, Ending):
+        ending.asked = None
+
+
 def end_if_asked() -> None:
     """Raise what has been raised already, and must have been lost, since work goes on."""
     ending = signal.getsignal(signal.SIGTERM)
@@ -44,11 +50,13 @@ def end_if_asked() -> None:
 
 
 @contextmanager
-def told_if_interrupted(kept: Callable[[], str]) -> Iterator[None]:
+def told_if_interrupted(kept: Callable[[], str] | None = None) -> Iterator[None]:
     """Upon Ctrl-C or SIGTERM print a sentence that ends with `kept`, to standard error even if quiet, and exit."""
     try:
         yield
     except KeyboardInterrupt as end:
+        _answer()
         ended = isinstance(end, Terminated)
-        print(f"swarmsim: {'terminated' if ended else 'interrupted'}; {kept()}", file=sys.stderr)
+        told = "terminated" if ended else "interrupted"
+        print(f"swarmsim: {told}{f'; {kept()}' if kept else ''}", file=sys.stderr)
         raise typer.Exit(TERMINATED if ended else INTERRUPTED) from None

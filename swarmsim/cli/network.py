@@ -88,15 +88,13 @@ def network(
 
 def save_all(figures: Mapping[Path, Figure], option: str, dpi: int = 150) -> list[Path]:
     """Save figures under their stems as PNG and SVG; gives the files. Raises InputError, naming the option."""
-    from swarmsim.core.errors import InputError
+    from swarmsim.core.errors import unwritten
     from swarmsim.view.plots import save
 
     try:
         return [path for stem, figure in figures.items() for path in save(figure, stem, dpi)]
     except OSError as problem:
-        raise InputError(
-            f"{option} {problem.filename}: cannot be written ({problem.strerror}); expected a place for figures"
-        ) from problem
+        raise unwritten(f"{option} {problem.filename}", problem, "a place for figures") from problem
 
 
 def _window(recording: Recording, first: int, end: int | None) -> range:

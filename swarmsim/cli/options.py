@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from swarmsim.cli.completion import fault_words, set_keys
+from swarmsim.cli.waiting import told_how_long
 
 
 def _let_code_run(context: typer.Context, allowed: bool) -> bool:
@@ -17,6 +18,13 @@ def _let_code_run(context: typer.Context, allowed: bool) -> bool:
     return allowed
 
 
+def _be_quiet(context: typer.Context, quiet: bool) -> bool:
+    if quiet:
+        context.with_resource(told_how_long(quiet))
+    return quiet
+
+
+Quiet = Annotated[bool, typer.Option("--quiet", callback=_be_quiet, help="Print nothing but errors.")]
 AllowCode = Annotated[
     bool,
     typer.Option(
@@ -28,7 +36,12 @@ AllowCode = Annotated[
 
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", autocompletion=set_keys, help="Override a key; the value is TOML."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        autocompletion=set_keys,
+        help="Override a key; the value is TOML, and text needs no quotes.",
+    ),
 ]
 Faults = Annotated[
     list[str] | None,

@@ -34,9 +34,10 @@ def parts(
 
 
 def _all(seam: str, found: list[Description]) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
+
+    from swarmsim.cli.console import VisibleConsole
 
     if not found:
         return
@@ -46,15 +47,16 @@ def _all(seam: str, found: list[Description]) -> None:
     table.add_column("from", no_wrap=True)
     for one in found:
         table.add_row(f"{one.name}{' *' if one.default else ''}", escape(one.first), escape(one.origin))
-    Console().print(table)
+    VisibleConsole().print(table)
 
 
 def _one(one: Description) -> None:
-    from rich.console import Console
     from rich.markup import escape
     from rich.table import Table
 
-    console = Console()
+    from swarmsim.cli.console import VisibleConsole
+
+    console = VisibleConsole()
     console.print(f"[bold]{one.seam}.{one.name}[/bold], from {escape(one.origin)}{', the default' * one.default}\n")
     for paragraph in one.text.split("\n\n"):
         console.print(escape(" ".join(paragraph.split())) + "\n")

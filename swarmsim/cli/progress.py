@@ -21,15 +21,16 @@ if TYPE_CHECKING:
 
 def progress_bar(quiet: bool) -> Progress:
     """A bar of rich's with a text of ours behind it."""
-    from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
+
+    from swarmsim.cli.console import VisibleConsole
 
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %  {task.fields[text]}"),
     )
-    return Progress(*columns, console=Console(quiet=quiet))
+    return Progress(*columns, console=VisibleConsole(quiet))
 
 
 KERNELS = 53  # as many are compiled by the first run of a swarm that maps
@@ -38,7 +39,7 @@ KERNELS = 53  # as many are compiled by the first run of a swarm that maps
 @contextmanager
 def compiling(progress: Progress) -> Iterator[None]:
     """While kernels are compiled, which the first run on a machine has to wait for, a bar says so."""
-    from swarmsim.kernels.compiling import watched
+    from swarmsim.kernels.compiling import makeshift, watched
 
     task, names = None, 0
 
@@ -46,6 +47,13 @@ def compiling(progress: Progress) -> Iterator[None]:
         nonlocal task, names
         if task is None:
             progress.console.print("the first run on a machine compiles its kernels, for about a quarter of a minute")
+            if (folder := makeshift()) is not None:
+                progress.console.print(
+                    f"notice: compiled kernels are kept in {folder}, for neither the package's folder nor the home can "
+                    "be written; NUMBA_CACHE_DIR names a lasting one",
+                    markup=False,
+                    highlight=False,
+                )
             task = progress.add_task("compiling", total=KERNELS, text="")
         names += 1
         progress.update(task, completed=min(names, KERNELS), text=name)
@@ -85,15 +93,15 @@ class RunBar:
 
 def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
     """Do all tasks and keep each row as it comes, with a bar of rate, time left and failures."""
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+    from swarmsim.cli.console import VisibleConsole
     from swarmsim.studies.engine import execute
 
     if not tasks:
         return
     columns = (TextColumn("running"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
-    with Progress(*columns, TimeRemainingColumn(), console=Console(quiet=quiet)) as progress:
+    with Progress(*columns, TimeRemainingColumn(), console=VisibleConsole(quiet)) as progress:
         bar = progress.add_task("", total=len(tasks), text="")
         begun, failed = time.perf_counter(), 0
         count = 0

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swarmsim.cli.options import Quiet
 from swarmsim.cli.progress import perform_all
-from swarmsim.cli.studies import FAILED, Quiet, Scheduler, Workers, opened_store
+from swarmsim.cli.studies import FAILED, Scheduler, Workers, opened_store
 from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError
 

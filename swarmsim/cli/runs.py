@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 
 from swarmsim.cli.films import film
 from swarmsim.cli.interruption import told_if_interrupted
-from swarmsim.cli.options import AllowCode, Faults, Overrides, Seed
+from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet, Seed
 from swarmsim.cli.progress import RunBar, compiling, progress_bar
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for the recording; it must not exist yet.")] = None,
     video: Annotated[Path | None, typer.Option(help="Film to write: .mp4 or .gif.")] = None,
     allow_code: AllowCode = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate a scenario until its task is done or the limit is reached.
 
@@ -46,6 +47,7 @@ def run(
 
     Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
     """
+    from swarmsim.core.errors import InputError, StorageError
     from swarmsim.core.scenario import files_outside
     from swarmsim.recording.reader import Recording
 
@@ -64,9 +66,12 @@ def run(
         with told_if_interrupted(lambda: f"{made.simulation.state.iteration} iterations are kept in {folder}"):
             try:
                 finished = _simulate(made, folder / "recording.h5", progress)
-            finally:
-                recording = Recording(folder)
-                summarise(recording, folder)
+            except BaseException:
+                with suppress(InputError, StorageError):  # what ended the run is told, and not what follows from it
+                    summarise(Recording(folder), folder)
+                raise
+            recording = Recording(folder)
+            summarise(recording, folder)
         if video is not None:
             with told_if_interrupted(lambda: f"no film was written; the run is in {folder}"):
                 film(recording, video, progress)
@@ -82,21 +87,20 @@ def show(
 
     Example: swarmsim show runs/basilica-1
     """
-    from rich.console import Console
-
+    from swarmsim.cli.console import VisibleConsole
     from swarmsim.recording.reader import Recording
 
     opened = Recording(recording)
     if as_json:
         print(json.dumps(opened.summary(), indent=2))
     else:
-        Console().print(_table(opened, recording))
+        VisibleConsole().print(_table(opened, recording))
 
 
 def verify(
     recording: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or its recording.")],
     allow_code: AllowCode = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Quiet = False,
 ) -> None:
     """Simulate a recording again and compare every field of every iteration.
 
@@ -179,7 +183,7 @@ def scenario_of(path: Path, overrides: list[str], faults: list[str]) -> Scenario
 
 def new_folder(asked: Path | None, stem: str) -> Path:
     """Make the run's folder: the one asked for, or the first unused runs/STEM-N."""
-    from swarmsim.core.errors import InputError
+    from swarmsim.core.errors import InputError, is_of_the_machine
 
     numbers = iter(range(1, 1_000_000))
     while True:
@@ -193,6 +197,8 @@ def new_folder(asked: Path | None, stem: str) -> Path:
                 f"--out {folder}: exists already; expected a new folder, no run is overwritten"
             ) from problem
         except OSError as problem:
+            if is_of_the_machine(problem):
+                raise
             raise InputError(
                 f"--out {folder}: cannot be made ({problem.strerror}); expected a place that can be written"
             ) from problem

@@ -7,7 +7,7 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.registry import nearest
 from swarmsim.core.scenario import PLACES
 
@@ -243,7 +243,7 @@ def written(kind: str, name: str, folder: Path) -> list[Path]:
         for path, text in zip(files, (code, test), strict=True):
             path.write_text(text.lstrip("\n"), encoding="utf-8")
     except OSError as problem:
-        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+        raise unwritten(folder, problem, "a place for files") from problem
     return files
 
 

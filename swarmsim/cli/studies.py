@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.interruption import end_if_asked
-from swarmsim.cli.options import AllowCode, Overrides
+from swarmsim.cli.options import AllowCode, Overrides, Quiet
 from swarmsim.cli.progress import perform_all, progress_bar
 from swarmsim.cli.tables import print_table
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 
 if TYPE_CHECKING:
     from swarmsim.studies.engine import Task
@@ -35,7 +35,6 @@ Seeds = Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the st
 StoreFile = Annotated[Path | None, typer.Option(help="Results; default: runs/studies/STUDY.sqlite.")]
 Workers = Annotated[int | None, typer.Option(help="Processes; default: one for each core.", min=1)]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a running Dask scheduler, tcp://host:port.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
 
 @app.command()
@@ -191,7 +190,7 @@ def export(
             try:
                 write(path, rows)
             except OSError as problem:
-                raise InputError(f"{path}: cannot be written ({problem.strerror})") from problem
+                raise unwritten(path, problem) from problem
             print(f"{path}: {len(rows)} runs")
 
 

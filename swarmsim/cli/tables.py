@@ -10,12 +10,13 @@ WIDE: Final = 160  # columns of a table where there is no terminal
 
 def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table whose first column holds names and whose others hold numbers."""
-    from rich.console import Console
     from rich.table import Table
 
-    console = Console()
+    from swarmsim.cli.console import VisibleConsole
+
+    console = VisibleConsole()
     if not console.is_terminal:
-        console = Console(width=WIDE)  # files and pipes have no width to keep to
+        console = VisibleConsole(width=WIDE)  # files and pipes have no width to keep to
     shown = Table(title=title, title_justify="left")
     for number, name in enumerate(head):
         shown.add_column(name, justify="left" if number == 0 else "right", overflow="fold")

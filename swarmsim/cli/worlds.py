@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swarmsim.cli import imports
+
 if TYPE_CHECKING:
     from swarmsim.core.scenario import Scenario, World
     from swarmsim.engine.inspection import Inspection
@@ -18,6 +20,8 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+app.command("import")(imports.import_)
 
 UNATTAINABLE = 2  # exit code: 100 % cannot be reached
 CELL = 0.15  # m, of buildings that are looked at without a scenario
@@ -93,7 +97,7 @@ def preview(
 
     Example: swarmsim world preview worlds/basilica.svg basilica.png
     """
-    from swarmsim.core.errors import InputError
+    from swarmsim.core.errors import InputError, unwritten
     from swarmsim.view import plots
 
     if out.suffix.lower() != ".png":
@@ -117,7 +121,7 @@ def preview(
     try:
         figure.savefig(out, format="png", metadata={"Software": None})
     except OSError as problem:
-        raise InputError(f"{out}: cannot be written ({problem.strerror}); expected a place for a picture") from problem
+        raise unwritten(out, problem, "a place for a picture") from problem
     print(out)
 
 
@@ -181,7 +185,7 @@ def generate(
     table: dict[str, Any] = {"use": kind}
     for override in set_ or []:
         set_key(table, override)
-    scenario = decode(_bare({"generate": table, "seed": seed}, cell), kind)
+    scenario = decode(bare({"generate": table, "seed": seed}, cell), kind)
     plan = floor_plan(read_world(scenario.world, cell), scenario.world)
     svg = out.suffix.lower() == ".svg"
     text = drawing.drawn(plan, f"{kind}, seed {seed}") if svg else geojson.written(plan)
@@ -193,7 +197,7 @@ def generate(
         print(path)
 
 
-def _bare(world: dict[str, Any], cell: float = CELL) -> dict[str, Any]:
+def bare(world: dict[str, Any], cell: float = CELL) -> dict[str, Any]:
     """A scenario with nothing in it but its world and what a scenario cannot do without."""
     return {
         "world": world, "grid": {"cell": cell}, "robots": {"count": 10}, "network": {"topology": {"use": "none"}}
@@ -206,7 +210,7 @@ def _scenario(path: Path, overrides: list[str] | None) -> Scenario:
 
     if path.suffix.lower() == ".toml":
         return load(path, overrides or ())
-    table = _bare({"file": str(path)})
+    table = bare({"file": str(path)})
     for override in overrides or []:
         set_key(table, override)
     return decode(table, str(path))

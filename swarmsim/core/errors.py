@@ -1,5 +1,13 @@
 """What went wrong, said once and in full."""
 
+from __future__ import annotations
+
+import errno
+from typing import Final
+
+#: Errors of the machine: no other name, folder or permission would mend them.
+OF_THE_MACHINE: Final = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
+
 
 class InputError(Exception):
     """Bad input: the message names the file, the place in it, what is wrong and what would be right.
@@ -21,3 +29,19 @@ class StorageError(Exception):
 
     The command line prints it alone and ends with exit code 4.
     """
+
+
+def is_of_the_machine(problem: BaseException) -> bool:
+    """Whether the system says that a disk is full or broken, and not that a file or a folder is the wrong one."""
+    return isinstance(problem, OSError) and problem.errno in OF_THE_MACHINE
+
+
+def unwritten(what: object, problem: OSError, expected: str = "a place for a file") -> InputError | StorageError:
+    """What to raise where a file, `what`, could not be written: bad input, unless the machine is at fault.
+
+    A library that gives no number of the system's was let down while it wrote.
+    """
+    told = problem.strerror or str(problem).strip().partition("\n")[0]
+    if problem.errno is None or is_of_the_machine(problem):
+        return StorageError(f"{what}: cannot be written ({told})")
+    return InputError(f"{what}: cannot be written ({told}); expected {expected}")

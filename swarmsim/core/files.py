@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, StorageError, is_of_the_machine, unwritten
 
 LARGEST: Final = 64_000_000  # bytes of a file that is read whole
 Table = dict[str, Any]  # `use` and the keys of the part it names, or a whole scenario
@@ -59,17 +59,34 @@ def outside(table: Table, folder: Path, ours: Path | None = None) -> list[str]:
 
 
 def content(path: Path, expected: str) -> bytes:
-    """What is in a plain file of at most LARGEST bytes: others may never end. Raises InputError: `expected` was ...."""
+    """What is in a plain file of at most LARGEST bytes. Raises InputError: `expected` was ....
+
+    Raises StorageError for a disk that cannot be read.
+    """
     try:
-        status = path.stat()
-        if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):
-            raise InputError(f"{path}: is no plain file; expected {expected}")
-        if status.st_size > LARGEST:
-            raise InputError(f"{path}: is larger than {LARGEST // 1_000_000} MB; expected {expected}")
+        check_plain(path, expected)
         return path.read_bytes()
     except (OSError, ValueError) as problem:  # a path with a null character in it is a ValueError
         told = problem.strerror if isinstance(problem, OSError) else problem
+        if is_of_the_machine(problem):
+            raise StorageError(f"{path}: cannot be read ({told})") from problem
         raise InputError(f"{path}: cannot be read ({told}); expected {expected}") from problem
+
+
+def check_plain(path: Path, expected: str, most: int | None = LARGEST) -> None:
+    """Raise InputError unless this is a folder or a plain file of 1 to `most` bytes: others may never end.
+
+    The system's own files, as in /proc, have a length of 0, and some of them wait for ever. Raises OSError.
+    """
+    status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
+        return
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path}: is no plain file; expected {expected}")
+    if not status.st_size:
+        raise InputError(f"{path}: is empty, or no plain file; expected {expected}")
+    if most is not None and status.st_size > most:
+        raise InputError(f"{path}: is larger than {most // 1_000_000} MB; expected {expected}")
 
 
 def read_rows(path: Path) -> list[list[int | float]]:
@@ -98,7 +115,10 @@ def read_rows(path: Path) -> list[list[int | float]]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file that appears whole, in place of an older one, or not at all. Raises InputError."""
+    """Write a text file that appears whole, in place of an older one, or not at all.
+
+    Raises InputError, and StorageError for a full disk.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(
@@ -113,7 +133,7 @@ def write_whole(path: Path, text: str) -> None:
             finally:
                 part.unlink(missing_ok=True)
     except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem.strerror}); expected a place for a file") from problem
+        raise unwritten(path, problem) from problem
 
 
 def _grey_levels(path: Path) -> list[list[int | float]]:

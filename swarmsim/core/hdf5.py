@@ -1,12 +1,134 @@
-"""Opens HDF5 files, also those whose writer was killed."""
+"""HDF5 files: one that grows, which is closed or abandoned here alone, and those whose writer was killed."""
 
 from __future__ import annotations
 
 import io
+import os
+import re
+import struct
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Final
 
 import h5py
+from h5py import h5f, h5i
+
+from swarmsim.core.errors import StorageError, unwritten
+
+if sys.platform == "linux":
+    import fcntl
+
+BEYOND: Final = 1 << 62  # the byte that a writer's lock is on: no file has it
+
+
+class Growing:
+    """A new file that its run appends to, and that others can read while it grows.
+
+    While it is open its writer holds a lock, by which `being_written` tells it from one whose writer was killed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Make the file. Raises FileExistsError, InputError for a wrong place, and StorageError for a full disk."""
+        self.path = Path(path)
+        try:
+            #: The file, which the same process may read while it grows.
+            self.file = h5py.File(path, "x", libver="latest")
+        except FileExistsError:
+            raise
+        except OSError as problem:
+            raise unwritten(path, problem, "a new file in a folder that can be written") from problem
+        #: Whether all that was written went well.
+        self.whole = True
+        self._lock = _locked(self.path)
+
+    @contextmanager
+    def writing(self, kept: str) -> Iterator[None]:
+        """What is done to the file meanwhile; if that fails, the file is abandoned as it is.
+
+        Raises StorageError, which says what was `kept`.
+        """
+        try:
+            yield
+        except (OSError, RuntimeError) as problem:  # as h5py words whatever HDF5 could not do
+            self._abandon()
+            raise StorageError(f"{self.path}: cannot be written ({_reason(problem)}); {kept}") from problem
+
+    def close(self, kept: str) -> None:
+        """Close the file, if it is open and whole. Raises StorageError, which says what was `kept`."""
+        if self.whole and self.file:
+            with self.writing(kept):
+                self.file.close()
+            self._unlock()
+
+    def _abandon(self) -> None:
+        """Never close the file, and write nothing more: HDF5 crashes when it closes what it could not write.
+
+        Every identifier gets a reference that nothing gives back, so neither Python nor the end of the process closes
+        one; what HDF5 still holds goes nowhere, and the disk keeps what was flushed, if that can be read.
+        """
+        self.whole = False
+        if self.file:
+            for one in h5f.get_obj_ids(self.file.id, h5f.OBJ_ALL):
+                h5i.inc_ref(one)
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            os.dup2(nowhere, self.file.id.get_vfd_handle())
+            os.close(nowhere)
+            if not self.file.swmr_mode:  # its head is not whole, so that it can never be read
+                self.path.unlink(missing_ok=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+
+def _reason(problem: BaseException) -> str:
+    """Why HDF5 could not write, in the system's words where it tells them."""
+    if isinstance(problem, OSError) and problem.errno:
+        return os.strerror(problem.errno)
+    told = re.search(r"error message = '([^']+)'", str(problem))
+    return told[1] if told else str(problem).partition("\n")[0]
+
+
+def _locked(path: Path) -> BinaryIO | None:
+    """A lock on a file as long as this process lives; None where the system has no such locks."""
+    if sys.platform != "linux":
+        return None
+    file = path.open("rb")
+    try:
+        fcntl.fcntl(file, fcntl.F_OFD_SETLK, _lock(fcntl.F_RDLCK))
+    except OSError:
+        file.close()
+        return None
+    return file
+
+
+def being_written(path: Path) -> bool | None:
+    """Whether the writer of a file that was not closed still lives; None where the system cannot tell.
+
+    Raises OSError.
+    """
+    with path.open("rb") as file:
+        superblock = file.read(12)
+        if len(superblock) < 12 or superblock[8] != 3 or superblock[11] == 0:
+            return False
+        if sys.platform != "linux":
+            return None
+        try:
+            found = fcntl.fcntl(file, fcntl.F_OFD_GETLK, _lock(fcntl.F_WRLCK))
+        except OSError:  # a file system without locks
+            return None
+    return bool(struct.unpack(_LOCK, found)[0] != fcntl.F_UNLCK)
+
+
+_LOCK: Final = "hhqqi4x"  # struct flock of 64-bit Linux: type, whence, start, length, process
+
+
+def _lock(kind: int) -> bytes:
+    return struct.pack(_LOCK, kind, os.SEEK_SET, BEYOND, 1, 0)
 
 
 def open_for_reading(path: Path) -> h5py.File:

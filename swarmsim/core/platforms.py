@@ -50,10 +50,18 @@ PLATFORMS: Final[dict[str, dict[str, Any]]] = {
 def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
     """The table of a scenario with the numbers of the robots that it names, where it gives none of its own.
 
-    A list of `[[robots]]` becomes one table with groups. A platform's sensor stands where the scenario has no sensor,
-    or one that does not say which. Raises InputError, which starts with the key.
+    A list of `[[robots]]`, or `robots.groups`, becomes one table with groups. A platform's sensor stands where the
+    scenario has no sensor, or one that does not say which. Raises InputError, which starts with the key.
     """
     robots = table.get("robots")
+    if isinstance(robots, dict) and isinstance(robots.get("groups"), list) and robots["groups"]:
+        mixed = _mixed(robots["groups"], bool(table.get("sensor")))
+        count = robots.get("count", mixed.get("count"))
+        if count != mixed.get("count", count):
+            raise InputError(
+                f"robots.count: is {count}, but robots.groups has {mixed['count']} robots; expected the same number"
+            )
+        return {**table, "robots": {**mixed, **robots, "groups": mixed["groups"]}}
     if isinstance(robots, dict):
         filled, sensor = _filled(robots, "robots")
         own = table.get("sensor", {})
@@ -68,7 +76,7 @@ def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
 def _filled(robots: dict[str, Any], place: str) -> tuple[dict[str, Any], dict[str, Any]]:
     """A table of robots with its platform's numbers, and that platform's sensor."""
     use = robots.get("use", PLAIN)
-    if use not in PLATFORMS:
+    if not isinstance(use, str) or use not in PLATFORMS:
         near = difflib.get_close_matches(str(use), PLATFORMS, n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(f"{place}.use: no robot is called {use!r}; {hint}Known: {', '.join(PLATFORMS)}")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -12,12 +11,16 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import Meta, Struct
 from msgspec import field as of
+from msgspec import inspect as types
 
 from swarmsim.core import registry
+from swarmsim.core.budget import BUDGET
+from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table, content, outside, with_files
+from swarmsim.core.files import Table, outside, with_files
 from swarmsim.core.platforms import with_platforms
 from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 
 _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
 
@@ -120,6 +123,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     task: Table = of(default_factory=dict)
     faults: tuple[Table, ...] = ()
     stop: Stop = Stop()
+    budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
 #: Where each seam's table stands in a scenario; faults are a list of tables.
@@ -136,6 +140,9 @@ PLACES: Final = {
     "motion": ("motion",),
     "task": ("task",),
 }
+
+_SEAM_AT: Final = {place: seam for seam, place in PLACES.items()}
+HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
@@ -163,12 +170,12 @@ def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] |
 
     Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
     """
-    table = spelled_out(read_toml(path, "a scenario file"), str(path))
+    table = read_toml(path, "a scenario file")
     for override in overrides:
         set_key(table, override)
     for key, value in (changes or {}).items():
         try:
-            assign(table, key, copy.deepcopy(value))
+            assign(table, key, value)
         except InputError as problem:
             raise InputError(f"{path}: {problem}") from problem
     return decode({"title": path.stem, **table}, str(path), path.parent)
@@ -176,38 +183,21 @@ def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] |
 
 def files_outside(path: Path, overrides: Iterable[str] = ()) -> list[str]:
     """A notice for each file that a scenario file reads from outside of its folder; ours may read our own worlds."""
-    table = spelled_out(read_toml(path, "a scenario file"), str(path))
+    table = read_toml(path, "a scenario file")
     for override in overrides:
         set_key(table, override)
     ours = next((home for home in _HOMES if path.resolve().is_relative_to(home / "scenarios")), None)
-    return outside(table, path.parent, ours)
+    return outside(spelled_out(table), path.parent, ours)
 
 
-def spelled_out(table: Table, name: str) -> Table:
-    """The table with its short forms written out: `world = "FILE"` as a table, `mind.use` as both halves of a mind.
-
-    Raises InputError, which starts with `name`, for a mind that is given in both ways.
-    """
+def spelled_out(table: Table) -> Table:
+    """The table with its short forms written out: `world = "FILE"` as a table, `mind.use` as both halves of a mind."""
     world, mind = table.get("world"), table.get("mind")
     if isinstance(world, str):
         table = {**table, "world": {"file": world}}
-    if isinstance(mind, dict) and "use" in mind:
-        if {"computation", "strategy"} & mind.keys():
-            raise InputError(
-                f"{name}: mind.use: stands for computation and strategy at once; expected it without those"
-            )
-        table = {**table, "mind": {"computation": dict(mind), "strategy": dict(mind)}}
+    if isinstance(mind, dict) and "use" in mind and not set(HALVES) & mind.keys():
+        table = {**table, "mind": {half: copy.deepcopy(mind) for half in HALVES}}
     return table
-
-
-def read_toml(path: Path, expected: str) -> Table:
-    """The table in a TOML file. Raises InputError, which names what was `expected`."""
-    try:
-        return tomllib.loads(content(path, expected).decode("utf-8-sig"))  # editors may mark UTF-8 in the first bytes
-    except UnicodeDecodeError as problem:
-        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected {expected}") from problem
-    except tomllib.TOMLDecodeError as problem:
-        raise InputError(f"{path}: not valid TOML: {problem}") from problem
 
 
 def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
@@ -255,9 +245,11 @@ def shape(table: Table, name: str) -> Scenario:
     Raises InputError, which names the file `name` and the key.
     """
     try:
-        table = with_platforms(spelled_out(table, name))
+        table = with_platforms(spelled_out(table))
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
+    if isinstance(mind := table.get("mind"), dict) and "use" in mind:
+        raise InputError(f"{name}: mind.use: stands for computation and strategy at once; expected it without those")
     for key, now in MOVED.items():
         inner: Any = table
         for step in key.split("."):
@@ -271,29 +263,100 @@ def shape(table: Table, name: str) -> Scenario:
 
 
 def set_key(table: Table, override: str) -> None:
-    """Set one dotted key of a scenario table, as in `robots.count=20`. Raises InputError."""
+    """Set one dotted key of a scenario table, as in `robots.count=20` or `title=My room`. Raises InputError."""
     path, equals, text = override.partition("=")
     if not equals or not all(key.strip() for key in path.split(".")):
-        raise InputError(f"--set {override}: expected key=value, as in robots.count=20")
+        raise InputError(f"--set {_short(override)}: expected key=value, as in robots.count=20")
     try:
-        value = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError as problem:
-        hint = f"""; a string needs quotes: --set '{path}="{text}"'""" if text.strip().isidentifier() else ""
-        raise InputError(f"--set {override}: {text!r} is not a TOML value{hint}") from problem
-    if list(value) != ["value"]:
-        raise InputError(f"--set {override}: one value at a time")
-    try:
-        assign(table, path, value["value"])
+        assign(table, path, _value(table, path, text.strip()))
     except InputError as problem:
-        raise InputError(f"--set {override}: {problem}") from problem
+        raise InputError(f"--set {_short(override)}: {problem}") from problem
+
+
+def _value(table: Table, path: str, text: str) -> Any:
+    """The TOML value in a text or, where the key takes text, the text itself. Raises InputError."""
+    kind = _kind(table, path)
+    try:
+        given = parsed(f"value = {text}")
+    except ValueError as problem:
+        if not text or text[0] in "\"'[{" or not text.isprintable():
+            raise InputError(f"{_short(text)!r} is not a TOML value: {problem}") from problem
+        if kind is not None and not _takes_text(kind):
+            wanted = words(kind)
+            article = "a " if wanted.startswith(("whole", "number", "list", "table")) else ""
+            raise InputError(f"{_short(text)!r} is not what {path} takes: {article}{wanted}") from problem
+        return text
+    if list(given) != ["value"]:
+        raise InputError("one value at a time")
+    value = given["value"]
+    return text if isinstance(kind, types.StrType) and not isinstance(value, str | list | dict) else value
+
+
+def _short(text: str) -> str:
+    """A text of one line and no great length, for messages."""
+    line = " ".join(text.split("\n"))
+    return line if len(line) <= 100 else f"{line[:100]}..."
+
+
+def _takes_text(kind: types.Type) -> bool:
+    match kind:
+        case types.Metadata():
+            return _takes_text(kind.type)
+        case types.UnionType():
+            return any(_takes_text(one) for one in kind.types)
+        case types.LiteralType():
+            return any(isinstance(value, str) for value in kind.values)
+    return isinstance(kind, types.StrType | types.AnyType)
+
+
+def _kind(table: Table, path: str) -> types.Type | None:
+    """What a dotted key of a scenario takes; None if that is not known, as of parts of one's own."""
+    if path.strip() == "world":  # for which the name of its file may stand
+        return types.StrType()
+    keys, inner = _places(table, path)[0], spelled_out(table)
+    kind: types.Type = types.type_info(Scenario)
+    for depth, key in enumerate(keys):
+        seam = _SEAM_AT.get(tuple(keys[:depth]))
+        if seam is not None and key == "use":
+            return types.StrType()
+        if seam is not None:
+            use = inner.get("use", registry.SEAMS[seam])
+            if not isinstance(use, str) or use not in registry.entries(seam):
+                return None
+            kind = types.type_info(registry.find(seam, use))
+        fields = kind.fields if isinstance(kind, types.StructType) else ()
+        found = [field.type for field in fields if field.encode_name == key]
+        if not found:
+            return None
+        kind, value = found[0], inner.get(key)
+        inner = value if isinstance(value, dict) else {}
+    return kind
 
 
 def assign(table: Table, path: str, value: Any) -> None:
-    """Set a dotted key of a table, making the tables on the way. Raises InputError where a value is in the way."""
+    """Set a dotted key of a scenario's table, making the tables on the way.
+
+    `mind.KEY` is a key of both halves of a mind that are one part. Raises InputError where a value is in the way.
+    """
+    table.update(spelled_out(table))
+    for place in _places(table, path):
+        inner = table
+        for depth, key in enumerate(place[:-1]):
+            inner = inner.setdefault(key, {})
+            if not isinstance(inner, dict):
+                raise InputError(f"{'.'.join(place[: depth + 1])} is {inner!r}, not a table")
+        inner[place[-1]] = copy.deepcopy(value)
+
+
+def _places(table: Table, path: str) -> list[list[str]]:
+    """Where a dotted key of a scenario stands, once short forms are written out. Raises InputError."""
     keys = [key.strip() for key in path.split(".")]
-    for depth, key in enumerate(keys[:-1]):
-        inner = table.setdefault(key, {})
-        if not isinstance(inner, dict):
-            raise InputError(f"{'.'.join(keys[: depth + 1])} is {inner!r}, not a table")
-        table = inner
-    table[keys[-1]] = value
+    if len(keys) > DEEPEST:
+        raise InputError(f"{TOO_DEEP}, as keys do")
+    mind = spelled_out(table).get("mind")
+    if keys[0] != "mind" or len(keys) < 2 or keys[1] in HALVES or not isinstance(mind, dict):
+        return [keys]
+    uses = [half.get("use") if isinstance(half, dict) else None for half in (mind.get(half) for half in HALVES)]
+    if uses[0] is None or uses[0] != uses[1]:
+        return [keys]
+    return [["mind", half, *keys[1:]] for half in HALVES]

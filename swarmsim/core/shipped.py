@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 
 
 def root() -> Path:
@@ -57,7 +57,7 @@ def _copied(path: Path, home: Path, folder: Path, done: list[Path]) -> list[Path
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, place)
     except OSError as problem:
-        raise InputError(f"{place}: cannot be written ({problem.strerror}); expected a place for files") from problem
+        raise unwritten(place, problem, "a place for files") from problem
     done.append(place)
     if path.suffix == ".toml":
         for text in re.findall(r'"([^"\n]+\.\w+)"', path.read_text(encoding="utf-8")):

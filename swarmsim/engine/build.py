@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
+from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
@@ -24,11 +24,12 @@ from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sens
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import PLACES, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
-from swarmsim.core.state import UNKNOWN, State
+from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
 from swarmsim.engine.simulation import Simulation
+from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
@@ -85,8 +86,9 @@ class Run:
         finished = self.simulation.run(probes)
         if astray := self.astray():
             raise InputError(
-                f"physics.substep: robot{'s' if len(astray) > 1 else ''} {', '.join(map(str, astray))} ended in or "
-                f"beyond a wall, which physics in sub-steps this long did not hold; expected a shorter one"
+                f"{self.simulation.name}: physics.substep: robot{'s' if len(astray) > 1 else ''} "
+                f"{', '.join(map(str, astray))} ended in or beyond a wall, which physics in sub-steps this long did "
+                f"not hold; expected a shorter one"
             )
         return finished
 
@@ -114,20 +116,22 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
     Raises InputError for whatever cannot work.
     """
     try:
-        if world is None:
-            world = read_world(scenario.world, scenario.grid.cell)
-        return _built(scenario, world, strict)
+        with budget.of(scenario.budget):
+            if world is None:
+                world = read_world(scenario.world, scenario.grid.cell)
+            return _built(scenario, name, world, strict)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, world: str, strict: bool) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
     alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
-        return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
+        with budget.of(scenario.budget):  # also while the run goes on
+            return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
 
     ground = _open(world, place, scenario.grid.cell, alone, sensor)
     arena = ground.arena
@@ -177,8 +181,10 @@ def _built(scenario: Scenario, world: str, strict: bool) -> Run:
             raise InputError(f"faults[{number}].{problem}") from problem
     used = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
     files = {file: name for each in used for file, name in each.items()}
+    beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
+    budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
-        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files)
+        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
     )
     return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
 
@@ -248,6 +254,7 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
     with told_to_scale(plan, world):
         margin = max(margin_of(registry.part("sensor", one)) for one in sensors) + 1
         arena = Arena.open(plan, cell, margin, world.title)
+        budget.begin(budget.opening(arena.occupied.size))
         spawn = arena.area_name(robots.spawn)
         reachable = arena.reachable(spawn, robots.radius)
         beside = unreached(arena, reachable, robots.radius, spawn)
@@ -255,6 +262,8 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
             beside.refuse(arena, robots.radius, spawn)
     observed = _observed(sensors, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
+    if not domain.any():
+        raise InputError("sensor: robots see no cell from anywhere; expected beams that reach farther than a cell")
     for shared in (reachable, domain):
         shared.flags.writeable = False
     return _Explorable(arena, reachable, domain, (*plan.notices, *beside.notices(arena, robots.radius)))
@@ -285,8 +294,9 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
     """
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
     key = text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor
-    found = _survey(*key, ())
-    return found.domain, found.entrance, _open(*key).notices
+    with budget.of(scenario.budget):
+        found = _survey(*key, ())
+        return found.domain, found.entrance, _open(*key).notices
 
 
 def _of_each_kind(robots: Robots) -> str:
@@ -334,16 +344,25 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     sensor: Sensor = _make("sensor", table, setting)
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
-    for cells in np.array_split(places, -(-len(places) // MANY)):
+    work = budget.survey(len(places), *_beams(table, lattice.cell))
+    for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
         none = np.zeros((len(cells), 2))
         tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
         if tiles is None:
             return None
-        which, row, column = np.nonzero(tiles.values != UNKNOWN)
-        observed[tiles.origins[which, 0] + row, tiles.origins[which, 1] + column] = True
+        occupancy.note_observed(tiles.values, tiles.origins, observed)
     return observed
+
+
+def _beams(table: Table, cell: float) -> tuple[int, float, int]:
+    """A sensor's beams, how many cells of side `cell` (m) they reach into its tile, and the tile's cells; about."""
+    part = registry.part("sensor", table)
+    length, tile = float(margin_of(part)), margin_of(part) ** 2
+    if not isinstance(part, IrRing) or part.beams is None or part.reach is None:
+        return 1, length, tile
+    return part.beams, part.reach / cell if part.ranges else min(part.reach / cell, length), tile
 
 
 def _start(setting: Setting, world: str) -> NDArray[np.float64]:

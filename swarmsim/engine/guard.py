@@ -222,7 +222,7 @@ class GuardedTask(Guard):
 
     def __init__(self, part: Task, setting: Setting) -> None:
         super().__init__("task", part)
-        self._taken = RunMeasures(setting.robots, setting.period).summary().keys()
+        self._taken = RunMeasures(setting.robots, setting.period, part.curve).summary().keys()
 
     @property
     def reads(self) -> type[Knowledge]:

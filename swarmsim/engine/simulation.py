@@ -38,11 +38,12 @@ class Simulation:
         limit: int,
         when_done: Literal["stop", "go-on"] = "stop",
         blamed: Callable[[BaseException], str | None] = lambda problem: None,
+        name: str = "",
     ) -> None:
         """`limit` is the number of iterations after which the run ends unfinished, `period` the duration of one in s.
 
         A run that goes on `when_done` ends at the limit, but finished. `blamed` tells which part that is not ours has
-        raised an exception, if one has.
+        raised an exception, if one has. `name` is the scenario's file, for messages.
         """
         self.parts = parts
         self.state = parts.bodies.state()
@@ -50,6 +51,7 @@ class Simulation:
         self.finished_after: int | None = None
         self._period, self._limit, self._stops = period, limit, when_done == "stop"
         self._blamed = blamed
+        self.name = name
         self._post: PostOffice[Any] = PostOffice()
         self._now = Now(0, self.state, self.state, 0.0)
         self._decided: Intents | None = None
@@ -93,7 +95,9 @@ class Simulation:
     def _blaming(self) -> Iterator[None]:
         try:
             yield
-        except (InputError, PartError):
+        except InputError as problem:  # what parts find out of each other once they run
+            raise InputError(f"{self.name}: {problem}" if self.name else str(problem)) from problem
+        except PartError:
             raise
         except (Exception, SystemExit) as problem:
             whose = self._blamed(problem)

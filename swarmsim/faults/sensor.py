@@ -18,7 +18,7 @@ from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Readings, State, Tiles
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.robots.rangefinders import RangefinderSensor
-from swarmsim.robots.sensors import IrRingSensor
+from swarmsim.robots.sensors import FieldSensor, IrRingSensor, MixedSensor
 
 Cells = Annotated[int, Meta(ge=-1000, le=1000)]
 
@@ -156,6 +156,8 @@ class DeadBeams(Lasting):
     def _wrapped(self, sensor: SensorPart, active: NDArray[np.bool_]) -> SensorPart:
         if isinstance(sensor, FailingSensor):
             return replace(sensor, inner=self._wrapped(sensor.inner, active))
+        if isinstance(sensor, FieldSensor | MixedSensor):
+            return sensor.wrapped(lambda inner: self._wrapped(inner, active))
         if isinstance(sensor, IrRingSensor | RangefinderSensor | MaimedRing):
             return MaimedRing(sensor, sensor.without(self._beams), active)
         raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")

@@ -1,11 +1,47 @@
-"""Tells which kernels are being compiled, of which the first run on a machine has many."""
+"""Where compiled kernels are kept, and which are being compiled, of which the first run on a machine has many."""
 
 from __future__ import annotations
 
+import os
+import stat
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
-from numba.core import event
+from numba.core import config, event
+from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+
+
+def find_a_place() -> None:
+    """Let numba keep kernels in a temporary folder, where all places that it knows cannot be written.
+
+    Those are the one that NUMBA_CACHE_DIR names, the package's own folder and the user's cache. Raises OSError if
+    there is no temporary folder either.
+    """
+    known = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
+    if not any(place.from_function(find_a_place, __file__) for place in known):
+        config.CACHE_DIR = str(_own_folder())
+
+
+def makeshift() -> str | None:
+    """The temporary folder in which kernels are kept, or None if they have a lasting place."""
+    return config.CACHE_DIR if os.environ.get("NUMBA_CACHE_DIR", "") != config.CACHE_DIR else None
+
+
+def _own_folder() -> Path:
+    """A temporary folder that is this user's alone, for what is in it is run; the same one for later runs."""
+    try:
+        folder = Path(tempfile.gettempdir()) / f"swarmsim-kernels-{os.getuid() if os.name == 'posix' else 'here'}"
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+        ours = os.name != "posix" or (status.st_uid == os.getuid() and not status.st_mode & 0o077)
+        if stat.S_ISDIR(status.st_mode) and ours and os.access(folder, os.W_OK):
+            return folder
+        return Path(tempfile.mkdtemp(prefix="swarmsim-kernels-"))
+    except OSError as problem:
+        told = "compiled kernels cannot be kept; expected a folder that can be written, for there is no temporary one"
+        raise OSError(problem.errno, told, "NUMBA_CACHE_DIR") from problem
 
 
 class _Watch(event.Listener):

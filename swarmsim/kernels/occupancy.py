@@ -48,6 +48,17 @@ def _fuse_evidence(log_odds, observed, tile, said, row0, column0, hit, miss, low
 
 
 @njit(cache=True)
+def note_observed(tiles, origins, observed):
+    """Mark in `observed` (rows, columns) the cells that any of the `tiles` (n, r, c) at `origins` (n, 2) tells of."""
+    for i in range(min(len(tiles), len(origins))):
+        row0, column0 = origins[i]
+        for r in range(max(0, -row0), min(tiles.shape[1], observed.shape[0] - row0)):
+            for c in range(max(0, -column0), min(tiles.shape[2], observed.shape[1] - column0)):
+                if tiles[i, r, c] != 0:
+                    observed[row0 + r, column0 + c] = True
+
+
+@njit(cache=True)
 def fuse(
     log_odds, observed, alive, tiles, evidence, origins, receivers, heard, heard_origins, hit, miss, low, high, fresh
 ):

@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import hdf5
-from swarmsim.core.errors import InputError
+from swarmsim.core import files, hdf5
+from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
@@ -39,6 +39,7 @@ READING: Final = (
     msgspec.MsgspecError,
 )
 READ_AHEAD: Final = 1 << 20  # rows of large tables
+PENDING: Final = {True: "under way", False: "interrupted", None: "under way or interrupted"}
 
 
 class Recording:
@@ -47,17 +48,20 @@ class Recording:
     def __init__(self, path: Path, file: h5py.File | None = None) -> None:
         """Open a recording, or the folder of a run that holds one; `file` is one that this process still writes.
 
-        Raises InputError.
+        Raises InputError, and StorageError for a disk that cannot be read.
         """
         self.path = path / "recording.h5" if path.is_dir() else path
         if not self.path.is_file():
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
+        files.check_plain(self.path, "a run's folder or its recording.h5", None)
         self._growing = file
         self._arrays: dict[str, NDArray[Any]] = {}  # what has been read
         self._near: dict[str, tuple[int, NDArray[Any]]] = {}  # of large tables: some rows, and the first one's number
         try:
             with self._file() as opened:
                 self._read(opened)
+                #: What a run that has not ended yet is: this process writes it, another does, or none any more.
+                self.pending = PENDING[True if self._growing else hdf5.being_written(self.path)]
         except READING as problem:
             raise self._damaged(problem) from problem
 
@@ -69,8 +73,10 @@ class Recording:
             with hdf5.open_for_reading(self.path) as opened:
                 yield opened
 
-    def _damaged(self, problem: Exception) -> InputError:
+    def _damaged(self, problem: Exception) -> InputError | StorageError:
         told = str(problem).partition("\n")[0]
+        if is_of_the_machine(problem):
+            return StorageError(f"{self.path}: cannot be read ({told})")
         return InputError(
             f"{self.path}: not a whole recording ({told}); expected an HDF5 file written by 'swarmsim run'"
         )
@@ -255,7 +261,7 @@ class Recording:
         times = times_of(self[self.curve.name], self.curve) if ran and self.measures else {}
         return {
             "title": self.scenario.title,
-            "status": ends[-1] if ends else "interrupted",
+            "status": ends[-1] if ends else self.pending,
             "iterations": self.iterations,
             "measures": {name: float(self[name][-1]) for name in self.measures} if ran else {},
             "progress": float(self.progress[-1]) if ran else 0.0,

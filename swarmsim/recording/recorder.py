@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
 
-import h5py
 import msgspec
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from swarmsim.core.errors import InputError, StorageError
+from swarmsim.core.errors import InputError
 from swarmsim.core.events import encoded
+from swarmsim.core.hdf5 import Growing
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
@@ -62,7 +61,7 @@ class Recorder:
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
-        self._path, self._kept, self._broken = path, 0, False
+        self._path, self._growing, self._kept = path, Growing(path), 0
         self._digests = Digests()
         self._held: list[Held] = []
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
@@ -71,9 +70,8 @@ class Recorder:
         astray = any(fault.get("use") == "localisation" for fault in scenario.faults)
         self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
         #: The HDF5 file, which the same process may read while it grows.
-        self.file = h5py.File(path, "x", libver="latest")
-        self.file.attrs[FORMAT_NAME] = FORMAT
-        self.file.attrs["lattice"] = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
+        self.file = self._growing.file
+        place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
         texts = {
             "scenario": tomli_w.dumps(without_none(msgspec.to_builtins(scenario))),
             "versions": json.dumps(versions()),
@@ -82,31 +80,27 @@ class Recorder:
             "measures": "[]",
             "rows": "[]",
         }
-        for name, text in texts.items():
-            self._tell(name, text)
-        self.file["world"] = np.frombuffer(world.encode(), np.uint8)
-        for name, mask in (("domain", domain), ("truth", truth)):
-            self.file.create_dataset(name, data=mask, compression="gzip")
-        self._table("digests", (len(DIGESTED), 8), np.uint8)
+        plan = np.frombuffer(world.encode(), np.uint8)
+        with self._growing.writing("no iteration is kept"):
+            self.file.attrs[FORMAT_NAME] = FORMAT
+            self.file.attrs["lattice"] = place
+            for name, text in texts.items():
+                self._tell(name, text)
+            # kept open: a table that is closed is written, and HDF5 cannot say there that it could not
+            self._once = [self.file.create_dataset("world", data=plan)]
+            for name, mask in (("domain", domain), ("truth", truth)):
+                self._once.append(self.file.create_dataset(name, data=mask, compression="gzip"))
+            self._table("digests", (len(DIGESTED), 8), np.uint8)
 
     def _tell(self, name: str, text: str) -> None:
         """Write a text of fixed length: one that is not lies in a part of the file that has no checksum."""
         self.file.attrs[name] = np.bytes_(text.encode())
 
-    def _open(self, moment: Moment) -> None:
-        """Make the tables that a run with such moments needs; from here on the file can be read while it grows.
-
-        Raises InputError if two parts give something of one name, of which one would be lost.
-        """
-        names = [name for _, record in _records(moment) for name in (*record.rows, *record.lists)]
-        if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-            parts = " and ".join(
-                part for part, record in _records(moment) if twice[0] in {**record.rows, **record.lists}
-            )
-            raise InputError(f"{self._path}: {twice[0]!r} is given by {parts}; expected different names")
-        for name, row in self._rows(moment).items():
+    def _open(self, first: dict[str, Any], lists: dict[str, NDArray[Any]], measures: list[str]) -> None:
+        """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
+        for name, row in first.items():
             self._table(name, np.shape(row), np.asarray(row).dtype)
-        for name, rows in _lists(moment).items():
+        for name, rows in lists.items():
             self._table(name, rows.shape[1:], rows.dtype, MANY)
             self._table(f"{name}_end", (), np.int64)  # rows of iteration t: NAME[NAME_end[t - 1]:NAME_end[t]]
             self._totals[name] = 0
@@ -120,7 +114,7 @@ class Recorder:
         self._table("events", (), np.uint8, MANY)  # text: an event in JSON a line
         once = ("fates", "waypoints", "paths", "events")
         self._tell("rows", json.dumps([name for name in self._tables if name not in (*once, *self._totals)]))
-        self._tell("measures", json.dumps(list(moment.measured.values)))
+        self._tell("measures", json.dumps(measures))
         self.file.swmr_mode = True
 
     def _rows(self, moment: Moment) -> dict[str, Any]:
@@ -143,10 +137,12 @@ class Recorder:
 
     def sample(self, moment: Moment) -> None:
         """Keep one iteration; every BLOCK iterations they are written and flushed."""
-        if len(self._tables) == 1:
-            self._open(moment)
-        self._digests.sample(moment)
         rows, lists, letters = self._rows(moment), _lists(moment), self._with_fates(moment.delivery)
+        if len(self._tables) == 1:
+            _check_names(moment, self._path)
+            with self._growing.writing("no iteration is kept"):
+                self._open(rows, lists, list(moment.measured.values))
+        self._digests.sample(moment)
         events = b"".join(encoded(event) + b"\n" for event in moment.events)
         self._held.append(Held(rows, lists, letters, _new_ways(moment), events))
         if len(self._held) == BLOCK:
@@ -158,15 +154,10 @@ class Recorder:
         Raises StorageError if it cannot be written; then nothing more is, and what was flushed before can be read.
         """
         held, self._held = self._held, []
-        if not held or self._broken:
+        if not held or not self._growing.whole:
             return
-        try:
+        with self._growing.writing(f"{self._kept} iterations are kept"):
             self._write(held)
-        except (OSError, RuntimeError) as problem:
-            self._broken = True
-            raise StorageError(
-                f"{self._path}: cannot be written ({_reason(problem)}); {self._kept} iterations are kept"
-            ) from problem
         self._kept += len(held)
 
     def _write(self, held: list[Held]) -> None:
@@ -215,11 +206,9 @@ class Recorder:
         return np.concatenate(rows)
 
     def close(self) -> None:
-        """Write the rest and close the file."""
-        if self.file:
-            self.flush()
-            if not self._broken:  # else HDF5 would try to write the rest, and crash
-                self.file.close()
+        """Write the rest and close the file. Raises StorageError as `flush` does."""
+        self.flush()
+        self._growing.close(f"{self._kept} iterations are kept")
 
     def __enter__(self) -> Recorder:
         return self
@@ -230,10 +219,12 @@ class Recorder:
         self.close()
 
 
-def _reason(problem: BaseException) -> str:
-    """Why HDF5 could not write, in the system's words where it tells them."""
-    told = re.search(r"error message = '([^']+)'", str(problem))
-    return told[1] if told else str(problem).partition("\n")[0]
+def _check_names(moment: Moment, path: Path) -> None:
+    """Raise InputError if two parts give something of one name, of which one would be lost."""
+    names = [name for _, record in _records(moment) for name in (*record.rows, *record.lists)]
+    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+        parts = " and ".join(part for part, record in _records(moment) if twice[0] in {**record.rows, **record.lists})
+        raise InputError(f"{path}: {twice[0]!r} is given by {parts}; expected different names")
 
 
 def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:

@@ -33,7 +33,7 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Discs on two wheels with mass, traction and friction, which push, slip and block each other (Chipmunk)."""
 
     substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; shorter for fast robots, which might pass walls
-    friction: Annotated[float, Meta(ge=0.0)] = 0.3  # coefficient between robots, and of robots on walls
+    friction: Annotated[float, Meta(ge=0.0)] = 0.09  # coefficient between robots, and of robots on walls
 
     def build(self, setting: Setting) -> DifferentialDrive:
         """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
@@ -67,7 +67,7 @@ class DifferentialDrive:
         self.space.iterations = 10
         self.space.collision_slop = 0.001 * float(radii.min())  # Chipmunk's default is made for pixels
         self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
-        self._friction = physics.friction
+        self._friction = math.sqrt(physics.friction)  # of a shape: Chipmunk multiplies those of the two that touch
         self._building = building
         self._walls: list[pymunk.Segment] = []
         self._walkers: list[list[pymunk.Body]] = []  # by crowd
@@ -77,7 +77,7 @@ class DifferentialDrive:
             body = pymunk.Body(kilograms, moment)
             body.position, body.angle = (x, y), yaw
             disc = pymunk.Circle(body, radius)
-            disc.friction = physics.friction
+            disc.friction = self._friction
             self.space.add(body, disc)
             self._discs.append(disc)
             self._robot_ids.append(body.id)

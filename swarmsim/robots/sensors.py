@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Annotated, Any, Final, Literal
@@ -214,6 +214,10 @@ class MixedSensor:
         """Each sensor with the robots (r,) that have it."""
         self._sensors = sensors
 
+    def wrapped(self, wrap: Callable[[Sensor], Sensor]) -> MixedSensor:
+        """The same with every group's sensor wrapped."""
+        return MixedSensor([(wrap(sensor), robots) for sensor, robots in self._sensors])
+
     def sense(self, state: State) -> Readings:
         """Everybody's readings; None of what some have no sensor for, NaN where a sensor says nothing of its worth."""
         found = [(sensor.sense(state), robots) for sensor, robots in self._sensors]
@@ -262,6 +266,10 @@ class FieldSensor:
     def __init__(self, inner: Sensor, field: Field, period: float, noise: float, salt: int) -> None:
         """`period` (s) of an iteration; `noise` is the standard deviation, in the field's unit."""
         self._inner, self._field, self._period, self._noise, self._salt = inner, field, period, noise, salt
+
+    def wrapped(self, wrap: Callable[[Sensor], Sensor]) -> FieldSensor:
+        """The same samples, besides what the wrapped sensor measures."""
+        return FieldSensor(wrap(self._inner), self._field, self._period, self._noise, self._salt)
 
     def sense(self, state: State) -> Readings:
         """The readings, with the field's value where each robot is; NaN for the dead."""

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +18,7 @@ import numpy as np
 from dask.distributed import Client, LocalCluster, as_completed
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.parts import Probe
 from swarmsim.core.scenario import Scenario
 from swarmsim.core.state import Moment
@@ -55,11 +59,16 @@ class CurveKeeper:
 
 
 def perform(task: Task) -> Row:
-    """Simulate one run here; what goes wrong in it becomes a failed row, so that the others go on."""
+    """Simulate one run here; what goes wrong in it becomes a failed row, so that the others go on.
+
+    Raises StorageError for a full disk, which is no result of a run.
+    """
     begun = time.perf_counter()
     try:
         with registry.own_code(task.allow_code):
             row = _simulate(task)
+    except StorageError:
+        raise
     except Exception as problem:  # a study outlives whatever one of its runs does
         text = f"{type(problem).__name__}: {problem}; to repeat: {task.command}"
         row = _failed(task, text)
@@ -131,6 +140,8 @@ def _performed(client: Client, tasks: Sequence[Task]) -> Iterator[Row]:
     for future in done:
         task = under_way.pop(future.key)
         problem = future.exception()
+        if isinstance(problem, StorageError):
+            raise problem
         yield future.result() if problem is None else _failed(task, f"{problem}; to repeat: {task.command}")
         hand_out(1)
 
@@ -144,11 +155,32 @@ def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Client:
                 f"--scheduler {scheduler}: does not answer ({problem}); expected the address of a Dask scheduler, "
                 f"as in tcp://host:8786"
             ) from problem
-    cluster = LocalCluster(
+    return Client(stack.enter_context(_started(workers)))
+
+
+def _started(workers: int) -> LocalCluster:
+    """Processes that have started.
+
+    They start behind a thread of their own: an interruption here, in the main one, waits until all are there, so that
+    they can be ended in order, and Dask is never stopped half way.
+    """
+    with ThreadPoolExecutor(1) as apart:
+        starting = apart.submit(_start, workers)
+        try:
+            return starting.result()
+        except KeyboardInterrupt:
+            starting.result().close()
+            raise
+
+
+def _start(workers: int) -> LocalCluster:
+    if sys.platform != "win32":  # Ctrl-C goes to all processes of a terminal; these are ended by the one that has them
+        resource_tracker.ensure_running()  # which lets signals through again, so before they are held back
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    return LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
         dashboard_address="127.0.0.1:0",  # any free port, so that studies can run side by side
-        silence_logs="ERROR",
+        silence_logs="CRITICAL",  # what fails is told by us; Dask complains of connections that end with the study
     )
-    return Client(stack.enter_context(cluster))

@@ -14,11 +14,12 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from swarmsim.core import registry
+from swarmsim.core import budget, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, read_toml, spelled_out, tables
+from swarmsim.core.scenario import Scenario, assign, decode, files_outside, tables
+from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
 from swarmsim.recording.digests import versions
@@ -91,7 +92,7 @@ class Plan:
 
     def identity(self, condition: Condition, seed: int) -> str:
         """A hash of all that its row depends on, versions and files of parts that are not ours included."""
-        scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="")
+        scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="", budget=budget.BUDGET)
         table = {**msgspec.structs.asdict(scenario), "world": _unnamed(scenario)}
         hashed = hashlib.blake2b(digest_size=16)
         hashed.update(msgspec.json.encode(table, order="deterministic"))
@@ -131,7 +132,7 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
     if len(set(numbers)) < len(numbers):
         raise InputError(f"{path}: seeds: a seed is listed twice; expected each once")
     base = path.parent / study.scenario
-    table = spelled_out(read_toml(base, "the study's scenario file"), str(base))
+    table = read_toml(base, "the study's scenario file")
     cells = _changes(path, study)
     if len(cells) * len(numbers) > MOST_RUNS:
         raise InputError(f"{path}: {len(cells)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
@@ -146,7 +147,8 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
         key = _world_key(scenario)
         if key not in worlds:
             try:
-                worlds[key] = read_world(scenario.world, scenario.grid.cell)
+                with budget.of(scenario.budget):
+                    worlds[key] = read_world(scenario.world, scenario.grid.cell)
             except InputError as problem:
                 raise InputError(f"{place}: {problem}") from problem
         made = build(scenario, place, worlds[key])
@@ -218,7 +220,7 @@ def _scenario(place: str, table: Table, changes: dict[str, Any], folder: Path) -
     changed = copy.deepcopy(table)
     for key, value in changes.items():
         try:
-            assign(changed, key, copy.deepcopy(value))
+            assign(changed, key, value)
         except InputError as problem:
             raise InputError(f"{place}: {problem}") from problem
     return decode(changed, place, folder)

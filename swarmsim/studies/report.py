@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markdown_it import MarkdownIt
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.files import write_whole
 from swarmsim.recording.digests import versions
 from swarmsim.studies import reproduction as rep
 from swarmsim.studies.methods import TAUS, Compared
@@ -44,7 +45,7 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path, measur
         drawn = _drawn(study, results, measures).items()
         return [path for name, figure in drawn for path in plots.save(figure, folder / name)]
     except OSError as problem:
-        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+        raise unwritten(folder, problem, "a folder for figures") from problem
 
 
 def study_pictures(study: Study, results: dict[str, Result]) -> dict[str, str]:
@@ -63,7 +64,7 @@ def method_figures(found: Compared, title: str, folder: Path) -> list[Path]:
     try:
         return [path for name, figure in figures.items() for path in plots.save(figure, folder / name)]
     except OSError as problem:
-        raise InputError(f"{folder}: cannot be written ({problem.strerror})") from problem
+        raise unwritten(folder, problem, "a folder for figures") from problem
 
 
 def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) -> dict[str, Figure]:
@@ -124,13 +125,13 @@ def write(found: Sequence[Reproduction], folder: Path) -> list[Path]:
     """Write figures, report.md and report.html, with the readings one after the other; gives the files."""
     figures = {name: caption for one in found for name, caption in _figures(one, folder).items()}
     text = _text(found, figures)
-    (folder / "report.md").write_text(text, encoding="utf-8")
+    write_whole(folder / "report.md", text)
     body = MarkdownIt("commonmark").enable("table").render(text)
     for name in figures:  # so that the page is one file, to be mailed
         data = b64encode((folder / f"{name}.png").read_bytes()).decode()
         body = body.replace(f'src="{name}.png"', f'src="data:image/png;base64,{data}"')
     page = PAGE.format(title="Kit, Mateo and Bouffanais (2018), reproduced", body=body)
-    (folder / "report.html").write_text(page, encoding="utf-8")
+    write_whole(folder / "report.html", page)
     return [folder / "report.md", folder / "report.html"]
 
 

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.errors import InputError, StorageError
+from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 
 FORMAT = 1
 TABLES = """
@@ -55,7 +55,7 @@ class Store:
     """The rows of one study in one file; every `add` is on disk when it returns."""
 
     def __init__(self, path: Path) -> None:
-        """Open or make the file. Raises InputError."""
+        """Open or make the file. Raises InputError, and StorageError for a full disk."""
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,6 +67,8 @@ class Store:
             self._base.executescript(TABLES)
             self._base.execute(f"pragma user_version = {FORMAT}")
         except (sqlite3.Error, OSError, ValueError) as problem:  # ValueError: names in it that are no UTF-8
+            if _of_the_machine(problem):
+                raise StorageError(f"{path}: cannot be written ({problem})") from problem
             raise InputError(f"{path}: no store of results ({problem}); expected an SQLite file of ours") from problem
 
     def add(self, row: Row) -> None:
@@ -93,6 +95,8 @@ class Store:
         try:
             found = [_row(values) for values in self._base.execute("select * from runs order by identity")]
         except (sqlite3.Error, ValueError, TypeError, msgspec.ValidationError) as problem:
+            if _of_the_machine(problem):
+                raise StorageError(f"{self.path}: cannot be read ({problem})") from problem
             raise InputError(
                 f"{self.path}: a run in it is not as it was written ({str(problem)[:100]}); expected a whole store, so "
                 "take a copy from before, or delete it and do the study again"
@@ -110,6 +114,12 @@ class Store:
         self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _of_the_machine(problem: Exception) -> bool:
+    """Whether a disk is full or broken, as SQLite words it or the system does."""
+    kind = getattr(problem, "sqlite_errorcode", 0) & 0xFF  # Python's own errors about a store have none
+    return kind in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR) or is_of_the_machine(problem)
 
 
 def _row(values: tuple[Any, ...]) -> Row:

@@ -20,7 +20,7 @@ import numpy as np
 import tomli_w
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.files import Table
 from swarmsim.core.scenario import Scenario
 from swarmsim.recording.recorder import without_none
@@ -269,7 +269,7 @@ def write(scenario: Scenario, answer: Answer, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(tomli_w.dumps(table), encoding="utf-8")
     except OSError as problem:
-        raise InputError(f"{path}: cannot be written ({problem.strerror})") from problem
+        raise unwritten(path, problem) from problem
 
 
 HEAD: Final = ("fault", "the smallest that makes the swarm fail", "robots", "robot-iterations", "of all")

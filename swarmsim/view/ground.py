@@ -106,9 +106,8 @@ class Ground:
         still = opaque(size)
         still.fill(theme.background)
         solids = [part for layer in all_layers.values() for part in layer.geoms]
-        footprint = [shapely.Polygon(part.exterior) for part in all_layers["walls"].geoms]
         floor = theme.unexplored if self._scene.has_maps else theme.floor
-        layers: list[tuple[Iterable[shapely.Polygon], Colour]] = [(footprint, floor)]
+        layers: list[tuple[Iterable[shapely.Polygon], Colour]] = [(self._scene.footprint, floor)]
         layers += [(all_layers[name].geoms, colour) for name, colour in theme.solids.items()]
         for polygons, colour in layers:
             sheet = _sheet(large, colour)

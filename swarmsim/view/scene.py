@@ -22,6 +22,8 @@ from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.view.beams import BeamReplay
 from swarmsim.view.occurrences import Mark, Note, Occurrences
+from swarmsim.world.areas import joined
+from swarmsim.world.plan import UNKNOWN_LAYER
 from swarmsim.world.source import floor_plan
 
 Points = NDArray[np.float64]  # (p, 2): x, y in m
@@ -93,10 +95,14 @@ class Scene:
         self._recording = recording
         scenario = recording.scenario
         self._plan = plan = floor_plan(recording.world, scenario.world)
-        self.layers = plan.layers
+        beyond = [plan.border, *([plan.unknown] if scenario.world.unknown == "wall" else [])]
+        #: What is solid, by layer; what nobody knows, and what closes an open building, besides.
+        self.layers = {**plan.layers, UNKNOWN_LAYER: joined(beyond)}
+        #: What the building covers: what is solid without the holes in it.
+        self.footprint = [shapely.Polygon(part.exterior) for part in joined([plan.walls, plan.border]).geoms]
         self.lattice = recording.lattice
         margin = MARGIN * self.lattice.cell
-        solid = [layer for layer in plan.layers.values() if not layer.is_empty] or [plan.walls]
+        solid = [layer for layer in self.layers.values() if not layer.is_empty] or [plan.walls]
         left, low, right, high = shapely.total_bounds(solid)
         self.bounds: Bounds = (left - margin, right + margin, low - margin, high + margin)
         self.robots = scenario.robots.count

@@ -72,7 +72,7 @@ THEMES: Final[Mapping[str, Theme]] = {
     "dark": Theme(
         background=(17, 20, 27),
         unexplored=(37, 43, 54),
-        solids={"walls": (74, 82, 97), "pillars": (90, 98, 113), "furniture": (98, 92, 84)},
+        solids={"walls": (74, 82, 97), "pillars": (90, 98, 113), "furniture": (98, 92, 84), "unknown": (50, 56, 66)},
         few=(58, 98, 112),
         all=(214, 238, 240),
         hot=(176, 62, 38),
@@ -95,7 +95,12 @@ THEMES: Final[Mapping[str, Theme]] = {
     "light": Theme(
         background=(252, 252, 250),
         unexplored=(226, 229, 234),
-        solids={"walls": (164, 171, 182), "pillars": (146, 154, 167), "furniture": (184, 176, 162)},
+        solids={
+            "walls": (164, 171, 182),
+            "pillars": (146, 154, 167),
+            "furniture": (184, 176, 162),
+            "unknown": (206, 209, 214),
+        },
         few=(198, 224, 228),
         all=(62, 138, 150),
         hot=(176, 62, 38),

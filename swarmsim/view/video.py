@@ -18,7 +18,7 @@ import pygame
 from numpy.typing import NDArray
 from PIL import Image
 
-from swarmsim.core.errors import InputError, StorageError
+from swarmsim.core.errors import InputError, StorageError, unwritten
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.cards import draw_card, first_lines, last_lines
@@ -246,7 +246,7 @@ def _whole(out: Path) -> Iterator[Path]:
         out.parent.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent, ignore_cleanup_errors=True)
     except OSError as problem:
-        raise InputError(f"{out}: cannot be written ({problem.strerror})") from problem
+        raise unwritten(out, problem) from problem
     with folder as name:
         try:
             yield Path(name) / out.name

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import sparse
 from shapely import MultiPolygon, affinity
 from svgelements import Matrix
 
@@ -60,6 +60,8 @@ def united(geometries: Iterable[shapely.Geometry]) -> MultiPolygon:
     shapes = np.array(list(geometries), dtype=object)
     if len(shapes) < _MANY:
         return polygons(shapely.union_all(shapes, grid_size=_GRID))
+    from scipy import sparse  # takes a while, and few drawings have that many shapes
+
     # Most of many shapes touch no other: they need no union, which takes much longer than finding that out.
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(shapes), len(shapes)))
@@ -80,6 +82,8 @@ def joined(shapes: Iterable[MultiPolygon]) -> MultiPolygon:
 
 def polygons(geometry: shapely.Geometry) -> MultiPolygon:
     """The polygons in a geometry, without points and lines."""
+    if geometry.geom_type == "Polygon":
+        return MultiPolygon([geometry] if geometry.area > 0.0 else [])
     parts = shapely.get_parts(geometry)
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = shapely.get_parts(parts)
@@ -98,23 +102,30 @@ def lines_of(outlines: Outlines) -> tuple[Points, ...]:
 def _painted(
     element: Element, style: Style, matrix: Matrix, page: Page, paints: tuple[bool, bool]
 ) -> tuple[MultiPolygon, MultiPolygon, Outlines, float]:
-    linear, shift = np.array([[matrix.a, matrix.c], [matrix.b, matrix.d]]), np.array([matrix.e, matrix.f])
-    stretch, squeeze = np.linalg.svd(linear, compute_uv=False)
+    a, b, c, d, e, f = matrix.a, matrix.b, matrix.c, matrix.d, matrix.e, matrix.f
+    stretch, squeeze = _stretched(a, b, c, d)
     lines = outlines(element, page, FLATNESS / max(stretch, 1e-12))
     if squeeze <= 1e-9 * max(stretch, 1e-9):
         return MultiPolygon(), MultiPolygon(), [], 0.0  # flattened to a line
-    placed = [(points @ linear.T + shift, closed) for points, closed in lines]
-    corners = np.concatenate([points for points, _ in placed]) if placed else np.zeros((1, 2))
+    placed: Outlines = []
+    for points, closed in lines:
+        x, y = points.T
+        placed.append((np.column_stack([a * x + c * y + e, b * x + d * y + f]), closed))
+    if not placed:
+        return MultiPolygon(), MultiPolygon(), [], 0.0
+    corners = placed[0][0] if len(placed) == 1 else np.concatenate([points for points, _ in placed])
     if not np.isfinite(corners).all():
         raise ElementError(f"a point lies farther than {LARGEST:g} m from the page; is the scale right?")
     if np.abs(corners).max() > LARGEST or any(np.abs(points).max() >= _BOUNDLESS for points, _ in lines):
         raise OutOfReachError(corners.min(axis=0), corners.max(axis=0))
-    coefficients = [*linear.ravel(), *shift]
+    coefficients = [a, c, b, d, e, f]
     fill = stroke = MultiPolygon()
     pen = 0.0
     if paints[0] and element.tag != "line":
-        filled = _filled(lines, style["fill-rule"] == "evenodd")
-        fill = polygons(affinity.affine_transform(filled, coefficients))
+        fill = _simply_filled(lines, placed)
+        if fill is None:
+            filled = _filled(lines, style["fill-rule"] == "evenodd")
+            fill = polygons(affinity.affine_transform(filled, coefficients))
     if paints[1]:
         unscaled = style["vector-effect"] == _UNSCALED
         width = _pen(style, page)
@@ -127,6 +138,27 @@ def _painted(
     return fill, stroke, placed, pen
 
 
+@lru_cache(maxsize=1024)
+def _stretched(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """How much a matrix lengthens what it lengthens most, and least."""
+    stretch, squeeze = np.linalg.svd(np.array([[a, c], [b, d]]), compute_uv=False)
+    return float(stretch), float(squeeze)
+
+
+def _simply_filled(lines: Outlines, placed: Outlines) -> MultiPolygon | None:
+    """What a single outline that does not cross itself encloses; None for any other."""
+    if len(lines) != 1:
+        return None
+    points, corners = lines[0][0], placed[0][0]
+    moves = (points[1:] != points[:-1]).any(axis=1)
+    if not moves.all():
+        corners = corners[np.append(True, moves)]
+    if len(corners) < 3:
+        return MultiPolygon()
+    polygon = shapely.polygons(corners)
+    return polygons(polygon) if polygon.is_valid else None
+
+
 def _filled(outlines: Outlines, even_odd: bool) -> shapely.Geometry:
     """What the outlines enclose by the fill rule."""
     rings = []
@@ -134,10 +166,6 @@ def _filled(outlines: Outlines, even_odd: bool) -> shapely.Geometry:
         ring = points[np.append(True, np.any(np.diff(points, axis=0), axis=1))]
         if len(ring) >= 3:
             rings.append(np.vstack([ring, ring[:1]]))
-    if len(rings) == 1:
-        polygon = shapely.Polygon(rings[0])
-        if polygon.is_valid:
-            return polygon
     _check_crossings(rings)
     # Cut the plane along all rings at once, and ask each piece how often the rings wind around it.
     cuts = shapely.union_all([shapely.LineString(ring) for ring in rings])

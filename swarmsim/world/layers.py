@@ -29,6 +29,7 @@ class LayerNames:
                 raise InputError(f"world.layers.{layer}: no such layer; expected {', '.join(LAYERS)}")
         elements = [element for element in root.tree() if element is not root]
         found = {layer: [e for e in elements if self._is(e, layer)] for layer in LAYERS}
+        self._layers = {element: layer for layer in reversed(LAYERS) for element in found[layer]}
         for layer, names in self._given.items():
             for missing in (one for one in names if not any(_answers(e, one) for e in elements)):
                 groups = dict.fromkeys(own for e in elements if e.tag == "g" for own in names_of(e))
@@ -51,7 +52,7 @@ class LayerNames:
 
     def layer_of(self, element: Element) -> str:
         """The layer that an element is, or an empty string."""
-        return next((layer for layer in LAYERS if self._is(element, layer)), "")
+        return self._layers.get(element, "")
 
     def has(self, layer: str) -> bool:
         """Whether the drawing has something of that name, shown or hidden."""

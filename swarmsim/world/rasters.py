@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -22,16 +24,23 @@ def rasterised(plan: FloorPlan, cell: float, name: str) -> tuple[NDArray[np.uint
     too many cells.
     """
     arena = Arena.open(plan, cell, 1, name)
-    whole = arena.lattice
-    solid = [layer for layer in plan.layers.values() if not layer.is_empty]
-    left, low, right, high = shapely.total_bounds([shapely.box(*plan.page), *solid])
+    states = np.full(arena.lattice.shape, FREE, np.uint8)
+    states[shares(boundary(plan.unknown), arena.lattice) > 0.5] = UNKNOWN
+    for layer in plan.layers.values():
+        if not layer.is_empty:
+            states[shares(boundary(layer), arena.lattice) > _SLIVER] = OCCUPIED
+    return cropped(states, arena.lattice, [shapely.box(*plan.page), *plan.layers.values()])
+
+
+def cropped(
+    states: NDArray[np.uint8], lattice: Lattice, areas: Sequence[shapely.Geometry]
+) -> tuple[NDArray[np.uint8], Lattice]:
+    """Those of the cells of a lattice that hold any of these areas, and what lies between them."""
+    left, low, right, high = shapely.total_bounds([area for area in areas if not area.is_empty])
+    cell = lattice.cell
     inside = _SLIVER * cell
-    first = whole.cells(np.array([left + inside, low + inside]))
-    last = whole.cells(np.array([right - inside, high - inside]))
-    states = np.full(whole.shape, FREE, np.uint8)
-    states[shares(boundary(plan.unknown), whole) > 0.5] = UNKNOWN
-    for layer in solid:
-        states[shares(boundary(layer), whole) > _SLIVER] = OCCUPIED
+    first = lattice.cells(np.array([left + inside, low + inside]))
+    last = lattice.cells(np.array([right - inside, high - inside]))
     states = states[first[0] : last[0] + 1, first[1] : last[1] + 1]
-    x0, y0 = whole.x0 + first[1] * cell, whole.y0 + first[0] * cell
+    x0, y0 = lattice.x0 + first[1] * cell, lattice.y0 + first[0] * cell
     return states, Lattice(float(x0), float(y0), cell, *states.shape)

@@ -99,7 +99,8 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
     for name in dict.fromkeys(shape.spawn for shape in by_layer[SPAWN_LAYER]):
         spawns[name] = united(_area(shape) for shape in by_layer[SPAWN_LAYER] if shape.spawn == name)
     told = tuple(f"{drawing.name}: {notice}" for notice in notices)
-    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made)
+    guessed = not drawing.says_solid and not by_layer[FLOOR_LAYER]
+    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made, guessed=guessed)
 
 
 def _area(shape: Shape) -> MultiPolygon:

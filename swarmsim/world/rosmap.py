@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Annotated, Any, Final, Literal
 
 import numpy as np
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from shapely import MultiPolygon, affinity
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.files import check_plain
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.registry import convert
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
@@ -27,6 +28,9 @@ MOST_PIXELS: Final = 64_000_000  # of an image, whose pixels take a byte or a fe
 PICTURES: Final = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".pbm", ".ppm")
 _LEVELS: Final = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}  # of the pixels that map_server's saver writes
 _OCCUPIED, _FREE = 0.65, 0.196  # the thresholds it writes; 205 is p = 0.19608, just unknown
+_DARK: Final = 127  # the lightest level of a wall in a picture without thresholds
+_BROKEN: Final = (OSError, ValueError, SyntaxError, IndexError, TypeError, OverflowError, MemoryError)  # of Pillow
+_DECIMALS: Final = 9  # of an origin in m, so that it does not read -13.399999999999999
 _VALUES: Final = {UNKNOWN: -1, FREE: 0, OCCUPIED: 100}  # of nav_msgs/OccupancyGrid
 
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -54,6 +58,7 @@ class Bitmap:
     states: NDArray[np.uint8]  # (rows, columns): UNKNOWN, FREE or OCCUPIED; row 0 lies at the bottom
     resolution: float  # m, one pixel
     origin: tuple[float, float, float]  # m, m, rad: the pose of the lower left pixel's corner
+    notices: tuple[str, ...] = ()  # what was not as it says, in sentences without the file's name
 
     def plan(self, name: str, cell: float, unknown_is_wall: bool) -> FloorPlan:
         """The floor plan, whose outlines stray from those of the pixels by half a cell and 1.5 pixels at most.
@@ -78,7 +83,7 @@ class Bitmap:
         walls, unknown = outlined(self.states == OCCUPIED), outlined(self.states == UNKNOWN)
         solid = outlined(self.states != FREE) if unknown_is_wall and not unknown.is_empty else walls
         layers = {"walls": walls, "pillars": MultiPolygon(), "furniture": MultiPolygon()}
-        return FloorPlan(solid, layers, {}, page, unknown)
+        return FloorPlan(solid, layers, {}, page, unknown, tuple(f"{name}: {notice}" for notice in self.notices))
 
 
 def read(path: Path, resolution: float | None = None) -> Bitmap:
@@ -86,6 +91,7 @@ def read(path: Path, resolution: float | None = None) -> Bitmap:
 
     A picture without a resolution needs the YAML file of its name beside it. Dark pixels are walls. Raises InputError.
     """
+    notices: tuple[str, ...] = ()
     if path.suffix.lower() in PICTURES:
         beside = next((one for end in (".yaml", ".yml") if (one := path.with_suffix(end)).is_file()), None)
         if resolution is not None:
@@ -100,14 +106,42 @@ def read(path: Path, resolution: float | None = None) -> Bitmap:
         image = path
     else:
         about = _about(path)
-        image = path.parent / about.image
+        image, notices = picture(about.image, path.parent)
     x, y, yaw = (*about.origin, 0.0)[:3]
-    return Bitmap(_states(_grey(image, about.mode), about), about.resolution, (x, y, yaw))
+    levels = _grey(image, about.mode)
+    states = _states(levels, about)
+    notices += _unknown_as_floor(levels, states, about)
+    return Bitmap(states, about.resolution, (x, y, yaw), notices)
 
 
 def image_of(path: Path) -> Path:
     """The image that a map_server YAML file names. Raises InputError."""
-    return path.parent / _about(path).image
+    return picture(_about(path).image, path.parent)[0]
+
+
+def picture(named: str, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """The picture that a file in `folder` names, and a notice if that is on another machine and its name beside it."""
+    image = folder / named
+    beside = folder / PureWindowsPath(named).name  # which knows both kinds of slashes
+    if image == beside or _is_file(image) or not _is_file(beside):
+        return image, ()
+    return beside, (f"it names the picture {named}, which is not here; {beside.name} beside it was taken",)
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name that is too long, or holds a null character
+        return False
+
+
+def dark(path: Path) -> NDArray[np.bool_]:
+    """The dark pixels (rows, columns) of a picture by its first channel, from the bottom up. Raises InputError."""
+    with _opened(path) as opened:
+        try:
+            return np.asarray(np.asarray(opened.convert("RGB"))[::-1, :, 0] <= _DARK)
+        except _BROKEN as problem:
+            raise InputError(f"{path}: a broken image; expected a whole PNG or PGM") from problem
 
 
 def columns_of(path: Path) -> int:
@@ -119,8 +153,7 @@ def columns_of(path: Path) -> int:
 def _about(path: Path) -> MapFile:
     """What a YAML file says. Its text is never repeated in messages."""
     try:
-        if path.stat().st_size > 1_000_000:
-            raise InputError(f"{path}: larger than 1 MB; expected the YAML file of a map_server pair")
+        check_plain(path, "the YAML file of a map_server pair", 1_000_000)
         table = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror}); expected a map_server YAML file") from problem
@@ -156,6 +189,7 @@ def _opened(path: Path) -> Image.Image:
     """A picture whose size is bearable, not decoded yet. Raises InputError."""
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected an image: PGM or PNG")
+    check_plain(path, "an image: PGM or PNG", None)
     limit, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None  # ours is checked below
     try:
         picture = Image.open(path)
@@ -195,7 +229,7 @@ def _levels(picture: Image.Image, path: Path, mode: str) -> NDArray[np.float32]:
             levels = np.asarray(picture.convert("L"), np.float32) / np.float32(255.0)
         else:
             levels = np.asarray(picture.convert("RGB")).mean(axis=2, dtype=np.float32) / np.float32(255.0)
-    except (OSError, ValueError, SyntaxError, IndexError, TypeError, OverflowError, MemoryError) as problem:
+    except _BROKEN as problem:
         raise InputError(f"{path}: a broken image; expected a whole PGM or PNG") from problem
     if transparent is not None and mode == "scale":
         levels[transparent] = np.nan
@@ -219,6 +253,18 @@ def _states(grey: NDArray[np.float32], about: MapFile) -> NDArray[np.uint8]:
     return states
 
 
+def _unknown_as_floor(grey: NDArray[np.float32], states: NDArray[np.uint8], about: MapFile) -> tuple[str, ...]:
+    """A notice if the grey that map_server's saver writes for what it does not know is floor by the thresholds."""
+    saved = np.rint(grey * 255.0) == _LEVELS[UNKNOWN]
+    share = float(np.mean(saved & (states == FREE)))
+    if about.mode == "raw" or share == 0.0:
+        return ()
+    return (
+        f"{100.0 * share:.3g} % of its pixels are grey {_LEVELS[UNKNOWN]}, as map_server writes what it does not know; "
+        f"by free_thresh {about.free_thresh:g} they are floor, by {_FREE} they would be unknown",
+    )
+
+
 def write(path: Path, states: NDArray[np.uint8], lattice: Lattice) -> tuple[Path, ...]:
     """Write cells (rows, columns) as map_server's YAML at `path` and a PGM beside it, or in JSON as an OccupancyGrid.
 
@@ -226,8 +272,9 @@ def write(path: Path, states: NDArray[np.uint8], lattice: Lattice) -> tuple[Path
     Gives the files. Raises InputError for another ending, or where nothing can be written.
     """
     ending = path.suffix.lower()
+    x0, y0 = round(lattice.x0, _DECIMALS), round(lattice.y0, _DECIMALS)
     if ending == ".json":
-        position = {"x": lattice.x0, "y": lattice.y0, "z": 0.0}
+        position = {"x": x0, "y": y0, "z": 0.0}
         pose = {"position": position, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
         info = {"resolution": lattice.cell, "width": lattice.columns, "height": lattice.rows, "origin": pose}
         return save({path: json.dumps({"info": info, "data": occupancy(states).tolist()}).encode()})
@@ -240,7 +287,7 @@ def write(path: Path, states: NDArray[np.uint8], lattice: Lattice) -> tuple[Path
     pgm = f"P5\n{lattice.columns} {lattice.rows}\n255\n".encode() + levels[states[::-1]].tobytes()
     lines = {
         "image": image.name, "mode": "trinary", "resolution": lattice.cell,
-        "origin": [lattice.x0, lattice.y0, 0.0], "negate": 0, "occupied_thresh": _OCCUPIED, "free_thresh": _FREE,
+        "origin": [x0, y0, 0.0], "negate": 0, "occupied_thresh": _OCCUPIED, "free_thresh": _FREE,
     }  # fmt: skip
     text = "".join(f"{key}: {json.dumps(value)}\n" for key, value in lines.items())
     return save({image: pgm, path: text.encode()})
@@ -263,7 +310,5 @@ def save(files: dict[Path, bytes]) -> tuple[Path, ...]:
             part.replace(path)
         except OSError as problem:
             part.unlink(missing_ok=True)
-            raise InputError(
-                f"{path}: cannot be written ({problem.strerror}); expected a folder that exists and is writable"
-            ) from problem
+            raise unwritten(path, problem, "a folder that exists and is writable") from problem
     return tuple(files)

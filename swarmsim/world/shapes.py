@@ -48,4 +48,4 @@ class Drawing:
     notices: tuple[str, ...] = ()  # what was passed over, in sentences without the file's name
     says_solid: bool = False  # whether it has layers that say what is solid
     nothing: str = ""  # the rest of a message that nothing is solid, as in `: <rect id="a"> paints nothing ...`
-    measured: bool = False  # whether all of its page is known, as of a map; otherwise only what is drawn is
+    texts: tuple[str, ...] = ()  # what is written in it, which may state its scale

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-import zlib
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,17 +20,32 @@ from swarmsim.core.files import LARGEST
 from swarmsim.core.parts import Site
 from swarmsim.core.scenario import World
 from swarmsim.core.streams import Streams
-from swarmsim.world import geojson, rosmap, svg
+from swarmsim.world import dxf, geojson, ifc, imdf, osm, rosmap, sdf, stage, svg
 from swarmsim.world.areas import joined, polygons, united
 from swarmsim.world.arena import place_in, spot
 from swarmsim.world.floor import FIELD, check_outside, floor_of
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 from swarmsim.world.reading import plan_of
+from swarmsim.world.shapes import Drawing
+from swarmsim.world.texts import check_file, text_of
 
-_DECLARED: Final = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
-_MARKS: Final = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
-_GZIP: Final = b"\x1f\x8b"
-_ENDINGS: Final = (".svg", ".geojson", ".json", ".wkt", ".yaml", ".yml", *rosmap.PICTURES)
+#: What reads a file by its ending, apart from maps in pixels and texts that hold a floor plan as they are.
+_READERS: Final[dict[str, Callable[[Path, World], Drawing]]] = {
+    ".dxf": dxf.read,
+    ".ifc": ifc.read,
+    ".imdf": imdf.read,
+    ".osm": osm.read,
+    ".sdf": sdf.read,
+    ".world": lambda path, world: (sdf.read if sdf.holds(path) else stage.read)(path, world),
+    ".wkt": lambda path, world: geojson.read_wkt(text_of(path), str(path), world),
+    ".zip": imdf.read,
+}
+_MAPS: Final = (".yaml", ".yml", *rosmap.PICTURES)
+_MODEL: Final = 1_000_000_000  # bytes of a model of a building, of which one storey is kept
+_EXPECTED: Final = (
+    "a drawing (.svg, .dxf), a map (.yaml, .pgm, .png), polygons (.geojson, .wkt), a building model (.ifc), an indoor "
+    "map (.osm, .imdf) or a simulator's world (.world, .sdf)"
+)
 
 
 def read_world(world: World, cell: float) -> str:
@@ -44,24 +58,58 @@ def read_world(world: World, cell: float) -> str:
         return _made(world, cell)
     path = Path(world.file)
     ending = path.suffix.lower()
-    _check(path)
-    if ending in (".yaml", ".yml", *rosmap.PICTURES):
+    if ending in _MAPS:
+        return geojson.written(_bitmap(world).plan(str(path), cell, world.unknown == "wall"))
+    if ending not in _READERS and not path.is_dir():
+        _check(world)
+        text = text_of(path)
+        whole = geojson.is_ours(text) and world.scale is None and world.width is None and not world.layers
+        if whole or not _is_json(text):
+            return text
+    return geojson.written(plan_of(drawing_of(world), world))
+
+
+def drawing_of(world: World) -> Drawing:
+    """What the file of a world shows, where that is no map in pixels. Raises InputError."""
+    path = Path(world.file)
+    _check(world)
+    reader = imdf.read if path.is_dir() else _READERS.get(path.suffix.lower())
+    if reader is not None:
+        return reader(path, world)
+    text = text_of(path)
+    return (geojson.read if _is_json(text) else svg.read)(text, str(path), world)
+
+
+def is_map(world: World) -> bool:
+    """Whether a world is a map in pixels."""
+    return Path(world.file).suffix.lower() in _MAPS
+
+
+def _is_json(text: str) -> bool:
+    return text.lstrip().startswith(("{", "["))
+
+
+def _check(world: World) -> None:
+    """Raise InputError unless the world's file may be read, and its keys suit what it is."""
+    path = Path(world.file)
+    if is_map(world):
         if world.scale is not None:
             raise InputError(f"world.scale: {path} is a map in pixels; expected resolution, or width, in metres")
-        resolution = world.resolution
-        if world.width is not None:
-            picture = path if ending in rosmap.PICTURES else rosmap.image_of(path)
-            resolution = world.width / rosmap.columns_of(picture)
-        bitmap = rosmap.read(path, resolution)
-        if world.width is not None:
-            bitmap = rosmap.Bitmap(bitmap.states, resolution or bitmap.resolution, bitmap.origin)
-        return geojson.written(bitmap.plan(str(path), cell, world.unknown == "wall"))
-    if world.resolution is not None:
+    elif world.resolution is not None:
         raise InputError(f"world.resolution: {path} has no pixels; expected scale, or width in metres")
-    text = _text(path)
-    if ending == ".wkt":
-        return geojson.written(geojson.read_wkt(text, str(path), world.scale or 1.0, world.width))
-    return text
+    if not (path.is_dir() and any(path.glob("*.geojson"))):  # the folder of an indoor map
+        check_file(path, _EXPECTED, _MODEL if path.suffix.lower() == ".ifc" else LARGEST)
+
+
+def _bitmap(world: World) -> rosmap.Bitmap:
+    """The map in pixels that a world names."""
+    path = Path(world.file)
+    _check(world)
+    if world.width is None:
+        return rosmap.read(path, world.resolution)
+    picture = path if path.suffix.lower() in rosmap.PICTURES else rosmap.image_of(path)
+    resolution = world.width / rosmap.columns_of(picture)
+    return replace(rosmap.read(path, resolution), resolution=resolution)
 
 
 def floor_plan(text: str, world: World) -> FloorPlan:
@@ -72,22 +120,21 @@ def floor_plan(text: str, world: World) -> FloorPlan:
 @lru_cache(maxsize=4)
 def _floor_plan(text: str, place: bytes) -> FloorPlan:
     world = msgspec.json.decode(place, type=World)
-    name, scale = world.title, world.scale or 1.0
-    bitmap = Path(world.file).suffix.lower() in (".yaml", ".yml", ".wkt", *rosmap.PICTURES)
-    across = None if bitmap else world.width
-    says_solid = True
-    if text.lstrip().startswith(("{", "[")):
-        plan = geojson.read(text, name, 1.0 if bitmap else scale, across, world.layers)
-        if world.unknown == "wall" and not plan.unknown.is_empty and not bitmap:
+    if _is_json(text):
+        scaled = is_map(world) or Path(world.file).suffix.lower() in _READERS
+        scale, across = (1.0, None) if scaled else (world.scale or 1.0, world.width)
+        plan = geojson.plan_from(text, world.title, scale, across, world.layers)
+        if world.unknown == "wall" and not plan.unknown.is_empty and not geojson.is_ours(text) and not scaled:
             plan = replace(plan, walls=joined([plan.walls, plan.unknown]))
     else:
-        drawing = svg.read(text, name, world)
-        plan, says_solid = plan_of(drawing, world), drawing.says_solid
-    return _with_floor(plan, world, measured=bitmap, says_solid=says_solid)
+        plan = plan_of(svg.read(text, world.title, world), world)
+    return _with_floor(plan, world)
 
 
-def _with_floor(plan: FloorPlan, world: World, *, measured: bool, says_solid: bool) -> FloorPlan:
-    """The plan with a spawn area, and a border if its floor runs off; all of the page of a `measured` one is known.
+def _with_floor(plan: FloorPlan, world: World) -> FloorPlan:
+    """The plan with a spawn area, and a border if its floor runs off.
+
+    All of the page of a map is known; of a drawing, what is drawn is.
 
     Raises InputError if the floor lies around the building.
     """
@@ -95,6 +142,7 @@ def _with_floor(plan: FloorPlan, world: World, *, measured: bool, says_solid: bo
     if world.spawn is not None:
         x, y, width, height = world.spawn
         spawns[SPAWN_LAYER] = polygons(shapely.box(x, y, x + width, y + height))
+    measured = is_map(world)
     drawn = shapely.multipolygons(shapely.get_parts([*plan.layers.values()]))
     extent = shapely.total_bounds([plan.walls, *spawns.values()])
     left, low, right, high = plan.page if measured or np.isnan(extent).any() else map(float, extent)
@@ -109,7 +157,7 @@ def _with_floor(plan: FloorPlan, world: World, *, measured: bool, says_solid: bo
     notices = list(plan.notices)
     border = MultiPolygon()
     if floor.opening is not None and world.border is not False:
-        if world.border is None and not measured and not says_solid:
+        if world.border is None and not measured and plan.guessed:
             check_outside(drawn, floor, world.title)
         border = floor.border
         notices.append(
@@ -142,52 +190,3 @@ def _made(world: World, cell: float) -> str:
         return str(registry.part("generator", world.generate).build(Site(Streams(world.seed), cell)).draw())
     except InputError as problem:
         raise InputError(f"world.generate.{problem}") from problem
-
-
-def _check(path: Path) -> None:
-    """Raises InputError unless there is a plain file of a bearable size."""
-    expected = f"expected a drawing or a map: {', '.join(_ENDINGS[:7])}"
-    if not path.exists():
-        raise InputError(f"world: {path} cannot be read (no such file); {expected}")
-    if not path.is_file():
-        raise InputError(f"world: {path} is no plain file; {expected}")
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"world: {path} is larger than {LARGEST // 1_000_000} MB; {expected}")
-
-
-def _text(path: Path) -> str:
-    """The text of a file in the encoding that its first bytes or its XML declaration name, or else UTF-8."""
-    try:
-        content = path.read_bytes()
-    except OSError as problem:
-        raise InputError(f"world: {path} cannot be read ({problem.strerror}); expected a drawing") from problem
-    if content.startswith(_GZIP):
-        content = _unpacked(content, path)
-    declared = _DECLARED.search(content[:200])
-    marked = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), None)
-    encoding = marked or (declared[1].decode("ascii") if declared else "utf-8")
-    try:
-        return content.decode(encoding)
-    except LookupError:
-        raise InputError(
-            f"world: {path} declares the encoding {encoding!r}, which nobody knows; save it as UTF-8"
-        ) from None
-    except UnicodeDecodeError as problem:
-        raise InputError(
-            f"world: {path} is not {encoding.upper()} text (byte {problem.start}); expected a drawing in the encoding "
-            "that it declares"
-        ) from None
-
-
-def _unpacked(content: bytes, path: Path) -> bytes:
-    """What is packed in a compressed drawing (SVGZ). Raises InputError if that is broken, or far too much."""
-    reader = zlib.decompressobj(wbits=31)
-    try:
-        plain = reader.decompress(content, LARGEST + 1)
-    except zlib.error:
-        raise InputError(f"world: {path} is a broken gzip file; expected a whole SVGZ") from None
-    if len(plain) > LARGEST:
-        raise InputError(f"world: {path} unpacks to more than {LARGEST // 1_000_000} MB; expected a drawing")
-    if not reader.eof:
-        raise InputError(f"world: {path} is a broken gzip file; expected a whole SVGZ")
-    return plain

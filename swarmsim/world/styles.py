@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, Final
 
 import cssselect2
@@ -167,20 +168,26 @@ def paint(style: Style, kind: str, ids: Mapping[str, object]) -> Paint | None:
         return None
     if value.lower() == "currentcolor":
         value = style["color"]
-    opacity = fraction(style[f"{kind}-opacity"])
+    alpha, light = _colour(value)
+    return _visible(fraction(style[f"{kind}-opacity"]) * alpha, light)
+
+
+@lru_cache(maxsize=1024)
+def _colour(value: str) -> tuple[float, float]:
+    """The alpha and the luminance of a colour."""
     try:
         colour = color4.parse_color(value)
     except ValueError:
         colour = None
     if colour is None or colour == "currentcolor":
-        return _visible(opacity, _SHADED)
-    opacity *= float(colour.alpha if colour.alpha is not None else 1.0)
+        return 1.0, _SHADED
+    alpha = float(colour.alpha if colour.alpha is not None else 1.0)
     try:
         red, green, blue = colour.to("srgb").coordinates
     except NotImplementedError:
-        return _visible(opacity, _SHADED)
+        return alpha, _SHADED
     light = 0.2126 * float(red or 0.0) + 0.7152 * float(green or 0.0) + 0.0722 * float(blue or 0.0)
-    return _visible(opacity, min(max(light, 0.0), 1.0))
+    return alpha, min(max(light, 0.0), 1.0)
 
 
 def _visible(alpha: float, light: float) -> Paint | None:

@@ -13,6 +13,7 @@ import shapely
 from shapely import MultiPolygon
 from svgelements import Matrix
 
+from swarmsim.core import budget
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import OutOfReachError, covered, lines_of, polygons
@@ -35,6 +36,8 @@ _PAINT: Final = ("fill", "stroke")
 _BRIGHT: Final = 0.5  # of white: what is brighter in a mask shows, what is not hides
 _OPAQUE: Final = 0.9  # a fill that hides what lies below it
 _FEW: Final = 0.02  # of all shapes; so many may lie off the page by mistake
+_LETTERS: Final = 8  # of path data for a segment
+_MOST_TEXTS: Final = 2000
 _STRAY: Final = 3.0  # times the extent of nearly all shapes; what lies beyond it and off the page is passed over
 
 
@@ -66,7 +69,7 @@ def read(source: str, name: str, world: World) -> Drawing:
             rest = "" if layer == SPAWN_LAYER else " as filled shapes or as strokes, in a layer that is shown"
             raise InputError(f"{name}: the layer `{layer}` has no {lacks}{rest}")
     box = (0.0, 0.0, *page.metres)
-    return Drawing(name, tuple(shapes), box, page.said, tuple(reader.told()), names.says_solid, empty)
+    return Drawing(name, tuple(shapes), box, page.said, tuple(reader.told()), names.says_solid, empty, _texts(root))
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +134,7 @@ class _Reader:
         """What the visible elements at and below `root` show, in their order."""
         waiting = list(self._placed(root, around))  # all of them first, to refuse too many before the work
         far: list[Element] = []
-        for shape in waiting:
+        for shape in budget.pieces(budget.drawing(sum(map(_segments, waiting)), self.name), waiting):
             try:
                 found = self.shape(shape)
             except OutOfReachError as problem:
@@ -368,6 +371,18 @@ class _Reader:
             raise ElementError("it is clipped by its own size, but has none; release the clip")
         left, top, right, bottom = fill.bounds
         return left, top, right, bottom
+
+
+def _segments(shape: _Placed) -> int:
+    """About how many segments the outline of a shape has."""
+    attributes = shape.element.attributes
+    return 4 + (len(attributes.get("d", "")) + len(attributes.get("points", ""))) // _LETTERS
+
+
+def _texts(root: Element) -> tuple[str, ...]:
+    """What is written in a drawing."""
+    found = (" ".join(element.text.split()) for element in root.tree() if element.tag == "text")
+    return tuple(text for text in found if text)[:_MOST_TEXTS]
 
 
 def _is_able(element: Element) -> bool:

@@ -250,6 +250,39 @@ def test_an_interruption_that_gets_lost_in_a_callback_is_raised_again(
     assert Recording(tmp_path / "r").iterations == 6
 
 
+STARTING = """
+import os, signal, sys, threading
+if __name__ == "__main__":
+    from swarmsim.cli import main
+    from swarmsim.studies import engine
+    start = engine._start
+    def starting(workers):
+        threading.Timer(0.5, {end}).start()
+        return start(workers)
+    engine._start = starting
+    main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals to a group of processes")
+@pytest.mark.parametrize(
+    ("end", "code", "word"),
+    [
+        ("lambda: os.kill(os.getpid(), signal.SIGTERM)", 143, "terminated"),
+        ("lambda: os.killpg(os.getpgid(0), signal.SIGINT)", 130, "interrupted"),  # as a terminal sends Ctrl-C
+    ],
+)
+def test_a_study_that_is_ended_while_its_workers_start_says_so(tmp_path: Path, end: str, code: int, word: str) -> None:
+    (tmp_path / "s.toml").write_text(f'title = "s"\nscenario = "{ROOT}/scenarios/room.toml"\nseeds = 3\n')
+    (tmp_path / "start.py").write_text(STARTING.format(end=end))
+    command = [sys.executable, "start.py", "study", "run", "s.toml", "--workers", "2", "--quiet"]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=150, start_new_session=True
+    )
+    told = f"swarmsim: {word}; 0 of 3 runs are kept; the same command goes on from there\n"
+    assert (done.stderr, done.returncode) == (told, code)
+
+
 @pytest.mark.parametrize("film", [False, True])
 def test_a_full_disk_is_told_and_what_was_flushed_is_kept(tmp_path: Path, room: Path, film: bool) -> None:
     def little_room() -> None:

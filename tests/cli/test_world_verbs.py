@@ -17,6 +17,7 @@ from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.world import rosmap
+from swarmsim.world.source import floor_plan
 
 ROOT = Path(__file__).parents[2]
 ROOM = str(ROOT / "worlds" / "room.svg")
@@ -124,10 +125,21 @@ def test_what_robots_mapped_is_exported_for_ros(room: Path, tmp_path: Path) -> N
     replay = MapReplay(recording)
     replay.advance(5)
     one = rosmap.read(tmp_path / "one.yaml")
-    assert (one.states == replay.maps[1]).all()
+    plan, lattice = floor_plan(recording.world, recording.scenario.world), recording.lattice
+    row, column = lattice.cells(np.array(plan.page[:2]) + 1e-6)
+    inside = slice(row, row + one.states.shape[0]), slice(column, column + one.states.shape[1])
+    size = np.array(one.states.shape[::-1]) * lattice.cell
+    assert one.origin[:2] == pytest.approx(plan.page[:2], abs=1e-9)
+    assert ((size - (plan.width, plan.height) >= 0.0) & (size - (plan.width, plan.height) < lattice.cell)).all()
+    assert (one.states == replay.maps[1][inside]).all()
     assert (one.states == UNKNOWN).any()
     replay.advance(recording.iterations - 1)
-    assert (rosmap.read(tmp_path / "all.yaml").states == replay.collective()).all()
+    everyone = replay.collective()
+    assert (rosmap.read(tmp_path / "all.yaml").states == everyone[inside]).all()
+    everyone[inside] = UNKNOWN
+    assert not (everyone != UNKNOWN).any()
+    for line in (tmp_path / "all.yaml").read_text().splitlines():
+        assert len(line) < 60  # as in origin: [-13.4, 0.0, 0.0], not -13.399999999999999
     for words, message in ((["--robot", "99"], "--robot 99"), (["--at", "-1"], "--at -1")):
         with pytest.raises(InputError, match=message):
             run("export", str(room), "--map", str(tmp_path / "x.yaml"), *words)

@@ -65,6 +65,11 @@ def test_a_mixed_swarm_has_bodies_wheels_and_sensors_of_each_kind() -> None:
     assert alone.robots == made.robots
 
 
+def test_groups_in_a_table_are_those_of_a_list() -> None:
+    groups = [{"use": "thymio", "count": 2}, {"count": 1, "speed": 0.1}]
+    assert scenario({"groups": groups}) == scenario({"count": 3, "groups": groups}) == scenario(groups)
+
+
 def _plain(made: Scenario) -> dict:
     import msgspec
 
@@ -82,6 +87,9 @@ def _plain(made: Scenario) -> dict:
         ([{"count": 1, "colour": "red"}], r"groups\[0\]\.colour: unknown key"),
         ([{"count": 1, "sensor": {"use": "radar"}}], r"robots\[0\]\.sensor\.use: no sensor is called 'radar'"),
         ([{"use": "e-puck"}], "count"),
+        ({"count": 4, "groups": [{"use": "thymio", "count": 2}]}, r"robots\.count: is 4, but robots\.groups has 2"),
+        ({"groups": [{"use": "r2d2", "count": 2}]}, r"robots\[0\]\.use: no robot is called 'r2d2'"),
+        ({"count": 1, "use": ["e-puck"]}, r"robots\.use: no robot is called \['e-puck'\]"),
     ],
 )
 def test_bad_robots_are_refused(robots: object, message: str) -> None:

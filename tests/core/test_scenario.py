@@ -13,8 +13,9 @@ from conftest import ROOT, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, decode, load
+from swarmsim.core.scenario import Scenario, assign, decode, load
 from swarmsim.core.schema import schema
 
 SMALL = """
@@ -78,6 +79,92 @@ def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
     assert read.sensor["tile"] == [5, 5]
 
 
+@pytest.mark.parametrize(
+    ("override", "key", "value"),
+    [
+        ("title=ring", "title", "ring"),
+        ("title=Two robots, no walls", "title", "Two robots, no walls"),
+        ("title=2024", "title", "2024"),
+        ("title=true", "title", "true"),
+        ('title="in quotes"', "title", "in quotes"),
+        ("stop.when_done=go-on", "stop.when_done", "go-on"),
+        ("robots.spawn = hall", "robots.spawn", "hall"),
+        ("sensor.preset=sharp-gp2y0a21", "sensor.preset", "sharp-gp2y0a21"),
+        ("mind.strategy.use=random-waypoint", "mind.strategy.use", "random-waypoint"),
+        ("network.topology.use=knn", "network.topology.use", "knn"),
+        ("world.unknown=space", "world.unknown", "space"),
+    ],
+)
+def test_text_needs_no_quotes_where_a_key_takes_text(tmp_path: Path, override: str, key: str, value: str) -> None:
+    found: Any = msgspec.to_builtins(load(scenario(tmp_path), [override]))
+    for step in key.split("."):
+        found = found[step]
+    assert found == value
+
+
+def test_a_world_is_overridden_by_the_name_of_its_file_alone(tmp_path: Path) -> None:
+    assert load(scenario(tmp_path), ["world=hall.svg", "world.scale=2"]).world.file == str(tmp_path / "hall.svg")
+
+
+OWN_MIND = """
+class Spreader:
+    def __init__(self, reach: float = 0.5, gains: list[float] = (1.0,)) -> None:
+        self.reach = reach
+
+    def step(self, me) -> None:
+        me.say(float(self.reach))
+"""
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """A scenario whose mind is written in the short form."""
+    (tmp_path / "own.py").write_text(OWN_MIND)
+    return scenario(tmp_path, SMALL + '[mind]\nuse = "./own.py:Spreader"\nreach = 0.8\n')
+
+
+def reaches(read: Scenario) -> list[float]:
+    return [read.mind.computation["reach"], read.mind.strategy["reach"]]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        ([], [0.8, 0.8]),
+        (["mind.reach=0.3"], [0.3, 0.3]),
+        (["mind.computation.reach=0.3"], [0.3, 0.8]),
+        (["mind.computation.reach=0.3", "mind.reach=0.4"], [0.4, 0.4]),
+        (["mind.reach=0.4", "mind.strategy.reach=0.3"], [0.4, 0.3]),
+        (["mind.gains=[1, 2]", "mind.reach=1"], [1.0, 1.0]),
+        (['mind={use="./own.py:Spreader"}', "mind.reach=0.1"], [0.1, 0.1]),
+        (["mind.use=./own.py:Spreader", "mind.reach=0.1"], [0.1, 0.1]),
+    ],
+)
+def test_keys_of_a_mind_in_the_short_form_are_overridden_as_they_are_written(
+    short: Path, overrides: list[str], expected: list[float]
+) -> None:
+    with registry.own_code(True):
+        assert reaches(load(short, overrides)) == expected
+        assert reaches(load(short, changes=dict(_pairs(overrides)))) == expected
+
+
+def _pairs(overrides: list[str]) -> list[tuple[str, Any]]:
+    pairs = [one.partition("=")[::2] for one in overrides]
+    return [(key, tomllib.loads(f"v = {text}")["v"] if not text.startswith("./") else text) for key, text in pairs]
+
+
+def test_halves_that_are_one_part_are_overridden_at_once_and_others_are_not(short: Path, tmp_path: Path) -> None:
+    with registry.own_code(True):
+        written_out = load(short)
+        table = tomllib.loads(tomli_w.dumps(msgspec.to_builtins(written_out)))
+        assign(table, "mind.reach", 0.2)
+        assert reaches(decode(table, "again")) == [0.2, 0.2]
+    assert "mind.reach: unknown key" in refusal(scenario(tmp_path), "mind.reach=0.2")
+    both = SMALL + '[mind]\nuse = "x"\n[mind.strategy]\nuse = "y"\n'
+    message = refusal(scenario(tmp_path, both), "robots.count=2")
+    assert message.startswith(f"{tmp_path / 's.toml'}: mind.use: stands for computation and strategy at once")
+
+
 def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:
     assert load(scenario(tmp_path), ['network.topology={use="ring"}']).network.topology == {"use": "ring"}
     assert "network.topology.k" in refusal(scenario(tmp_path), 'network.topology.use="ring"')
@@ -109,7 +196,17 @@ def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:
         (["robots=3"], ["robots", "expected `object`"]),
         (["robots.count.deep=3"], ["robots.count is 3, not a table"]),
         (["robots.count"], ["key=value"]),
-        (["title=plain"], ["plain", "quotes"]),
+        (["robots.count=five"], ["robots.count takes", "a whole number from 1 to 100000", "'five'"]),
+        (["grid.cell=0,05"], ["grid.cell takes", "a number above 0", "'0,05'"]),
+        (["network.topology=ring"], ["network.topology takes", "a table"]),
+        (["sensor.beams=all"], ["sensor.beams takes", "a whole number from 1 to 10000"]),
+        (["robots.cuont=five"], ["robots.cuont", "unknown key", "'count'"]),
+        (["sensor.tile=[5,"], ["'[5,'", "TOML"]),
+        (['title="plain'], ["TOML", "Unterminated"]),
+        (["title="], ["TOML"]),
+        (["seed=1\ntitle=2"], ["one value"]),
+        (["title=a\nb"], ["TOML"]),
+        (["world.generate" + ".a" * 20 + "=1"], ["more than 20 deep"]),
         (['mind.strategy.replan="never"'], ["mind.strategy.replan", "never"]),
     ],
 )
@@ -129,6 +226,23 @@ def test_broken_files_are_refused_with_the_place(tmp_path: Path) -> None:
     assert "robots.count, network.topology: required keys are missing" in refusal(
         scenario(tmp_path, 'title = "x"\nworld = "w.svg"')
     )
+    for text, told in (
+        ("seed = " + 5000 * "9", "thousands of digits"),
+        ("seed = 0x" + 5000 * "f" + SMALL, "seed: "),
+        ("title = " + 100_000 * "[", "more than 20 deep"),
+        ("title = " + 25 * "[" + 25 * "]", "more than 20 deep"),
+        ("title = " + 25 * "{a=" + "1" + 25 * "}", "more than 20 deep"),
+        ("a = 1\n" + 20_000 * "a." + "a = 1", "line 2 has a key of more than 20 names"),
+        ("[" + 20_000 * '"a" . ' + "a]", "line 1 has a key of more than 20 names"),
+        ("[[" + ".".join("a" * 22) + "]]", "line 1 has a key of more than 20 names"),
+    ):
+        message = refusal(scenario(tmp_path, text))
+        assert told in message
+        assert str(tmp_path / "s.toml") in message
+        assert len(message) < 300
+    long = SMALL.replace('"t"', f'"{300_000 * "a"}{30 * "."}"')  # looked through once, not from every letter
+    assert len(load(scenario(tmp_path, long)).title) == 300_030
+    assert load(scenario(tmp_path, SMALL.replace('"t"', f'"{30 * "."} 1.2.3.4.5.6"'))).title.startswith("...")
     binary = tmp_path / "b.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     assert "UTF-8" in refusal(binary)

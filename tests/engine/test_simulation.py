@@ -126,3 +126,9 @@ def test_a_run_in_which_a_body_ends_in_or_beyond_a_wall_is_no_result() -> None:
         with pytest.raises(InputError, match=r"physics\.substep: robot 1 ended in or beyond a wall"):
             run.simulate()
     assert made("stop.iterations=300").simulate()
+
+
+def test_what_parts_find_out_of_each_other_while_they_run_names_the_scenario_file() -> None:
+    run = made('mind.strategy={use="wander"}', 'task={use="travelled", distance=1}')
+    with pytest.raises(InputError, match=r"room\.toml: sensor\.ranges: robots that wander"):
+        run.simulation.run()

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import made
+from conftest import made, moments_of
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends
@@ -249,3 +249,17 @@ def test_a_beam_that_is_not_there_is_refused_by_its_number(parts: Parts, plain: 
     fault = Sensor(failure="beams", beams=[3, 72], at=0).build(setting(plain))
     with pytest.raises(InputError, match="beams: there is no beam 72; expected 0 to 71"):
         fault.install(parts)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ('field={use="formula", formula="x"}',),
+        ('robots=[{count=1}, {count=2, sensor={use="ir-ring", tile=[4, 4]}}]',),
+    ],
+)
+def test_beams_die_of_sensors_that_sample_a_field_too_and_of_mixed_swarms(more: tuple[str, ...]) -> None:
+    dead = f'faults=[{{use="sensor", failure="beams", beams={list(range(72))}, at=2, robots=[0, 1, 2], keep=0}}]'
+    moments = moments_of(made(*more, dead, "stop.iterations=4"))
+    seen = [moment.readings.tiles.values.any(axis=(1, 2)).tolist() for moment in moments]
+    assert seen == [[True] * 3] * 2 + [[False] * 3] * 2

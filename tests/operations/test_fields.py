@@ -237,3 +237,15 @@ def _room(folder: Path) -> Recording:
     with run.recorder(folder / "room.h5") as recorder:
         run.simulation.run([recorder])
     return Recording(folder / "room.h5")
+
+
+def test_a_swarm_of_the_dead_makes_no_progress() -> None:
+    dead = 'faults=[{use="remove", at=1, robots=[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], keep=0}]'
+    last = moments_of(made("robots.count=12", "stop.iterations=3", dead, scenario=FIELD))[-1].measured
+    assert (last.progress, last.finished) == (0.0, False)
+
+
+@pytest.mark.parametrize("key", ["mind.computation.spacing", "mind.strategy.margin", "mind.strategy.nearness"])
+def test_numbers_beyond_reason_are_refused(key: str) -> None:
+    with pytest.raises(InputError, match=rf"{key}: expected `float` <= 1000000"):
+        made("mind.strategy={use='most-uncertain'}", f"{key}=1e300", scenario=FIELD)

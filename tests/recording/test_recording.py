@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -145,6 +146,34 @@ def test_a_killed_run_opens_up_to_its_last_flush(tmp_path: Path, ticks: int) -> 
     assert recording.iterations == ticks // BLOCK * BLOCK
     assert len(recording["pose"]) == recording.iterations
     assert recording.summary()["status"] == "interrupted"
+
+
+def test_a_run_that_goes_on_is_told_from_one_that_was_killed(tmp_path: Path) -> None:
+    path = tmp_path / "recording.h5"
+    code = KILLED.format(tests=str(ROOT / "tests"), path=str(path), ticks=BLOCK, end="sys.stdin.read()")
+    process = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"ticked\n"
+    assert Recording(path).summary()["status"] == "under way"
+    assert Recording(path).summary()["status"] == "under way"  # looking has changed nothing
+    process.kill()
+    process.communicate()
+    assert Recording(path).summary()["status"] == "interrupted"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="locks of open files are Linux's")
+def test_without_locks_it_is_not_told_whether_a_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.fcntl", refused)
+    run = made("robots.count=2", "robots.speed=0.01")
+    with run.recorder(tmp_path / "recording.h5") as recorder:
+        for _ in range(BLOCK):
+            run.simulation.tick([recorder])
+        assert Recording(tmp_path).summary()["status"] == "under way or interrupted"
+        assert Recording(tmp_path, recorder.file).summary()["status"] == "under way"
+    assert Recording(tmp_path).summary()["status"] == "interrupted"  # it was closed
 
 
 def test_a_run_killed_at_any_moment_leaves_a_readable_file(tmp_path: Path) -> None:

@@ -20,16 +20,17 @@ from swarmsim.robots.motion import WaypointFollower
 
 OPEN = np.empty((0, 4))
 RADIUS, BASE, SPEED, ACCELERATION = 0.055, 0.10, 0.15, 1.0
-SUBSTEP = Pymunk().substep
+SUBSTEP, FRICTION = Pymunk().substep, Pymunk().friction
 
 
 def robots(count=1, **changes):
     return Robots(count=count, spawn="anywhere", **changes)
 
 
-def bodies(pose, walls=OPEN, substep=SUBSTEP, **changes):
+def bodies(pose, walls=OPEN, substep=SUBSTEP, friction=FRICTION, **changes):
     pose = np.array(pose, float).reshape(-1, 3)
-    return DifferentialDrive(robots(len(pose), **changes), Pymunk(substep=substep), building(walls), pose)
+    physics = Pymunk(substep=substep, friction=friction)
+    return DifferentialDrive(robots(len(pose), **changes), physics, building(walls), pose)
 
 
 class Steady:
@@ -410,6 +411,32 @@ def test_a_pushed_robot_slides_as_far_as_friction_lets_it() -> None:
     assert np.hypot(*(poses[0] - poses[1])) > 0.01
     with pytest.raises(InputError, match="particles have no mass"):
         made("stop.iterations=5", 'faults=[{use="push", at=3, velocity=[0.0, 0.6]}]', "physics.use='particles'")
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.09, 0.25, 0.6])
+def test_a_robot_pressed_onto_a_wall_is_braked_by_friction_times_the_pressure(friction: float) -> None:
+    """While it slides, before it rolls, it loses mu g t of its speed."""
+    gravity, seconds, speed = 9.81, 0.125, 3.0
+    drive = bodies([0.0, RADIUS, 0.0], [[1.0, 0.0, -1.0, 0.0]], 1 / 1024, friction, traction=1e-4)
+    drive.space.gravity = (0.0, -gravity)
+    drive.push(np.array([0]), (speed, 0.0))
+    lost = speed - drive.drive(Steady((0.0, 0.0)), seconds).velocity[0, 0]
+    assert lost == pytest.approx(friction * gravity * seconds, rel=0.02, abs=5e-4)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.05, 0.09, 0.25, 0.6])
+def test_a_robot_that_is_grazed_gets_friction_times_the_blow_along_the_contact(friction: float) -> None:
+    touching = [[0.0, 0.0, 0.0], [2.0 * RADIUS, 0.0, 0.0]]
+    drive = bodies(touching, OPEN, 1e-4, friction, traction=1e-4)
+    drive.push(np.array([0]), (0.1, 0.2))
+    ahead, aside = drive.drive(Steady((0.0, 0.0), (0.0, 0.0)), 2e-3).velocity[1, :2]
+    assert ahead > 0.04
+    assert aside / ahead == pytest.approx(friction, rel=0.02, abs=3e-3)
+
+
+def test_the_default_friction_gives_shapes_the_value_of_earlier_versions_to_the_bit() -> None:
+    drive = bodies([0.0, RADIUS, 0.0], [[1.0, 0.0, -1.0, 0.0]])
+    assert {shape.friction for shape in drive.space.shapes} == {0.3}
 
 
 class Wrapped:

@@ -283,3 +283,8 @@ def test_errors_are_the_same_each_time_and_others_for_another_seed() -> None:
     noisy = ('sensor={preset="ebot"}', 'localisation={use="odometry"}', "stop.iterations=40")
     first, again, other = (_summary(*noisy, f"seed={seed}")[2] for seed in (1, 1, 2))
     assert first == again != other
+
+
+def test_beams_that_reach_no_cell_are_refused():
+    with pytest.raises(InputError, match=r"sensor: robots see no cell from anywhere; expected .* reach farther"):
+        made("sensor.reach=0.001")

@@ -72,7 +72,7 @@ def test_two_studies_write_to_one_store_at_once(tmp_path: Path) -> None:
     )
     command = [sys.executable, "-m", "swarmsim", "study", "run", str(tmp_path / "s.toml"), "--workers", "1", "--quiet"]
     command += ["--store", str(tmp_path / "s.sqlite")]
-    both = [subprocess.Popen(command) for _ in range(2)]
-    assert [one.wait() for one in both] == [0, 0]
+    both = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    assert [(one.communicate()[1], one.returncode) for one in both] == [("", 0)] * 2
     with Store(tmp_path / "s.sqlite") as store:
         assert len(store._base.execute("select * from runs").fetchall()) == 6

@@ -17,6 +17,7 @@ import pyarrow.parquet as parquet
 import pytest
 from conftest import ROOT, called
 
+from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.recording import measures
 from swarmsim.studies import results as res
@@ -73,6 +74,37 @@ def test_a_plan_crosses_axes_and_adds_named_conditions(study: Path) -> None:
     assert len(plan.runs) == 12
     assert len({plan.identity(condition, seed) for condition, seed in plan.runs}) == 12
     assert len(open_study(study, 5).seeds) == 5
+
+
+def test_a_key_of_a_mind_in_the_short_form_is_varied_as_it_is_written(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "class Still:\n    def __init__(self, reach: float = 0.5) -> None:\n        self.reach = reach\n"
+        "    def step(self, me) -> None:\n        me.say(self.reach)\n"
+    )
+    (tmp_path / "short.toml").write_text(
+        'world = {generate = {use = "rooms"}}\n[robots]\ncount = 2\n[network.topology]\nuse = "full"\n'
+        '[mind]\nuse = "./own.py:Still"\nreach = 0.8\n[task]\nuse = "gathered"\n'
+    )
+    path = tmp_path / "study.toml"
+    path.write_text(
+        'title = "Reach"\nscenario = "short.toml"\n[[vary]]\nkey = "mind.reach"\nvalues = [0.2, 0.4]\n'
+        '[[condition]]\nname = "one half"\nset = {"mind.strategy.reach" = 0.1, "task.use" = "gathered"}\n'
+    )
+    with registry.own_code(True):
+        plan = open_study(path)
+    minds = [condition.scenario.mind for condition in plan.conditions]
+    assert [(mind.computation["reach"], mind.strategy["reach"]) for mind in minds] == [
+        (0.2, 0.2), (0.4, 0.4), (0.8, 0.1),
+    ]  # fmt: skip
+    assert [condition.name for condition in plan.conditions] == ["reach=0.2", "reach=0.4", "one half"]
+    assert [condition.x for condition in plan.conditions] == [0.2, 0.4, None]
+
+
+def test_a_larger_budget_makes_no_other_run(study: Path) -> None:
+    first = open_study(study)
+    second = open_study(study, changes={"budget": 7200.0})
+    assert second.conditions[0].scenario.budget == 7200.0
+    assert first.identity(first.conditions[0], 1) == second.identity(second.conditions[0], 1)
 
 
 def test_axes_cross_or_step_together(study: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
 import shutil
 import subprocess
@@ -40,6 +42,25 @@ def test_a_page_names_no_address_and_is_small(recording: Recording) -> None:
     assert "http" not in page.replace("http-equiv", "")
     assert "Five </script>" not in page
     assert page == replay_page(Recording(recording.path))
+
+
+def policy_of(page: str) -> dict[str, list[str]]:
+    """What a page may do, by directive."""
+    (text,) = re.findall(r'<meta http-equiv="Content-Security-Policy" content="([^"]+)">', page)
+    return {words[0]: words[1:] for words in map(str.split, text.split(";"))}
+
+
+def test_a_page_may_run_its_own_script_alone(recording: Recording) -> None:
+    for page in (replay_page(recording), study_page("A study", {"Results": (("a",), [("1",)])}, {}, {})):
+        policy = policy_of(page)
+        assert policy.pop("img-src") == ["data:"]
+        for directive, tag in (("script-src", "script"), ("style-src", "style")):
+            (text,) = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
+            digest = base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+            assert policy.pop(directive) == [f"'sha256-{digest}'"]
+        assert policy == {key: ["'none'"] for key in ("default-src", "base-uri", "form-action")}
+        assert not re.search(r'<[^>]*\s(?:style|on\w+)="', page)  # which such a policy stops
+        assert page.index("Content-Security-Policy") < page.index("<title>")
 
 
 def test_the_page_of_the_basilica_is_below_five_megabytes(tmp_path: Path) -> None:
@@ -98,6 +119,15 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
+def wait_until(view: Any, expression: str) -> None:
+    """Until an expression is true; the page's policy forbids the driver's own way, which evaluates text in the page."""
+    for _ in range(500):
+        if view.evaluate(expression):
+            return
+        view.wait_for_timeout(20)
+    raise AssertionError(f"never true: {expression}")
+
+
 def opened(browser: Any, page: str, folder: Path, complaints: list[str], **how: Any) -> Any:
     path = folder / "page.html"
     path.write_text(page)
@@ -105,7 +135,7 @@ def opened(browser: Any, page: str, folder: Path, complaints: list[str], **how: 
     view.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     view.on("pageerror", lambda problem: complaints.append(str(problem)))
     view.goto(path.as_uri())
-    view.wait_for_function("window.swarmsim && window.swarmsim.ready")
+    wait_until(view, "window.swarmsim && window.swarmsim.ready")
     return view
 
 
@@ -134,6 +164,17 @@ def test_what_the_page_shows_is_what_was_recorded(browser: Any, recording: Recor
     own = np.array(view.evaluate("Array.from(swarmsim.runs[0].mapOf(2))"), np.uint8)
     assert np.array_equal(own.reshape(recording.lattice.shape), again.maps[2])
     assert complaints == []
+
+
+@pytest.mark.browser
+def test_a_script_that_got_into_a_page_is_not_run(browser: Any, recording: Recording, tmp_path: Path) -> None:
+    complaints: list[str] = []
+    page = replay_page(recording).replace("<body>", "<body><script>window.evil = 1</script><i onclick='evil = 1'>x</i>")
+    view = opened(browser, page, tmp_path, complaints)
+    view.locator("i").click()
+    assert view.evaluate("window.evil") is None
+    assert len(complaints) == 2
+    assert all("Content Security Policy" in complaint for complaint in complaints)
 
 
 @pytest.mark.browser
@@ -181,7 +222,7 @@ def test_the_scrubber_moves_the_robots_and_a_picked_robot_shows_its_map(
     view.keyboard.press("Escape")
     assert view.evaluate("swarmsim.state.robot") == -1
     view.locator("#play").click()
-    view.wait_for_function(f"swarmsim.state.time > {row + 1} || !swarmsim.state.playing")
+    wait_until(view, f"swarmsim.state.time > {row + 1} || !swarmsim.state.playing")
     assert complaints == []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import time
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,10 +16,13 @@ from hypothesis import strategies as st
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World, load
+from swarmsim.world import imdf, osm, sdf, stage
+from swarmsim.world.reading import plan_of
+from swarmsim.world.shapes import Drawing
 from swarmsim.world.source import floor_plan, read_world
 
 ROOT = Path(__file__).parents[2]
-SHORT, LONG = 60, 2900  # inputs of each kind, of which there are seven
+SHORT, LONG = 60, 1700  # inputs of each kind, of which there are twelve
 LONGEST = 60.0  # s of this process alone: what takes one on a quick machine may take ten on a slow one
 MOST = 1 << 30  # bytes more than before
 QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandomize": True, "database": None}
@@ -99,6 +103,15 @@ def opened(path: Path, **more: object) -> None:
     assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MOST
 
 
+def drawn(path: Path, read: Callable[[Path, World], Drawing]) -> None:
+    """Reads a file by one reader; a refusal is as good as a success."""
+    begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    world = World(file=str(path))
+    _refusing(lambda: plan_of(read(path, world), world))
+    assert time.perf_counter() - begun < LONGEST
+    assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MOST
+
+
 def _refusing(work: Callable[[], object]) -> None:
     """Does something that may be refused, with a message, but not fail otherwise."""
     told = "nothing"
@@ -107,6 +120,21 @@ def _refusing(work: Callable[[], object]) -> None:
     except InputError as problem:
         told = str(problem)
     assert told
+
+
+STAGE = """define wall model ( size [2 0.2 1] )
+map ( bitmap "m.png" size [16 12 1] pose [0 0 0 90] boundary 1 )
+wall ( pose [1 2 0 45] block ( points 3 point[0] [0 0] point[1] [1 0] point[2] [0 1] z [0 1] ) wall ( ) )
+position ( name "r" pose [1 1 0 0] )  # a robot
+include "w.world"
+"""
+GAZEBO = """<sdf version="1.7"><world name="w"><include><uri>model://x</uri></include>
+<model name="m"><pose>1 2 0.5 0.1 0.2 0.3</pose><link name="l"><pose relative_to="l">0 0 0 0 0 0</pose>
+<collision name="c"><geometry><box><size>1 2 3</size></box></geometry></collision>
+<collision name="d"><geometry><cylinder><radius>1</radius><length>2</length></cylinder></geometry></collision>
+</link><model name="n"><link name="l"><collision name="c"><geometry><sphere><radius>1</radius></sphere></geometry>
+</collision></link></model></model></world></sdf>
+"""
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +148,23 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     Image.fromarray(levels).save(folder / "m.png")
     (folder / "m.yaml").write_text("image: m.pgm\nresolution: 0.1\norigin: [-1.5, 2, 0.3]\nnegate: 0\nmode: scale\n")
+    (folder / "w.world").write_text(STAGE)
+    (folder / "g.sdf").write_text(GAZEBO)
+    room = {"type": "Polygon", "coordinates": [[[9.93, 53.55], [9.9301, 53.55], [9.9301, 53.5501], [9.93, 53.55]]]}
+    door = {"type": "LineString", "coordinates": [[9.93, 53.55], [9.93001, 53.55]]}
+    for kind, geometry, own in (("unit", room, {"category": "room"}), ("opening", door, {}), ("level", room, {})):
+        feature = {"type": "Feature", "id": "a", "properties": {"level_id": "a", **own}, "geometry": geometry}
+        content = msgspec.json.encode({"type": "FeatureCollection", "features": [feature, feature]})
+        (folder / f"{kind}.geojson").write_bytes(content)
+    with zipfile.ZipFile(folder / "v.zip", "w") as archive:
+        for kind in ("unit", "opening", "level"):
+            archive.write(folder / f"{kind}.geojson", f"{kind}.geojson")
+    corners = ((9.93, 53.55), (9.9301, 53.55), (9.9301, 53.5501), (9.93, 53.5501))
+    nodes = "".join(f'<node id="{k}" lon="{x}" lat="{y}"/>' for k, (x, y) in enumerate(corners))
+    refs = "".join(f'<nd ref="{k}"/>' for k in (0, 1, 2, 3, 0))
+    way = f'<way id="7">{refs}<tag k="indoor" v="room"/><tag k="level" v="0-2"/></way>'
+    member = '<relation id="8"><member type="way" ref="7" role="outer"/><tag k="type" v="multipolygon"/></relation>'
+    (folder / "m.osm").write_text(f"<osm>{nodes}{way}{member}</osm>")
     return folder
 
 
@@ -143,6 +188,15 @@ def _fuzzed(kind: str, folder: Path, count: int) -> Callable[[], None]:
 
         return attempt
 
+    def read(source: str, name: str, reader: Callable[[Path, World], Drawing]) -> Callable[[], None]:
+        @settings(max_examples=count, **QUIET)
+        @given(damaged([folder / source]))
+        def attempt(content: bytes) -> None:
+            (folder / name).write_bytes(content)
+            drawn(folder / name, reader)
+
+        return attempt
+
     made = st.lists(elements(), max_size=5).map(lambda parts: f"<svg {root}>{''.join(parts)}</svg>")
     written = st.one_of(json_values, polygons_).map(lambda value: msgspec.json.encode(_finite(value)))
     return {
@@ -153,6 +207,11 @@ def _fuzzed(kind: str, folder: Path, count: int) -> Callable[[], None]:
         "yaml": tried(damaged([folder / "m.yaml"]), "e.yaml"),
         "geojson": tried(written, "f.geojson"),
         "scenario": tried(damaged(scenarios), "g.toml"),
+        "indoor": tried(damaged([folder / "unit.geojson"]), "h.geojson"),
+        "osm": read("m.osm", "i.osm", osm.read),
+        "imdf": read("v.zip", "j.zip", imdf.read),
+        "stage": read("w.world", "k.world", stage.read),
+        "sdf": read("g.sdf", "l.sdf", sdf.read),
     }[kind]
 
 
@@ -165,7 +224,20 @@ def _finite(value: object) -> object:
     return {key: _finite(one) for key, one in value.items()} if isinstance(value, dict) else value
 
 
-KINDS = ("svg made", "svg damaged", "pgm", "png", "yaml", "geojson", "scenario")
+KINDS = (
+    "svg made",
+    "svg damaged",
+    "pgm",
+    "png",
+    "yaml",
+    "geojson",
+    "scenario",
+    "indoor",
+    "osm",
+    "imdf",
+    "stage",
+    "sdf",
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)

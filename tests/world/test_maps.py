@@ -186,6 +186,28 @@ def test_a_picture_takes_its_width_or_the_file_beside_it(pair) -> None:
         opened(path)
 
 
+@pytest.mark.parametrize("named", ["/home/x/maps/m.png", "C:\\\\maps\\\\m.png", "../maps/m.png"])
+def test_a_picture_of_another_machine_lies_beside_its_yaml(pair, named: str) -> None:
+    path = pair([[0, 254], [254, 254]], image=named)
+    bitmap = rosmap.read(path)
+    assert bitmap.states.tolist() == [[FREE, FREE], [OCCUPIED, FREE]]
+    [notice] = bitmap.notices
+    assert "is not here; m.png beside it was taken" in notice
+    assert opened(path, width=8.0).width == 8.0
+    path.with_name("m.png").unlink()
+    with pytest.raises(InputError, match="no such file"):
+        rosmap.read(path)
+
+
+def test_unknown_that_becomes_floor_is_told(pair) -> None:
+    levels = [[0, 205, 254, 254], [205, 254, 254, 254]]
+    [notice] = rosmap.read(pair(levels, free_thresh=0.25)).notices
+    assert notice.startswith("25 % of its pixels are grey 205")
+    assert "by free_thresh 0.25 they are floor" in notice
+    for keys in ({}, {"negate": 1, "free_thresh": 0.25}, {"mode": "raw"}):
+        assert rosmap.read(pair(levels, **keys)).notices == ()
+
+
 # --- there and back
 
 
@@ -219,11 +241,19 @@ def test_a_map_keeps_unknown_unknown(tmp_path_factory: pytest.TempPathFactory, s
     assert grid["data"] == [wanted[int(state)] for state in states.reshape(-1)]
 
 
+@pytest.mark.parametrize("ending", [".yaml", ".json"])
+def test_origins_are_written_without_the_dust_of_sums(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"m{ending}"
+    rosmap.write(path, np.zeros((2, 3), np.uint8), Lattice(-13.399999999999999, 0.30000000000000004, 0.1, 2, 3))
+    assert "-13.4" in path.read_text()
+    assert "0.30000" not in path.read_text()
+
+
 @pytest.mark.parametrize("name", ["basilica.svg", "room.svg", "arena.svg"])
 def test_a_world_as_polygons_or_as_a_drawing_is_the_same(name: str) -> None:
     plan = opened(WORLDS / name)
     for again in (
-        geojson.read(geojson.written(plan), "w.geojson"),
+        geojson.plan_from(geojson.written(plan), "w.geojson"),
         read_floor_plan(drawing.drawn(plan, "A <plan>"), "w.svg"),
     ):
         assert again.page == pytest.approx(plan.page)

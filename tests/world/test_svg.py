@@ -453,3 +453,10 @@ def test_a_good_drawing_is_read_in_full() -> None:
     read = read_floor_plan(RICH, "plan.svg", 100.0)
     assert read.width == pytest.approx(12)
     assert read.walls.area > 12
+
+
+def test_long_path_data_takes_no_longer_for_a_curve_at_its_end() -> None:
+    """A pattern that tried all ways to cut digits into numbers would not end within the life of this machine."""
+    data = "M0 0L" + " ".join(f"{1000001 + i} {2000003 + i}" for i in range(300)) + "C0 0 1 1 2 2Z"
+    with pytest.raises(InputError, match="farther than"):
+        read_floor_plan(f'<svg viewBox="0 0 4 4"><path d="{data}"/></svg>', "plan.svg")

@@ -84,7 +84,7 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     samples does not matter. With a `half_life` evidence fades, so that a field that changes can be followed.
     """
 
-    spacing: Annotated[float, Meta(gt=0.0)] = 1.0  # m between bells, and their standard deviation
+    spacing: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # m between bells, and their standard deviation
     prior: Annotated[float, Meta(gt=0.0)] = 1.0  # standard deviation of a weight, in the field's unit
     noise: Annotated[float, Meta(gt=0.0)] = 0.05  # assumed standard deviation of a sample, in the field's unit
     half_life: Annotated[float, Meta(gt=0.0)] | None = None  # iterations in which evidence loses half of its weight

@@ -52,8 +52,9 @@ class FieldTask:
         live = errors[moment.state.alive]
         error = float(live.mean()) if len(live) else float("nan")
         values = {"error": error, "worst": float(live.max(initial=0.0))}
-        return Measured(values, {"errors": errors}, float(np.clip(self._wanted / error, 0.0, 1.0)) if error else 1.0,
-                        error <= self._wanted)  # fmt: skip
+        finished = error <= self._wanted  # never while nobody lives, and there is no error
+        progress = 1.0 if finished else self._wanted / error if len(live) else 0.0
+        return Measured(values, {"errors": errors}, progress, finished)
 
     def summaries(self) -> Sequence[Summary]:
         """The last errors."""

@@ -16,7 +16,7 @@ from swarmsim.operations.fields.estimate import Basis, Reconstruction
 ARRIVED = 0.15  # m: nearer than this to its place, a robot takes the next
 PATIENCE = 3.0  # a way takes a robot so many times as long as its length, at most
 
-Margin = Annotated[float, Meta(ge=0.0)]
+Margin = Annotated[float, Meta(ge=0.0, le=1e6)]
 
 
 class RandomWaypoint(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -62,7 +62,7 @@ class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """
 
     margin: Margin = 0.4  # m, from the edges of the page
-    nearness: Annotated[float, Meta(ge=0.0)] = 0.5  # how much the way counts against uncertainty
+    nearness: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5  # how much the way counts against uncertainty
 
     def build(self, setting: Setting) -> Uncertainty:
         """The strategy."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import html
 import json
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Final
@@ -16,6 +18,9 @@ LAYERS: Final = (
     ("beams", "beams", False), ("faults", "faults", True),
 )  # fmt: skip
 CANVAS: Final = "The building with its robots; numbers are beside it"
+THEME: Final = (
+    'document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"'
+)
 SPEEDS: Final = (1, 5, 20, 60, 200)
 
 
@@ -53,7 +58,7 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
 <label>speed <select id="speed">{_speeds()}</select></label><output id="note"></output></div>
 </div><div>
 <output class="big" id="value"></output> <span>{html.escape(curve)}</span>
-<dl id="numbers" style="margin-top:10px"></dl>
+<dl id="numbers"></dl>
 <p><label>look at <select id="robot"><option value="-1">all robots</option></select></label></p>
 <dl id="about"></dl>
 <fieldset id="layers"><legend>show</legend>{_boxes()}</fieldset>
@@ -61,8 +66,8 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
 Robots are drawn larger than they are where there is room.</p>
 </div></div>
 <div class="below">{below}</div></main>
-{data}<script>{_text("page.js")}</script>"""
-    return _page(recording.scenario.title, body)
+{data}"""
+    return _page(recording.scenario.title, body, _text("page.js"))
 
 
 def study_page(
@@ -93,19 +98,24 @@ def study_page(
                 f'<h2>{html.escape(caption)}</h2><img alt="{html.escape(caption)}" src="{source}">'
                 for caption, source in figures.items()
             ]
-    parts.append(
-        "</main><script>document.documentElement.dataset.theme = "
-        'matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"</script>'
-    )
-    return _page(title, "\n".join(parts))
+    return _page(title, "\n".join([*parts, "</main>"]), THEME)
 
 
-def _page(title: str, body: str) -> str:
+def _page(title: str, body: str, script: str) -> str:
+    """A page that runs this script, wears our style, shows pictures that are in it, and may do nothing else."""
+    style = _text("page.css")
+    policy = f"default-src 'none'; script-src {_hashed(script)}; style-src {_hashed(style)}; img-src data:"
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{html.escape(title)}</title><link rel="icon" href="data:,"><style>{_text("page.css")}</style></head>
-<body>{body}</body></html>
+<meta http-equiv="Content-Security-Policy" content="{policy}; base-uri 'none'; form-action 'none'">
+<title>{html.escape(title)}</title><link rel="icon" href="data:,"><style>{style}</style></head>
+<body>{body}<script>{script}</script></body></html>
 """
+
+
+def _hashed(text: str) -> str:
+    """What names a script or a style in a page's policy: its SHA-256, so that no other one is run."""
+    return f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def _text(name: str) -> str:

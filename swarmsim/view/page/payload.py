@@ -108,7 +108,7 @@ def _words(recording: Recording, scene: Scene) -> dict[str, Any]:
         "lattice": [lattice.x0, lattice.y0, lattice.cell, lattice.rows, lattice.columns],
         "tile": list(scene.tile),
         "layers": {name: [_rings(part) for part in shape.geoms] for name, shape in scene.layers.items()},
-        "floor": [_ring(shapely.Polygon(part.exterior).exterior) for part in scene.layers["walls"].geoms],
+        "floor": [_ring(part.exterior) for part in scene.footprint],
         "curve": {
             "name": name,
             "unit": unit,

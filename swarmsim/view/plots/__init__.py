@@ -2,6 +2,7 @@
 
 from swarmsim.view.plots.building import building
 from swarmsim.view.plots.conditions import comparison, distributions
+from swarmsim.view.plots.imported import imported
 from swarmsim.view.plots.listing import table
 from swarmsim.view.plots.local_maps import local_maps
 from swarmsim.view.plots.methods import Ratios, profiles, ratios
@@ -15,6 +16,6 @@ from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
     "COLOURS", "FINEST", "Ratios", "Steps", "address", "building", "comparison", "contact_times", "curves", "degrees",
-    "distributions", "local_maps", "network_course", "padded", "profiles", "provenance", "ratios", "rewiring", "save",
-    "scaling", "sweep", "table", "who_heard_whom",
+    "distributions", "imported", "local_maps", "network_course", "padded", "profiles", "provenance", "ratios",
+    "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

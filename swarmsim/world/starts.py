@@ -1,0 +1,29 @@
+"""The area in which the robots of a simulator's world stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import shapely
+
+from swarmsim.core.events import Box
+from swarmsim.world.areas import polygons
+from swarmsim.world.plan import SPAWN_LAYER
+from swarmsim.world.shapes import Shape
+
+_AROUND: Final = 0.5  # m, on each side of the outermost robots
+
+
+def start(places: Sequence[tuple[float, float]], solid: Sequence[Shape], page: Box) -> list[Shape]:
+    """A spawn area: a box around the places (m) of robots, without what is solid and what lies behind that."""
+    points = np.array(places).reshape(-1, 2)
+    if not len(points):
+        return []
+    box = shapely.box(*(points.min(axis=0) - _AROUND), *(points.max(axis=0) + _AROUND))
+    walls = shapely.union_all([shape.fill for shape in solid])
+    free = polygons(box.intersection(shapely.box(*page)).difference(walls))
+    with_robots = [piece for piece in free.geoms if shapely.intersects_xy(piece, points[:, 0], points[:, 1]).any()]
+    area = shapely.MultiPolygon(with_robots)
+    return [] if area.is_empty else [Shape(area, layer=SPAWN_LAYER, spawn=SPAWN_LAYER, where="the robots' places")]

@@ -1,0 +1,126 @@
+"""The oracles catch what they are there for: each fault that is planted here is found among the first scenarios."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from generated.test_generated_scenarios import SCENARIOS
+from generated.trials import tried_all
+
+from swarmsim.core.messages import Delivery
+from swarmsim.core.state import FREE, UNKNOWN
+from swarmsim.network.channel import PerfectChannel
+from swarmsim.network.delays import LatentChannel
+from swarmsim.network.losses import LossyChannel
+from swarmsim.operations.mapping.coverage import CoverageTask
+from swarmsim.operations.mapping.grids import OccupancyGrids
+from swarmsim.robots.bodies import DifferentialDrive
+from swarmsim.robots.sensors import IrRingSensor
+
+Plant = Callable[[pytest.MonkeyPatch], None]
+
+
+def wrapped(kind: type, name: str, changed: Callable[..., Any]) -> Plant:
+    """A fault by which a method does what `changed` makes of it, which is given the method and its arguments."""
+    whole = getattr(kind, name)
+    return lambda patch: patch.setattr(kind, name, lambda *given: changed(whole, *given))
+
+
+def without_a_wall(prepare: Any, part: Any) -> None:
+    """Walls are put up but for the first one."""
+    building = part._building
+    walls, building.walls = building.walls, building.walls[1:]
+    prepare(part)
+    building.walls = walls
+
+
+def heard_after_its_loss(deliver: Any, *given: Any) -> Delivery:
+    found = deliver(*given)
+    lost = [letters for _, letters in found.lost if len(letters)]
+    heard = np.concatenate([found.heard, *(letters[:1] for letters in lost)])
+    return replace(found, heard=heard[np.lexsort((heard[:, 2], heard[:, 1], heard[:, 0]))])
+
+
+def twice(letters: np.ndarray) -> np.ndarray:
+    return np.concatenate([letters[:1], letters])
+
+
+def lost_twice(deliver: Any, *given: Any) -> Delivery:
+    found = deliver(*given)
+    return replace(found, lost=tuple((reason, twice(letters)) for reason, letters in found.lost))
+
+
+def heard_twice(deliver: Any, *given: Any) -> Delivery:
+    found = deliver(*given)
+    return replace(found, heard=twice(found.heard))
+
+
+def swallowed(deliver: Any, *given: Any) -> Delivery:
+    found = deliver(*given)
+    return replace(found, heard=found.heard[1:])
+
+
+def cell_that_nobody_saw(update: Any, grids: Any, alive: Any, tiles: Any, inbox: Any) -> Any:
+    """One unknown cell of each tile becomes free when it is put on a map."""
+    values = tiles.values.copy()
+    for tile in values.reshape(len(values), -1):
+        tile[np.flatnonzero(tile == UNKNOWN)[:1]] = FREE
+    return update(grids, alive, replace(tiles, values=values), inbox)
+
+
+def one_more(measure: Any, task: Any, moment: Any) -> Any:
+    """One cell too many is counted."""
+    measured = measure(task, moment)
+    share = min(1.0, measured.values["coverage"] + 1.0 / np.count_nonzero(moment.building.domain))
+    return replace(measured, values={"coverage": share})
+
+
+def blind_beam(sense: Any, *given: Any) -> Any:
+    """A tile lacks a cell that beams have shown."""
+    readings = sense(*given)
+    for tile in readings.tiles.values.reshape(len(readings.tiles.values), -1):
+        tile[np.flatnonzero(tile == FREE)[-1:]] = UNKNOWN
+    return readings
+
+
+#: By name: the scenario to begin with, the fault, and what is told of it.
+PLANTED: dict[str, tuple[int, Plant, str]] = {
+    "a wall that beams do not see": (13, wrapped(IrRingSensor, "_prepare", without_a_wall), r"beam|cells at"),
+    "a wall that bodies do not meet": (
+        54,
+        wrapped(DifferentialDrive, "_build_walls", without_a_wall),
+        r"into walls|beyond a wall",
+    ),
+    "a cell that beams showed and a tile lacks": (
+        3,
+        wrapped(IrRingSensor, "sense", blind_beam),
+        r"unknown, and beams showed it",
+    ),
+    "a letter heard after it was lost": (0, wrapped(LossyChannel, "deliver", heard_after_its_loss), r"ended before"),
+    "a letter lost twice": (0, wrapped(LossyChannel, "deliver", lost_twice), r"ended before"),
+    "a letter heard twice": (28, wrapped(LatentChannel, "deliver", heard_twice), r"ended before"),
+    "a letter that is neither heard nor lost": (
+        0,
+        wrapped(PerfectChannel, "deliver", swallowed),
+        r"nothing delays it|too early",
+    ),
+    "a cell on a map that nobody saw": (
+        0,
+        wrapped(OccupancyGrids, "update", cell_that_nobody_saw),
+        r"are covered, and",
+    ),
+    "a cell counted that nobody saw": (0, wrapped(CoverageTask, "measure", one_more), r"are covered, and"),
+}
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_fault_is_caught(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, plant, told = PLANTED[name]
+    plant(monkeypatch)
+    with pytest.raises(AssertionError, match=told):
+        tried_all((*range(first, SCENARIOS), *range(first)), tmp_path)
