@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from swarmsim.core.scenario import World
 from swarmsim.world.plan import FloorPlan
-from swarmsim.world.reading import plan_of
 from swarmsim.world.source import floor_plan, read_world
 
 Place = tuple[float, float]  # m
@@ -47,10 +47,6 @@ class Made:
 
 
 def plan_in(world: World, cell: float = CELL) -> FloorPlan:
-    if world.file.endswith(".dxf"):
-        from swarmsim.world import dxf
-
-        return plan_of(dxf.read(Path(world.file), world), world)
     return floor_plan(read_world(world, cell), world)
 
 
@@ -756,9 +752,12 @@ def cad(draw: Callable[[object, float], None], unit: int = 4, metre: float = 0.0
 
 
 RINGS = (
-    ((0, 0), (8, 0), (8, 6), (0, 6)),
-    ((0.2, 0.2), (5, 0.2), (5, 2.6), (5.2, 2.6), (5.2, 0.2), (7.8, 0.2), (7.8, 5.8), (5.2, 5.8), (5.2, 3.5), (5, 3.5), (5, 5.8), (0.2, 5.8)),
-)  # fmt: skip
+    [(0, 0), (8, 0), (8, 6), (0, 6)],
+    [
+        *((0.2, 0.2), (5, 0.2), (5, 2.6), (5.2, 2.6), (5.2, 0.2), (7.8, 0.2)),
+        *((7.8, 5.8), (5.2, 5.8), (5.2, 3.5), (5, 3.5), (5, 5.8), (0.2, 5.8)),
+    ],
+)
 
 
 def _dxfs() -> list[Made]:
@@ -812,3 +811,91 @@ DXFS = _dxfs()
 
 
 ALL = [*SVGS, *HARD, *MAPS, *DXFS]
+
+
+# ------------------------------------------------------------------------------------------------- plans of many rooms
+
+HOLLOW = 'fill="none" stroke="#000" stroke-width=".04"'
+STYLES = ("gaps", "arcs", "bars", "classes")
+
+
+@dataclass(frozen=True, slots=True)
+class Rooms:
+    """A building of rooms in a grid, each with hollow furniture, joined by doors that form a tree."""
+
+    xs: tuple[float, ...]  # m, the axes of the walls across
+    ys: tuple[float, ...]
+    doors: tuple[tuple[Place, Place], ...]  # the ends of each, on the axes
+
+    @classmethod
+    def of(cls, seed: int, columns: int = 3, rows: int = 2) -> Rooms:
+        rng = np.random.default_rng(seed)
+        xs = np.round(0.1 + np.cumsum([0.0, *rng.uniform(3.2, 5.0, columns)]), 2)
+        ys = np.round(0.1 + np.cumsum([0.0, *rng.uniform(3.2, 5.0, rows)]), 2)
+        edges = [((i, j), (i + 1, j)) for i in range(columns - 1) for j in range(rows)]
+        edges += [((i, j), (i, j + 1)) for i in range(columns) for j in range(rows - 1)]
+        reached, doors = {(0, 0)}, []
+        while len(reached) < columns * rows:
+            one, other = edges[rng.choice([k for k, edge in enumerate(edges) if len(reached & set(edge)) == 1])]
+            reached |= {one, other}
+            along = (ys[one[1]], ys[one[1] + 1]) if one[1] == other[1] else (xs[one[0]], xs[one[0] + 1])
+            start = round(float(rng.uniform(along[0] + 0.4, along[1] - 1.3)), 2)
+            if one[1] == other[1]:
+                doors.append(((float(xs[other[0]]), start), (float(xs[other[0]]), start + 0.9)))
+            else:
+                doors.append(((start, float(ys[other[1]])), (start + 0.9, float(ys[other[1]]))))
+        return cls(tuple(map(float, xs)), tuple(map(float, ys)), tuple(doors))
+
+    @property
+    def size(self) -> Place:
+        return round(self.xs[-1] + 0.1, 6), round(self.ys[-1] + 0.1, 6)
+
+    @property
+    def count(self) -> int:
+        return (len(self.xs) - 1) * (len(self.ys) - 1)
+
+    @property
+    def area(self) -> float:
+        """m2 of the rooms, without doors."""
+        wide, high = np.diff(self.xs) - WALL, np.diff(self.ys) - WALL
+        return float(np.outer(wide, high).sum()) - self.count * 0.64**2
+
+    @property
+    def furniture(self) -> list[shapely.Polygon]:
+        """What tables cover, y up, as `box` has it for doors."""
+        return [
+            shapely.box(x - 0.32, self.size[1] - y - 0.32, x + 0.32, self.size[1] - y + 0.32) for x, y in self.tables
+        ]
+
+    @property
+    def tables(self) -> list[Place]:
+        """The middle of each room, where a table of 0.6 m x 0.6 m stands, y down."""
+        return [((a + b) / 2, (c + d) / 2) for a, b in pairwise(self.xs) for c, d in pairwise(self.ys)]
+
+    def drawn(self, style: str) -> list[str]:
+        """The elements of a drawing, whose y is down."""
+        walls = [((x, self.ys[0]), (x, self.ys[-1])) for x in self.xs]
+        walls += [((self.xs[0], y), (self.xs[-1], y)) for y in self.ys]
+        cap = "butt" if style == "gaps" else "square"
+        gaps = shapely.union_all([shapely.LineString(one).buffer(1e-9) for one in self.doors if style == "gaps"])
+        parts = shapely.get_parts([shapely.LineString(ends).difference(gaps) for ends in walls])
+        data = ["M{} {}L{} {}".format(*shapely.get_coordinates(part).ravel().tolist()) for part in parts]
+        shapes = [f'<path d="{one}" stroke="#000" stroke-width="{WALL}" stroke-linecap="{cap}"/>' for one in data]
+        boxes = [self.box(one) for one in self.doors]
+        if style == "gaps":
+            shapes += [rect(x - 0.1, y - 0.1, WALL, WALL) for x in self.xs for y in self.ys]
+        if style == "arcs":
+            for number, (hinge, end) in enumerate(self.doors):
+                shapes += [lines(one, width=PEN) for one in arc(hinge, end, (90, 60, 30)[number % 3])]
+        if style == "bars":
+            shapes += [rect(*box, 'fill="#fff"') for box in boxes]
+        tables = [rect(x - 0.3, y - 0.3, 0.6, 0.6, HOLLOW) for x, y in self.tables]
+        if style != "classes":
+            return shapes + tables
+        layers = {"walls": shapes, "doors": [rect(*box) for box in boxes], "furniture": tables}
+        return [f'<g class="{layer}">{"".join(found)}</g>' for layer, found in layers.items()]
+
+    def box(self, ends: tuple[Place, Place]) -> tuple[float, float, float, float]:
+        """A door's place in the wall: x, y, width, height, y down."""
+        (a, b), (c, d) = ends
+        return (a - 0.1, b, WALL, d - b) if a == c else (a, b - 0.1, c - a, WALL)

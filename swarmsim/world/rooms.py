@@ -123,17 +123,18 @@ def _width(
     """The width (m) of the widest disc that gets through a door, by halving; `about` where rooms bend around it."""
     x, y = place
     side = 1.5 * widest
-    near = shapely.box(x - side, y - side, x + side, y + side)
+    left, right, low, high = lattice.extent
+    near = shapely.box(max(x - side, left), max(y - side, low), min(x + side, right), min(y + side, high))
     around = shapely.difference(near, shapely.intersection(walls, near))
     cores = shapely.get_parts(shapely.buffer(around, -0.5 * widest))
     owners = labels[tuple(lattice.cells(shapely.get_coordinates(shapely.point_on_surface(cores))).T)]
     first, second = (shapely.union_all(cores[owners == room]) for room in rooms)
     if first.is_empty or second.is_empty:
         return about
-    low, high = 0.0, widest
-    while high - low > _FINE:
-        middle = 0.5 * (low + high)
+    least, most = 0.0, widest
+    while most - least > _FINE:
+        middle = 0.5 * (least + most)
         parts = shapely.get_parts(shapely.buffer(around, -0.5 * middle))
         passes = shapely.intersects(parts, first) & shapely.intersects(parts, second)
-        low, high = (middle, high) if passes.any() else (low, middle)
-    return 0.5 * (low + high)
+        least, most = (middle, most) if passes.any() else (least, middle)
+    return 0.5 * (least + most)

@@ -7,7 +7,8 @@ from pathlib import Path
 import msgspec
 import pytest
 import shapely
-from buildings import ALL, Made, floor_in, plan_in
+from buildings import ALL, AXES, Made, floor_in, lines, plan_in, svg
+from drawn import read_floor_plan
 
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
@@ -38,3 +39,10 @@ def test_a_building_has_its_floor_where_it_is_and_robots_run_there(made: Made, t
 
     run.simulation.run([Keep()])
     assert shapely.contains_xy(floor, *zip(*places, strict=True)).all()
+
+
+def test_a_prefix_needs_no_declaration_after_a_deeply_nested_drawing() -> None:
+    deep = svg("<g>" * 300 + lines(AXES) + "</g>" * 300)
+    undeclared = svg(f'<g id="a">{lines(AXES)}</g><use xlink:href="#a"/>')
+    for text in (deep, undeclared):
+        assert read_floor_plan(text, "w.svg").walls.area == pytest.approx(0.2 * (2 * 7.8 + 2 * 5.8))
