@@ -623,6 +623,35 @@ def _hard() -> list[Made]:
 HARD = _hard()
 
 
+def _furnished() -> list[Made]:
+    """Plans with hollow walls, furniture, and what CAD programs draw beside the walls."""
+    house, slack = lines(AXES, GAP), 0.4
+    hollow = lines("M0 0H8V6H0ZM.2 .2H5V5.8H.2ZM5.2 .2H7.8V5.8H5.2Z", width=0.02)
+    faces = [lines(*arc((x, 3.4), (x, 2.5), degrees), width=0.02) for x, degrees in ((5.1, 60), (5.0, 90))]
+    white = 'fill="#fff" stroke="#000" stroke-width=".02"'
+    bed = rect(1, 1, 2, 1.6, white) + rect(1, 1, 0.4, 0.7, white)
+    sizes = lines("M0 -1H8", "M0 -1.2V-.1", "M8 -1.2V-.1", "M5.1 -1.2V-.1", width=0.01)
+    shade = '<linearGradient id="g"><stop offset="0" stop-color="#eee"/><stop offset="1" stop-color="#ddd"/>'
+    arrow = '<circle cx="10" cy="0" r=".8" fill="none" stroke="#000" stroke-width=".02"/>'
+    cut = ("1 door symbol cuts",)
+    return [
+        Made("hollow-swing.svg", svg(hollow + faces[0]), HOUSE, IN, OUT, says=cut, slack=slack),
+        Made("hollow-swing-face.svg", svg(hollow + faces[1]), HOUSE, IN, OUT, says=cut, slack=slack),
+        Made("hollow-made.svg", svg(hollow), HOUSE, IN, OUT, {"doors": 0.9}, ("1 door of 0.9 m",), slack=slack),
+        Made("bed.svg", svg(house + bed), HOUSE - 2.02 * 1.62, IN, (*OUT, (2, 4.2), (1.2, 4.8))),
+        Made("sofa.svg", svg(house + rect(1, 1, 2, 1.6, 'fill="#ccc"')), HOUSE - 3.2, IN, (*OUT, (2, 4.2))),
+        Made("sizes.svg", svg(house + sizes, "-2 -2 12 10"), HOUSE, moved(IN, 2, 2), ((1, 5), (2.1, 5), (7.1, 3))),
+        Made("sizes-frame.svg", svg(FRAME + house + sizes, PAGE), HOUSE, moved(IN, 4, 4), FAR),
+        Made("gradient.svg", svg(f"{shade}</linearGradient>{rect(0.3, 0.3, 7, 5, PAINTED)}{house}"), HOUSE, IN, OUT),
+        Made("sliding.svg", svg(house + lines("M5.06 2.4V3", "M5.14 2.9V3.5", width=0.03)), HOUSE, IN, OUT),
+        Made("arrow.svg", svg(house + arrow, "-2 -2 14 10"), HOUSE, moved(IN, 2, 2), ((12, 8), (1, 5), (7.1, 3))),
+    ]
+
+
+PAINTED = 'fill="url(#g)"'
+FURNISHED = _furnished()
+
+
 # --------------------------------------------------------------------------------------------------------------- maps
 
 FREE, WALL_GREY, UNKNOWN = 254, 0, 205
@@ -810,7 +839,7 @@ def _dxfs() -> list[Made]:
 DXFS = _dxfs()
 
 
-ALL = [*SVGS, *HARD, *MAPS, *DXFS]
+ALL = [*SVGS, *HARD, *FURNISHED, *MAPS, *DXFS]
 
 
 # ------------------------------------------------------------------------------------------------- plans of many rooms
