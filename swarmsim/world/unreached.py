@@ -94,7 +94,7 @@ def unreached(arena: Arena, reachable: Cells, radius: float, spawn: str) -> Unre
     start = shapely.points(arena.lattice.centres(np.argwhere(reachable)[0]))
     outside = shapely.bounds(pieces)[:, 0] < left
     own = shapely.distance(pieces, start).argmin()
-    rooms = shapely.get_parts(shapely.buffer(pieces[own], TOUCH - radius))
+    rooms = shapely.get_parts(shapely.buffer(pieces[own], TOUCH - radius, quad_segs=8))
     nearest = shapely.distance(rooms, start).argmin()
     home, beyond = rooms[nearest], shapely.bounds(rooms)[:, 0] < left
     if beyond[nearest]:
