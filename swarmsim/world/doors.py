@@ -97,6 +97,17 @@ def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.P
     return left, openings
 
 
+def inward(openings: list[shapely.Polygon], walls: MultiPolygon) -> list[shapely.Polygon]:
+    """Those of the openings that do not lead out of the building that `walls` make."""
+    if not openings:
+        return []
+    page = shapely.box(*walls.bounds)
+    free = shapely.get_parts(polygons(shapely.difference(page, walls)))
+    outside = shapely.union_all([*free[shapely.intersects(free, page.exterior)], shapely.buffer(page, 1.0) - page])
+    shapely.prepare(outside)
+    return [opening for opening in openings if not outside.intersects(opening)]
+
+
 def _near(walls: shapely.STRtree, place: Points) -> set[int]:
     """The numbers of the shapes that are at a place, but for what drawings stray by."""
     return set(walls.query(shapely.Point(place), predicate="dwithin", distance=_INTO).tolist())
@@ -197,16 +208,18 @@ def _without(shape: Shape, gone: set[tuple[int, int]]) -> Shape:
     return replace(shape, stroke=stroke, lines=tuple(lines), fill=shape.fill if kept else NOTHING)
 
 
-def make_doors(walls: MultiPolygon, width: float) -> MadeDoors:
+def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHING) -> MadeDoors:
     """One opening for each closed room, `width` (m) wide where the wall has room for it.
 
     Rooms are reached from the largest one on. A closed room that a wall of at most `THICK` parts from a reached one
     gets a door in the longest straight stretch of that wall, into the reached room with the most neighbours. Insides of
-    walls are no rooms, nor is furniture: small closed pieces that stand free in another. No door leads outwards.
+    walls are no rooms, nor is furniture: small closed pieces that stand free in another. No door leads outwards; rooms
+    may be open to the outside where most of them is `painted` as floor.
     """
     page = shapely.box(*walls.bounds)
     pieces = shapely.get_parts(polygons(shapely.difference(page, walls)))
     outer = shapely.intersects(pieces, page.exterior)
+    outer &= shapely.area(shapely.intersection(pieces, painted)) < 0.5 * shapely.area(pieces)
     cavity = ~outer & _is_cavity(pieces)
     free = np.array(
         [not out and _stands_free(piece, pieces[~cavity]) for piece, out in zip(pieces, outer, strict=True)], np.bool_

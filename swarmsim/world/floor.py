@@ -36,15 +36,15 @@ class Floor:
 
 
 def floor_of(
-    solid: MultiPolygon, drawn: MultiPolygon, inside: Box, spawns: list[MultiPolygon], unusable: MultiPolygon
+    solid: MultiPolygon, drawn: MultiPolygon, inside: Box, held: list[MultiPolygon], unusable: MultiPolygon
 ) -> Floor | None:
     """The floor between what is `solid`, or None if nothing is free.
 
-    `inside` is the box within which space may be floor: the page of a map, the extent of a drawing. With `spawns`, the
-    floor is the free space that holds most of them; otherwise the largest closed piece, or the largest open one if no
-    closed piece has at least `ENCLOSED` of its area inside of the hull of what is `drawn`. Racks, pillars and specks
-    come to 0.03 of that at most, real buildings to 0.5 and more. An open floor gets a border along `inside`. Robots do
-    not start on what is `unusable`.
+    `inside` is the box within which space may be floor: the page of a map, the extent of a drawing. What is `held`,
+    spawn areas or painted floor, lies mostly in the floor; without it, the floor is the largest closed piece, or the
+    largest open one if no closed piece has at least `ENCLOSED` of its area inside of the hull of what is `drawn`.
+    Racks, pillars and specks come to 0.03 of that at most, real buildings to 0.5 and more. An open floor gets a border
+    along `inside`. Robots do not start on what is `unusable`.
     """
     box = shapely.box(*inside)
     free = polygons(shapely.difference(box, solid))
@@ -55,9 +55,9 @@ def floor_of(
     usable = pieces if unusable.is_empty else shapely.difference(pieces, unusable)
     areas = shapely.area(usable)
     sure = True
-    if spawns:
-        held = shapely.area(shapely.intersection(pieces, shapely.union_all(spawns)))
-        taken = int((held if held.any() else areas).argmax())
+    if held:
+        own = shapely.area(shapely.intersection(pieces, shapely.union_all(held)))
+        taken = int((own if own.any() else areas).argmax())
     else:
         hull = box if drawn.is_empty else shapely.convex_hull(drawn)
         closed, open_ = np.where(is_open, 0.0, areas), np.where(is_open, areas, 0.0)

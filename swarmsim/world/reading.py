@@ -9,15 +9,13 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
-from scipy import sparse
 from shapely import MultiPolygon
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
-from swarmsim.world.areas import joined, polygons, united
-from swarmsim.world.doors import FURNITURE, THICK, cut_by_symbols, make_doors, opened
+from swarmsim.world.areas import connected, joined, polygons, united
+from swarmsim.world.doors import FURNITURE, THICK, cut_by_symbols, inward, make_doors, opened
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.shapes import NOTHING, Drawing, Shape
 
@@ -39,7 +37,8 @@ class Read:
     """What is solid in a drawing without layers, and how that was found."""
 
     solid: MultiPolygon
-    rooms: bool  # whether it is a plan of rooms, whose fills are floor
+    rooms: MultiPolygon  # of a plan of rooms, the fills that are floor
+    is_rooms: bool  # whether it is one
     notices: list[str]
 
 
@@ -57,15 +56,17 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         by_layer[shape.layer].append(shape)
     notices = list(drawing.notices)
     undecided, rooms = by_layer[""], bool(by_layer[FLOOR_LAYER])
+    painted = [shape.fill for shape in by_layer[FLOOR_LAYER]]
     if drawing.says_solid:
         layers = {layer: united(_layer(by_layer[layer], world, page)) for layer in SOLID_LAYERS}
         rooms |= world.solid == "strokes"
         if beside := [shape for shape in undecided if not _fills(shape, page)]:
             notices.append(_decoration(beside, by_layer))
     else:
-        read = _read(undecided, world, page, bool(by_layer[DOORS_LAYER]))
+        read = _read(undecided, world, page)
+        painted.append(read.rooms)
         layers = {layer: read.solid if layer == "walls" else MultiPolygon() for layer in SOLID_LAYERS}
-        rooms |= read.rooms
+        rooms |= read.is_rooms
         notices += read.notices
     if floors := by_layer[FLOOR_LAYER]:
         layers = _with_rooms(layers, floors)
@@ -81,9 +82,10 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         )
     walls = united(layers.values()) if drawing.says_solid else joined(layers.values())
     made: tuple[Box, ...] = ()
+    ground = united(painted)
     width = world.doors if world.doors is not None else DOOR if rooms else 0.0
     if width:
-        new = make_doors(walls, width)
+        new = make_doors(walls, width, ground)
         made = tuple(tuple(map(float, door.bounds)) for door in new.doors)  # type: ignore[misc]
         if made:
             layers = {layer: opened(shape, new.cuts) for layer, shape in layers.items()}
@@ -100,7 +102,7 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         spawns[name] = united(_area(shape) for shape in by_layer[SPAWN_LAYER] if shape.spawn == name)
     told = tuple(f"{drawing.name}: {notice}" for notice in notices)
     guessed = not drawing.says_solid and not by_layer[FLOOR_LAYER]
-    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made, guessed=guessed)
+    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made, painted=ground, guessed=guessed)
 
 
 def _area(shape: Shape) -> MultiPolygon:
@@ -113,14 +115,14 @@ def _layer(shapes: Sequence[Shape], world: World, page: Box) -> list[MultiPolygo
     return [_strokes(shapes, page, 0.0)] if world.solid == "strokes" else [_area(shape) for shape in shapes]
 
 
-def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> Read:
+def _read(shapes: Sequence[Shape], world: World, page: Box) -> Read:
     """What is solid among shapes that no layer says anything of."""
     paper = [shape for shape in shapes if _fills(shape, page)]
     shown = [shape for shape in shapes if not _fills(shape, page)]
     ground = paper[-1].fill_ink if paper else 0.0
     notes = [f"{paper[-1].where} fills the page and is taken for its paper, not for a wall"] if paper else []
     if not shown:
-        return Read(MultiPolygon(), False, notes)
+        return Read(NOTHING, NOTHING, False, notes)
     if world.solid != "all":
         shown = [*_rims(paper, shown), *shown]
         shown, frames = _without_frames(shown, page, ground)
@@ -137,13 +139,17 @@ def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> 
     elif not rooms:
         number = f"all {len(shown)} visible shapes are walls"
         notes.append(f"it has no layer of {', '.join(SOLID_LAYERS)}, so that {number}")
-    if len(symbols):
-        count = "1 door symbol cuts" if len(symbols) == 1 else f"{len(symbols)} door symbols cut"
-        notes.append(f"{count} the walls")
     solid = _strokes(drawn, page, ground) if rooms else _all(drawn, ground)
-    if len(symbols):
-        solid = opened(solid, shapely.union_all(symbols))
-    return Read(solid, rooms, notes)
+    inner = inward(symbols, solid)
+    if inner:
+        count = "1 door symbol cuts" if len(inner) == 1 else f"{len(inner)} door symbols cut"
+        notes.append(f"{count} the walls")
+        solid = opened(solid, shapely.union_all(inner))
+    if outer := len(symbols) - len(inner):
+        count = "1 door symbol leads" if outer == 1 else f"{outer} door symbols lead"
+        notes.append(f"{count} outside, where walls that run on stay closed")
+    painted = united(shape.fill for shape in drawn if _is_light(shape, ground)) if rooms else NOTHING
+    return Read(solid, painted, rooms, notes)
 
 
 def _fills(shape: Shape, page: Box) -> bool:
@@ -184,7 +190,7 @@ def _frame(shapes: list[Shape], page: Box, ground: float) -> tuple[shapely.Polyg
     bounds = shapely.bounds(areas)  # NaN for what has lines alone
     low, high = np.nanmin(bounds[:, :2], axis=0, initial=np.inf), np.nanmax(bounds[:, 2:], axis=0, initial=-np.inf)
     edge = ((bounds[:, :2] <= low + _NEAR) | (bounds[:, 2:] >= high - _NEAR)).any(axis=1)
-    piece = _pieces(areas)
+    piece = connected(areas)
     own = piece == piece[edge.argmax()]
     if not edge.any() or own.all() or not own[edge].all():
         return None
@@ -199,13 +205,6 @@ def _frame(shapes: list[Shape], page: Box, ground: float) -> tuple[shapely.Polyg
     free = building.area < ROOMS[0] * shapely.convex_hull(building).area
     apart = shapely.distance(outline.exterior, building) > THICK and _breadth(whole) <= 0.5 * _breadth(building)
     return (outline, rest) if free and apart else None
-
-
-def _pieces(areas: NDArray[np.object_]) -> NDArray[np.int32]:
-    """The number of the connected piece that each of some areas belongs to."""
-    one, other = shapely.STRtree(areas).query(areas, predicate="intersects")
-    links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(areas), len(areas)))
-    return np.asarray(sparse.csgraph.connected_components(links, directed=False)[1])
 
 
 def _without_faint(shapes: list[Shape], ground: float) -> tuple[list[Shape], list[str]]:
@@ -277,11 +276,7 @@ def _share_of_rooms(shapes: Sequence[Shape], page: Box, ground: float) -> float:
     Rooms are wide and light, most of the building is painted, and its strokes follow most of their borders: strokes
     alone would make no walls otherwise.
     """
-    light = [
-        shape.fill
-        for shape in shapes
-        if not shape.fill.is_empty and _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
-    ]
+    light = [shape.fill for shape in shapes if _is_light(shape, ground)]
     if not light:
         return 0.0
     whole = shapely.union_all([_area(shape) for shape in shapes])
@@ -297,6 +292,11 @@ def _share_of_rooms(shapes: Sequence[Shape], page: Box, ground: float) -> float:
     borders = shapely.boundary(np.array(light))
     lined = shapely.length(shapely.intersection(borders, near)) >= 0.5 * shapely.length(borders)
     return share if lined.mean() >= 0.5 else 0.0
+
+
+def _is_light(shape: Shape, ground: float) -> bool:
+    """Whether a shape has a fill as rooms have: wide, and not black."""
+    return _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
 
 
 def _breadth(shape: MultiPolygon) -> float:

@@ -15,6 +15,7 @@ from swarmsim.world.arena import TOUCH, Arena, place_in, spot
 from swarmsim.world.cells import Cells
 
 _CRUMB: Final = 1e-6  # m2; less is where two walls nearly meet
+_ROOMY: Final = 2.0  # m2; pockets above it may be rooms
 _ROOMS: Final = 0.05  # of the floor; more of it behind narrow gaps deserves a warning
 
 
@@ -40,6 +41,8 @@ class Unreached:
                 f"at {place_in(largest)}" if one else f"in all (the largest {_m2(largest.area)} at {place_in(largest)})"
             )
             told.append(f"{count} {which} cannot be entered and {'does' if one else 'do'} not count")
+            if largest.area > _ROOMY:
+                told[-1] += f"; if {'it is a room' if one else 'some are rooms'}, world.doors = 0.9 makes doors"
         behind = float(shapely.area(self.narrow).sum())
         if behind:
             some = "place lies" if len(self.narrow) == 1 else "places lie"

@@ -22,7 +22,7 @@ from swarmsim.engine.inspection import Inspection, inspect
 from swarmsim.world import svg
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.reading import plan_of
-from swarmsim.world.source import read_world
+from swarmsim.world.source import floor_plan, read_world
 
 SPACES = 'xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"'
 LAYERS_PARTIAL = (
@@ -207,3 +207,31 @@ def test_what_is_left_out_of_a_drawing_without_layers_is_told() -> None:
         whole = plan_of(svg.read(drawing(body, PAGE), "w.svg", kept), kept)
         assert whole.walls.area > found.walls.area + 0.05
         assert not any(said in notice for notice in whole.notices)
+
+
+def test_rooms_with_an_open_front_door_are_the_floor_and_not_what_happens_to_be_closed(tmp_path: Path) -> None:
+    room = 'fill="#fffdf7" stroke="#222" stroke-width=".15"'
+    door = 'stroke="#fffdf7" stroke-width=".3"'
+    world = opened(
+        tmp_path,
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 24 20"><g {room}><rect x="4" y="4" width="16" '
+        'height="12"/><rect x="4" y="4" width="8" height="8"/><rect x="12" y="4" width="8" height="8"/><rect x="4" y="12" '
+        f'width="16" height="4"/></g><path d="M7 12H8M20 13.5V14.5" {door}/></svg>',
+    )
+    plan = floor_plan(read_world(world, CELL), world)
+    assert plan.spawns["spawn"].area == pytest.approx(184.9, abs=1.0)
+    assert len(plan.openings) == 1  # into the room that is drawn closed
+    assert not plan.border.is_empty
+
+
+def test_a_door_symbol_over_an_outer_wall_opens_nothing(tmp_path: Path) -> None:
+    world = opened(
+        tmp_path,
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 12 8"><g fill="none" stroke="#000" stroke-width=".2">'
+        '<path d="M1 1H11V7H1ZM6 1V7"/><path d="M6 3H6.9A.9 .9 0 0 1 6 3.9M1 3H1.9A.9 .9 0 0 1 1 3.9" '
+        'stroke-width=".05"/></g></svg>',
+    )
+    plan = floor_plan(read_world(world, CELL), world)
+    assert any("1 door symbol leads outside" in notice for notice in plan.notices)
+    assert plan.border.is_empty
+    assert plan.spawns["spawn"].area == pytest.approx(9.8 * 5.8 - 0.2 * 5.8 + 0.2 * 0.9, abs=0.2)
