@@ -215,8 +215,8 @@ def test_rooms_with_an_open_front_door_are_the_floor_and_not_what_happens_to_be_
     world = opened(
         tmp_path,
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 24 20"><g {room}><rect x="4" y="4" width="16" '
-        'height="12"/><rect x="4" y="4" width="8" height="8"/><rect x="12" y="4" width="8" height="8"/><rect x="4" y="12" '
-        f'width="16" height="4"/></g><path d="M7 12H8M20 13.5V14.5" {door}/></svg>',
+        'height="12"/><rect x="4" y="4" width="8" height="8"/><rect x="12" y="4" width="8" height="8"/>'
+        f'<rect x="4" y="12" width="16" height="4"/></g><path d="M7 12H8M20 13.5V14.5" {door}/></svg>',
     )
     plan = floor_plan(read_world(world, CELL), world)
     assert plan.spawns["spawn"].area == pytest.approx(184.9, abs=1.0)
