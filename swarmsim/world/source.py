@@ -170,7 +170,7 @@ def _with_floor(plan: FloorPlan, world: World) -> FloorPlan:
         if not floor.sure:
             notices.append(
                 f"{world.title}: the floor is taken to be the space at {place_in(floor.piece)}, "
-                f"{floor.piece.area:.3g} m2, but another one comes close; say which by world.spawn"
+                f"{floor.piece.area:.1f} m2, but another one comes close; say which by world.spawn"
             )
     walls = plan.walls
     if world.pockets == "fill":

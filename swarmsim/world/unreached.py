@@ -52,7 +52,10 @@ class Unreached:
                 f"{place_in(self.narrow[0])}"
             )
             if behind > _ROOMS * floor:
-                told[-1] += f"; that is {100.0 * behind / floor:.0f} % of the floor: is the robot, or the scale, right?"
+                told[-1] += (
+                    f"; that is {100.0 * behind / floor:.0f} % of the floor, so that the robot or the scale may be "
+                    "wrong"
+                )
         if len(self.coarse):
             cell = arena.lattice.cell
             told.append(
