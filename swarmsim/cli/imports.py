@@ -39,7 +39,9 @@ class Answers:
         if self._yes:
             raise InputError(f"{question} Nothing in the file says so; give it: {key}")
         while True:
-            text = typer.prompt(question, type=str, prompt_suffix=" ").strip().removesuffix("m").strip()
+            text = (
+                typer.prompt(question, type=str, prompt_suffix=" ").strip().removesuffix("m").replace(",", ".").strip()
+            )
             try:
                 value = float(text)
             except ValueError:
@@ -100,7 +102,9 @@ def import_(
     if found.problem:
         print(f"It does not run yet: {found.problem}")
         raise typer.Exit(2)
-    print(f"Next: swarmsim run {scenario} --video {scenario.stem}.mp4")
+    seconds = (found.seconds or 0.0) * (found.iterations or 0) * found.scenario.robots.count / ROBOTS
+    took = f"  (about {seconds:.0f} s)" if seconds >= 1.0 else ""
+    print(f"Next: swarmsim run {scenario} --video {scenario.stem}.mp4{took}")
 
 
 def _world(keys: dict[str, Any]) -> World:
@@ -171,8 +175,9 @@ def _layers(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) -> 
     taken = []
     bare = drawing is not None and not any(group.layer == "walls" for group in advice.groups(drawing))
     for group in advice.decoration(drawing) if drawing is not None else ():
-        share = f"`{group.name}`: {group.shapes} shapes, {100.0 * group.share:.0f} % of what is drawn"
-        if answers.choice(f"{share}, would be decoration. Take it for walls?", bare or group.share >= 0.5):
+        shapes = "1 shape" if group.shapes == 1 else f"{group.shapes} shapes"
+        share = f"`{group.name}` ({shapes}, {100.0 * group.share:.0f} % of what is drawn) is no layer of ours, so that"
+        if answers.choice(f"{share} robots would drive through it. Is it walls?", bare or group.share >= 0.5):
             taken.append(group.name)
     if taken and drawing is not None:
         walls = [group.name for group in advice.groups(drawing) if group.layer == "walls" and group.name]

@@ -222,7 +222,7 @@ def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHIN
     outer &= shapely.area(shapely.intersection(pieces, painted)) < 0.5 * shapely.area(pieces)
     cavity = ~outer & _is_cavity(pieces)
     free = np.array(
-        [not out and _stands_free(piece, pieces[~cavity]) for piece, out in zip(pieces, outer, strict=True)], np.bool_
+        [not out and stands_free(piece, pieces[~cavity]) for piece, out in zip(pieces, outer, strict=True)], np.bool_
     )
     rooms = list(pieces[~outer & ~cavity & ~free])
     if len(rooms) < 2:
@@ -271,7 +271,7 @@ def _is_cavity(pieces: NDArray[np.object_]) -> NDArray[np.bool_]:
     return np.asarray(2.0 * shapely.area(pieces) < CAVITY * shapely.length(pieces))
 
 
-def _stands_free(piece: shapely.Polygon, pieces: NDArray[np.object_]) -> bool:
+def stands_free(piece: shapely.Polygon, pieces: NDArray[np.object_]) -> bool:
     """Whether a closed piece is furniture: small, and alone in a hole of another piece."""
     if piece.area > FURNITURE:
         return False

@@ -13,11 +13,11 @@ from shapely import MultiPolygon
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.world.areas import polygons
-from swarmsim.world.doors import FURNITURE
+from swarmsim.world.doors import FURNITURE, stands_free
 
 ENCLOSED: Final = 0.3  # of the largest open piece inside of the walls' hull; a larger closed piece is the floor
 FIELD: Final = 0.5  # of the edge of a drawing's extent; a floor that runs off along more of it has no outline at all
-UNSURE: Final = (0.1, 0.6)  # between these, a user should say which piece is meant
+UNSURE: Final = (0.1, 2.0)  # between these, a user should say which piece is meant
 BLOCK: Final = 0.5  # of its own hull; a building more solid than that, with robots around it, was misread
 HELD: Final = 0.1  # of a closed piece, what another one has at least that it surrounds, to be the floor perhaps
 BORDER: Final = 0.1  # m, how thick a border is
@@ -60,7 +60,8 @@ def floor_of(
         taken = int((own if own.any() else areas).argmax())
     else:
         hull = box if drawn.is_empty else shapely.convex_hull(drawn)
-        closed, open_ = np.where(is_open, 0.0, areas), np.where(is_open, areas, 0.0)
+        loose = [not out and stands_free(piece, pieces) for piece, out in zip(pieces, is_open, strict=True)]
+        closed, open_ = np.where(is_open | loose, 0.0, areas), np.where(is_open, areas, 0.0)
         within = float(shapely.area(shapely.intersection(usable[open_.argmax()], hull))) if open_.any() else 0.0
         ratio = closed.max() / within if within > 0.0 else np.inf
         taken = int(closed.argmax() if closed.any() and ratio >= ENCLOSED else areas.argmax())

@@ -85,7 +85,8 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
     ground = united(painted)
     width = world.doors if world.doors is not None else DOOR if rooms else 0.0
     if width:
-        new = make_doors(walls, width, ground)
+        fixed = walls if layers["furniture"].is_empty else joined([layers["walls"], layers["pillars"]])
+        new = make_doors(fixed, width, ground)  # what furniture encloses is no room
         made = tuple(tuple(map(float, door.bounds)) for door in new.doors)  # type: ignore[misc]
         if made:
             layers = {layer: opened(shape, new.cuts) for layer, shape in layers.items()}
@@ -137,7 +138,7 @@ def _read(shapes: Sequence[Shape], world: World, page: Box) -> Read:
             'for floor (world.solid = "strokes"); world.solid = "all" takes all of it for walls'
         )
     elif not rooms:
-        number = f"all {len(shown)} visible shapes are walls"
+        number = "its visible shape is a wall" if len(shown) == 1 else f"all {len(shown)} visible shapes are walls"
         notes.append(f"it has no layer of {', '.join(SOLID_LAYERS)}, so that {number}")
     solid = _strokes(drawn, page, ground) if rooms else _all(drawn, ground)
     inner = inward(symbols, solid)

@@ -43,6 +43,8 @@ class Unreached:
             told.append(f"{count} {which} cannot be entered and {'does' if one else 'do'} not count")
             if largest.area > _ROOMY:
                 told[-1] += f"; if {'it is a room' if one else 'some are rooms'}, world.doors = 0.9 makes doors"
+            if shapely.area(self.pockets).sum() > floor:
+                told[-1] += "; that is more than the floor: world.spawn says where robots start"
         behind = float(shapely.area(self.narrow).sum())
         if behind:
             some = "place lies" if len(self.narrow) == 1 else "places lie"
@@ -62,6 +64,10 @@ class Unreached:
                 f"{len(self.coarse)} cells, {_m2(len(self.coarse) * cell**2)}, do not count: a robot fits through to "
                 f"them, near {spot(*self.coarse[0])}, but cells of {cell:g} m are too coarse for the passage"
             )
+            if len(self.coarse) * cell**2 > _ROOMS * floor:
+                told[-1] += (
+                    f"; that is {100.0 * len(self.coarse) * cell**2 / floor:.0f} % of the floor: take smaller ones"
+                )
         return [f"{arena.name}: {sentence}" for sentence in told]
 
     def refuse(self, arena: Arena, radius: float, spawn: str) -> None:

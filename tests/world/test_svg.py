@@ -467,4 +467,4 @@ def test_a_page_of_pixels_is_told_how_large_it_is_taken() -> None:
     (told, _) = read_floor_plan(f'<svg viewBox="0 0 1200 800">{walls}</svg>', "w.svg").notices
     assert "its page is 1200 m x 800 m, as one user unit counts as a metre; world.width = METRES" in told
     (only,) = read_floor_plan(f'<svg viewBox="0 0 1200 800">{walls}</svg>', "w.svg", across=12.0).notices
-    assert "all 1 visible shapes are walls" in only
+    assert "its visible shape is a wall" in only
