@@ -20,6 +20,6 @@ def read_floor_plan(
 ) -> FloorPlan:
     """What of an SVG text is solid, before its floor is chosen."""
     more = {"layers": {layer: list(names) for layer, names in layers.items()}} if layers else {}
-    size = {"width": across} if across is not None else {"scale": scale}
+    size = {"width": across} if across is not None else {} if scale == 1.0 else {"scale": scale}
     world = World(file=name, **size, **more, **keys)
     return plan_of(svg.read(source, name, world), world)

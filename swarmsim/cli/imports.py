@@ -39,7 +39,9 @@ class Answers:
         if self._yes:
             raise InputError(f"{question} Nothing in the file says so; give it: {key}")
         while True:
-            text = typer.prompt(question, type=str, prompt_suffix=" ").strip().removesuffix("m").strip()
+            text = (
+                typer.prompt(question, type=str, prompt_suffix=" ").strip().removesuffix("m").replace(",", ".").strip()
+            )
             try:
                 value = float(text)
             except ValueError:
@@ -100,7 +102,9 @@ def import_(
     if found.problem:
         print(f"It does not run yet: {found.problem}")
         raise typer.Exit(2)
-    print(f"Next: swarmsim run {scenario} --video {scenario.stem}.mp4")
+    seconds = (found.seconds or 0.0) * (found.iterations or 0) * found.scenario.robots.count / ROBOTS
+    took = f"  (about {seconds:.0f} s)" if seconds >= 1.0 else ""
+    print(f"Next: swarmsim run {scenario} --video {scenario.stem}.mp4{took}")
 
 
 def _world(keys: dict[str, Any]) -> World:
@@ -169,9 +173,11 @@ def _layers(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) -> 
     from swarmsim.world import advice
 
     taken = []
+    bare = drawing is not None and not any(group.layer == "walls" for group in advice.groups(drawing))
     for group in advice.decoration(drawing) if drawing is not None else ():
-        share = f"`{group.name}`: {group.shapes} shapes, {100.0 * group.share:.0f} % of what is drawn"
-        if answers.choice(f"{share}, would be decoration. Take it for walls?", group.share >= 0.5):
+        shapes = "1 shape" if group.shapes == 1 else f"{group.shapes} shapes"
+        share = f"`{group.name}` ({shapes}, {100.0 * group.share:.0f} % of what is drawn) is no layer of ours, so that"
+        if answers.choice(f"{share} robots would drive through it. Is it walls?", bare or group.share >= 0.5):
             taken.append(group.name)
     if taken and drawing is not None:
         walls = [group.name for group in advice.groups(drawing) if group.layer == "walls" and group.name]
@@ -232,7 +238,7 @@ def _start(plan: Any, answers: Answers) -> list[float]:
     for piece in pieces:
         circle = shapely.maximum_inscribed_circle(piece, tolerance=0.05)
         (x, y), half = circle.coords[0], 0.7 * circle.length
-        where = f"the space of {piece.area:.3g} m2 around ({x:.2f} m, {y:.2f} m)"
+        where = f"the space of {piece.area:.1f} m2 around ({x:.2f} m, {y:.2f} m)"
         if piece is pieces[-1] or answers.choice(f"Shall robots start in {where}?", True):
             break
     return [round(value, 3) for value in (x - half, y - half, 2.0 * half, 2.0 * half)]
@@ -250,7 +256,7 @@ def _inspected(keys: dict[str, Any], answers: Answers) -> tuple[float, Inspectio
     cells = plan.width * plan.height / cell**2
     if cells > COARSE:
         larger = round(cell * (cells / COARSE) ** 0.5 + 0.05, 1)
-        asked = f"{plan.width:.4g} m x {plan.height:.4g} m are {cells:.3g} cells of {cell:g} m."
+        asked = f"{plan.width:.4g} m x {plan.height:.4g} m are {cells:,.0f} cells of {cell:g} m."
         cell = larger if answers.choice(f"{asked} Take cells of {larger:g} m?", True) else cell
     scenario = decode(bare(keys, cell), keys["file"])
     found = inspect(scenario, read_world(scenario.world, cell), keys["file"], 20.0 * scenario.robots.radius)
@@ -260,7 +266,7 @@ def _inspected(keys: dict[str, Any], answers: Answers) -> tuple[float, Inspectio
     if not found.problem:
         rooms = f"{len(found.rooms)} room{'' if len(found.rooms) == 1 else 's'}"
         assert found.floor is not None
-        print(f"{rooms}, {float(found.floor.sum()) * cell**2:.4g} m2 of floor; 100 % is attainable.")
+        print(f"{rooms}, {float(found.floor.sum()) * cell**2:.1f} m2 of floor; 100 % is attainable.")
     return cell, found
 
 

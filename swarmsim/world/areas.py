@@ -60,18 +60,23 @@ def united(geometries: Iterable[shapely.Geometry]) -> MultiPolygon:
     shapes = np.array(list(geometries), dtype=object)
     if len(shapes) < _MANY:
         return polygons(shapely.union_all(shapes, grid_size=_GRID))
-    from scipy import sparse  # takes a while, and few drawings have that many shapes
-
     # Most of many shapes touch no other: they need no union, which takes much longer than finding that out.
-    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
-    links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(shapes), len(shapes)))
-    _, piece = sparse.csgraph.connected_components(links, directed=False)
+    piece = connected(shapes)
     order = np.argsort(piece, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(piece[order])) + 1)
     alone = np.array([group[0] for group in groups if len(group) == 1], np.int64)
     parts = list(shapely.set_precision(shapes[alone], _GRID))
     parts += [shapely.union_all(shapes[group], grid_size=_GRID) for group in groups if len(group) > 1]
     return MultiPolygon([part for shape in parts for part in polygons(shape).geoms])
+
+
+def connected(shapes: NDArray[np.object_]) -> NDArray[np.int32]:
+    """The number (n,) of the connected piece that each of some shapes (n,) belongs to."""
+    from scipy import sparse  # takes a while, and only some drawings need it
+
+    one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(shapes), len(shapes)))
+    return np.asarray(sparse.csgraph.connected_components(links, directed=False)[1])
 
 
 def joined(shapes: Iterable[MultiPolygon]) -> MultiPolygon:

@@ -6,6 +6,7 @@ import difflib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -83,6 +84,7 @@ class Arena:
             raise InputError(f"{self.name}: no spawn area {spawn!r}; {hint}it has {', '.join(sorted(spawns))}")
         return spawn
 
+    @lru_cache(maxsize=16)  # noqa: B019 - worlds are few, and a study keeps them anyway
     def spawn_cells(self, spawn: str) -> Cells:
         """The free cells (rows, columns) whose centres lie in the spawn area.
 
@@ -105,6 +107,7 @@ class Arena:
                 f"{self.name}: spawn area {spawn!r} at {place_in(area)} holds the centre of no free cell of "
                 f"{self.lattice.cell:g} m; make it larger"
             )
+        cells.flags.writeable = False
         return cells
 
     def floor(self, spawn: str) -> Cells:

@@ -81,8 +81,10 @@ def _drawing(model: Any, path: Path, world: World) -> Drawing:
 
     metre = float(calculate_unit_scale(model))
     holders = _holders(model)
-    walls = [holders[wall.id()] for wall in model.by_type("IfcWall") if wall.id() in holders]
-    levels = storeys(model, metre, walls)
+    walls, doors = (
+        [holders[one.id()] for one in model.by_type(kind) if one.id() in holders] for kind in ("IfcWall", "IfcDoor")
+    )
+    levels = storeys(model, metre, walls, doors)
     if not levels:
         raise InputError(f"{path}: has no storey (IfcBuildingStorey); expected a building")
     storey, notices = chosen(levels, world.level, str(path))

@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon
 
-from swarmsim.world.areas import polygons
+from swarmsim.world.areas import joined, polygons
 from swarmsim.world.shapes import NOTHING, Line, Shape
 
 LEAF: Final = (0.5, 1.35)  # m, how wide leaves of doors are
@@ -23,6 +23,7 @@ SLACK: Final = 0.12  # of a leaf; drawings are no more exact than that
 THICK: Final = 0.45  # m, the thickest wall that a door is made in
 CAVITY: Final = 0.35  # m, 2 area / perimeter; closed pieces below it are insides of walls, no rooms
 FURNITURE: Final = 8.0  # m2; closed pieces up to it that stand free are furniture
+_CRUMB: Final = 1e-4  # m2
 _INTO: Final = 0.02  # m, how far a door reaches into both rooms
 STRETCH: Final = 0.3  # m, the shortest piece of wall that gets a door
 
@@ -78,7 +79,13 @@ def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.P
         closed = 1 if len(sides[0]) else 0
         if all(len(side) for side in sides):  # both radii are drawn; the wall goes on beyond the closed one
             beyond = arc.centre + (arc.ends - arc.centre) * (1.0 + 2.0 * SLACK)
-            hits = [len(walls.query(shapely.Point(place), predicate="intersects")) for place in beyond]
+            hits = [len(_near(walls, place)) for place in beyond]
+            own = {arc.shape, *(int(owners[segment][0]) for side in sides for segment in side)}
+            middles = 0.5 * (arc.centre + arc.ends)
+            if all(hits) and all(
+                _near(walls, place) - own for place in middles
+            ):  # walls run along both: the corner of a room, as a shower has it
+                continue
             closed = int(hits[1] >= hits[0])
         leaf = sides[1 - closed]
         openings.append(_opening(arc.centre, arc.ends[closed]))
@@ -88,6 +95,22 @@ def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.P
             gone[int(shape)].add((int(line), int(at)))
     left = [_without(shape, gone[number]) if number in gone else shape for number, shape in enumerate(shapes)]
     return left, openings
+
+
+def inward(openings: list[shapely.Polygon], walls: MultiPolygon) -> list[shapely.Polygon]:
+    """Those of the openings that do not lead out of the building that `walls` make."""
+    if not openings:
+        return []
+    page = shapely.box(*walls.bounds)
+    free = shapely.get_parts(polygons(shapely.difference(page, walls)))
+    outside = shapely.union_all([*free[shapely.intersects(free, page.exterior)], shapely.buffer(page, 1.0) - page])
+    shapely.prepare(outside)
+    return [opening for opening in openings if not outside.intersects(opening)]
+
+
+def _near(walls: shapely.STRtree, place: Points) -> set[int]:
+    """The numbers of the shapes that are at a place, but for what drawings stray by."""
+    return set(walls.query(shapely.Point(place), predicate="dwithin", distance=_INTO).tolist())
 
 
 def _arcs(line: Line, shape: int, place: int) -> list[_Arc]:
@@ -137,7 +160,7 @@ def _segments(shapes: Sequence[Shape]) -> tuple[Points, Points, NDArray[np.int64
     """The straight pieces of all lines that are as long as leaves: their ends, and shape, line and place of each."""
     starts, stops, owners = [], [], []
     for number, shape in enumerate(shapes):
-        for place, line in enumerate(shape.lines):
+        for place, line in enumerate(shape.lines or _leaf_boxes(shape)):
             length = np.hypot(*np.diff(line, axis=0).T)
             fits = np.flatnonzero((length > LEAF[0] * (1.0 - SLACK)) & (length < LEAF[1] * (1.0 + SLACK)))
             starts.append(line[fits])
@@ -146,6 +169,13 @@ def _segments(shapes: Sequence[Shape]) -> tuple[Points, Points, NDArray[np.int64
     if not starts:
         return np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 3), np.int64)
     return np.concatenate(starts), np.concatenate(stops), np.concatenate(owners)
+
+
+def _leaf_boxes(shape: Shape) -> tuple[Line, ...]:
+    """The outlines of a fill that is as small as a leaf, of a shape without lines."""
+    if not 0.0 < shape.fill.area < LEAF[1] * SLACK:
+        return ()
+    return tuple(shapely.get_coordinates(part.exterior) for part in shape.fill.geoms)
 
 
 def _leaf(centre: Points, end: Points, starts: Points, stops: Points, slack: float) -> NDArray[np.int64]:
@@ -178,19 +208,21 @@ def _without(shape: Shape, gone: set[tuple[int, int]]) -> Shape:
     return replace(shape, stroke=stroke, lines=tuple(lines), fill=shape.fill if kept else NOTHING)
 
 
-def make_doors(walls: MultiPolygon, width: float) -> MadeDoors:
+def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHING) -> MadeDoors:
     """One opening for each closed room, `width` (m) wide where the wall has room for it.
 
     Rooms are reached from the largest one on. A closed room that a wall of at most `THICK` parts from a reached one
     gets a door in the longest straight stretch of that wall, into the reached room with the most neighbours. Insides of
-    walls are no rooms, nor is furniture: small closed pieces that stand free in another. No door leads outwards.
+    walls are no rooms, nor is furniture: small closed pieces that stand free in another. No door leads outwards; rooms
+    may be open to the outside where most of them is `painted` as floor.
     """
     page = shapely.box(*walls.bounds)
     pieces = shapely.get_parts(polygons(shapely.difference(page, walls)))
     outer = shapely.intersects(pieces, page.exterior)
-    cavity = ~outer & (2.0 * shapely.area(pieces) < CAVITY * shapely.length(pieces))
+    outer &= shapely.area(shapely.intersection(pieces, painted)) < 0.5 * shapely.area(pieces)
+    cavity = ~outer & _is_cavity(pieces)
     free = np.array(
-        [not out and _stands_free(piece, pieces) for piece, out in zip(pieces, outer, strict=True)], np.bool_
+        [not out and stands_free(piece, pieces[~cavity]) for piece, out in zip(pieces, outer, strict=True)], np.bool_
     )
     rooms = list(pieces[~outer & ~cavity & ~free])
     if len(rooms) < 2:
@@ -224,7 +256,22 @@ def make_doors(walls: MultiPolygon, width: float) -> MadeDoors:
             reached.add(room)
 
 
-def _stands_free(piece: shapely.Polygon, pieces: NDArray[np.object_]) -> bool:
+def opened(walls: MultiPolygon, cuts: shapely.Geometry) -> MultiPolygon:
+    """The walls with openings cut into them; the insides of walls that these cross are solid beside them."""
+    if cuts.is_empty or walls.is_empty:
+        return walls
+    pieces = shapely.get_parts(polygons(shapely.difference(shapely.box(*walls.bounds), walls)))
+    crossed = shapely.area(shapely.intersection(pieces, cuts)) > _CRUMB
+    insides = pieces[_is_cavity(pieces) & crossed & ~shapely.intersects(pieces, shapely.box(*walls.bounds).exterior)]
+    return polygons(shapely.difference(joined([walls, MultiPolygon(list(insides))]), cuts))
+
+
+def _is_cavity(pieces: NDArray[np.object_]) -> NDArray[np.bool_]:
+    """Which pieces of free space are too narrow for rooms."""
+    return np.asarray(2.0 * shapely.area(pieces) < CAVITY * shapely.length(pieces))
+
+
+def stands_free(piece: shapely.Polygon, pieces: NDArray[np.object_]) -> bool:
     """Whether a closed piece is furniture: small, and alone in a hole of another piece."""
     if piece.area > FURNITURE:
         return False

@@ -108,10 +108,10 @@ def _root(source: str) -> etree._Element:
     try:
         return _parsed(source, deep=False)
     except etree.XMLSyntaxError as error:
-        kinds = {one.type_name for one in error.error_log}
-        if "ERR_RESOURCE_LIMIT" in kinds and "<!ENTITY" not in source:
+        kind = error.error_log.last_error.type_name if len(error.error_log) else ""  # before it: those of other texts
+        if kind == "ERR_RESOURCE_LIMIT" and "<!ENTITY" not in source:
             return _parsed(source, deep=True)
-        if _UNDECLARED not in kinds:
+        if kind != _UNDECLARED:
             raise
     missing = [prefix for prefix in _NAMESPACES if f"xmlns:{prefix}=" not in source]
     declared = "".join(f' xmlns:{prefix}="{_NAMESPACES[prefix]}"' for prefix in missing)

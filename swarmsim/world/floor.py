@@ -13,11 +13,13 @@ from shapely import MultiPolygon
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.world.areas import polygons
+from swarmsim.world.doors import FURNITURE, stands_free
 
 ENCLOSED: Final = 0.3  # of the largest open piece inside of the walls' hull; a larger closed piece is the floor
 FIELD: Final = 0.5  # of the edge of a drawing's extent; a floor that runs off along more of it has no outline at all
-UNSURE: Final = (0.1, 0.6)  # between these, a user should say which piece is meant
+UNSURE: Final = (0.1, 2.0)  # between these, a user should say which piece is meant
 BLOCK: Final = 0.5  # of its own hull; a building more solid than that, with robots around it, was misread
+HELD: Final = 0.1  # of a closed piece, what another one has at least that it surrounds, to be the floor perhaps
 BORDER: Final = 0.1  # m, how thick a border is
 _AT_EDGE: Final = 1e-6  # m
 
@@ -34,15 +36,15 @@ class Floor:
 
 
 def floor_of(
-    solid: MultiPolygon, drawn: MultiPolygon, inside: Box, spawns: list[MultiPolygon], unusable: MultiPolygon
+    solid: MultiPolygon, drawn: MultiPolygon, inside: Box, held: list[MultiPolygon], unusable: MultiPolygon
 ) -> Floor | None:
     """The floor between what is `solid`, or None if nothing is free.
 
-    `inside` is the box within which space may be floor: the page of a map, the extent of a drawing. With `spawns`, the
-    floor is the free space that holds most of them; otherwise the largest closed piece, or the largest open one if no
-    closed piece has at least `ENCLOSED` of its area inside of the hull of what is `drawn`. Racks, pillars and specks
-    come to 0.03 of that at most, real buildings to 0.5 and more. An open floor gets a border along `inside`. Robots do
-    not start on what is `unusable`.
+    `inside` is the box within which space may be floor: the page of a map, the extent of a drawing. What is `held`,
+    spawn areas or painted floor, lies mostly in the floor; without it, the floor is the largest closed piece, or the
+    largest open one if no closed piece has at least `ENCLOSED` of its area inside of the hull of what is `drawn`.
+    Racks, pillars and specks come to 0.03 of that at most, real buildings to 0.5 and more. An open floor gets a border
+    along `inside`. Robots do not start on what is `unusable`.
     """
     box = shapely.box(*inside)
     free = polygons(shapely.difference(box, solid))
@@ -53,16 +55,18 @@ def floor_of(
     usable = pieces if unusable.is_empty else shapely.difference(pieces, unusable)
     areas = shapely.area(usable)
     sure = True
-    if spawns:
-        held = shapely.area(shapely.intersection(pieces, shapely.union_all(spawns)))
-        taken = int((held if held.any() else areas).argmax())
+    if held:
+        own = shapely.area(shapely.intersection(pieces, shapely.union_all(held)))
+        taken = int((own if own.any() else areas).argmax())
     else:
         hull = box if drawn.is_empty else shapely.convex_hull(drawn)
-        closed, open_ = np.where(is_open, 0.0, areas), np.where(is_open, areas, 0.0)
+        loose = [not out and stands_free(piece, pieces) for piece, out in zip(pieces, is_open, strict=True)]
+        closed, open_ = np.where(is_open | loose, 0.0, areas), np.where(is_open, areas, 0.0)
         within = float(shapely.area(shapely.intersection(usable[open_.argmax()], hull))) if open_.any() else 0.0
         ratio = closed.max() / within if within > 0.0 else np.inf
         taken = int(closed.argmax() if closed.any() and ratio >= ENCLOSED else areas.argmax())
-        sure = not UNSURE[0] < ratio < UNSURE[1] or closed.max() < UNSURE[0] * open_.max()
+        around = is_open[taken] or not _holds_another(taken, pieces, is_open)
+        sure = (around and not UNSURE[0] < ratio < UNSURE[1]) or closed.max() < UNSURE[0] * open_.max()
     floor = usable[taken]
     if floor.geom_type != "Polygon":
         floor = max(polygons(floor).geoms, key=lambda part: part.area, default=pieces[taken])
@@ -71,6 +75,14 @@ def floor_of(
     frame = shapely.difference(shapely.buffer(box, BORDER, join_style="mitre"), box)
     opening, share = _opening(pieces[taken], box)
     return Floor(floor, polygons(frame), opening, share, sure)
+
+
+def _holds_another(taken: int, pieces: NDArray[np.object_], is_open: NDArray[np.bool_]) -> bool:
+    """Whether a piece surrounds something with closed space that may be the building, as the frame of a sheet does."""
+    around = pieces[taken]
+    holes = [shapely.Polygon(ring) for ring in around.interiors]
+    others = pieces[~is_open & (shapely.area(pieces) >= max(HELD * around.area, FURNITURE))]
+    return bool(len(shapely.STRtree(others).query(holes, predicate="contains")[0])) if len(others) and holes else False
 
 
 def check_outside(drawn: MultiPolygon, floor: Floor, name: str) -> None:

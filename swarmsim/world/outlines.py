@@ -87,7 +87,9 @@ def _straight(data: str) -> Outlines:
             x, y = points[0] if points else (0.0, 0.0)
             continue
         pair = command in "ML"
-        if not values or (pair and len(values) % 2):
+        if not values:
+            raise ElementError("d has a command with too few numbers")
+        if pair and len(values) % 2:
             raise ElementError(f"d is {quoted(data)}, in which a command has too few or too many numbers")
         if not points and command != "M":
             raise ElementError(f"d is {quoted(data)}; it should start with M and a point")

@@ -31,6 +31,7 @@ class FloorPlan:
     notices: tuple[str, ...] = ()  # what was passed over, in sentences that name the file
     border: MultiPolygon = field(default_factory=MultiPolygon)  # what closes an open building; solid, but no wall of it
     openings: tuple[Box, ...] = ()  # doors that were made, for pictures
+    painted: MultiPolygon = field(default_factory=MultiPolygon)  # what the file says or paints as floor
     guessed: bool = False  # whether nothing in the file says what is solid, so that its paint alone decides
 
     @property

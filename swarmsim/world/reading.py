@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,18 +14,22 @@ from shapely import MultiPolygon
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
-from swarmsim.world.areas import joined, polygons, united
-from swarmsim.world.doors import cut_by_symbols, make_doors
+from swarmsim.world.areas import connected, joined, polygons, united
+from swarmsim.world.doors import FURNITURE, THICK, cut_by_symbols, inward, make_doors, opened
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
-from swarmsim.world.shapes import Drawing, Shape
+from swarmsim.world.shapes import NOTHING, Drawing, Shape
 
 DOOR: Final = 0.9  # m, of doors that are made in plans of rooms, unless `world.doors` says otherwise
 PARTITION: Final = 0.1  # m, the thickness of walls along the borders of rooms that are drawn without any
 STROKE_INK, FILL_INK = 0.2, 0.5  # how far from the paper's colour strokes and fills of walls are, at least
 BLACK: Final = 0.75  # fills darker than that are no floor
 WIDE: Final = 0.6  # m, 2 area / perimeter: fills of walls are narrower, those of rooms wider
+_NEAR: Final = 1e-6  # m
 PAPER: Final = 0.03  # how far from the paper's colour a shape may be that nobody can tell from it
 ROOMS: Final = (0.5, 0.4, 3)  # of the building's hull solid, and covered by wide light fills, and how many of these
+AROUND: Final = 0.95  # of fewer fills, what dark ink encloses where they are floor
+SHEET: Final = 0.1  # m, how thick the frame of a sheet is at most; it is half as thick as walls at most
+BUILDING: Final = 0.05  # of a sheet's frame, what the hull of the building in it has at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +37,8 @@ class Read:
     """What is solid in a drawing without layers, and how that was found."""
 
     solid: MultiPolygon
-    rooms: bool  # whether it is a plan of rooms, whose fills are floor
+    rooms: MultiPolygon  # of a plan of rooms, the fills that are floor
+    is_rooms: bool  # whether it is one
     notices: list[str]
 
 
@@ -51,21 +56,23 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         by_layer[shape.layer].append(shape)
     notices = list(drawing.notices)
     undecided, rooms = by_layer[""], bool(by_layer[FLOOR_LAYER])
+    painted = [shape.fill for shape in by_layer[FLOOR_LAYER]]
     if drawing.says_solid:
         layers = {layer: united(_layer(by_layer[layer], world, page)) for layer in SOLID_LAYERS}
         rooms |= world.solid == "strokes"
         if beside := [shape for shape in undecided if not _fills(shape, page)]:
             notices.append(_decoration(beside, by_layer))
     else:
-        read = _read(undecided, world, page, bool(by_layer[DOORS_LAYER]))
+        read = _read(undecided, world, page)
+        painted.append(read.rooms)
         layers = {layer: read.solid if layer == "walls" else MultiPolygon() for layer in SOLID_LAYERS}
-        rooms |= read.rooms
+        rooms |= read.is_rooms
         notices += read.notices
     if floors := by_layer[FLOOR_LAYER]:
         layers = _with_rooms(layers, floors)
     if openings := by_layer[DOORS_LAYER]:
         cuts = united(_area(shape) for shape in openings)
-        layers = {layer: polygons(shapely.difference(shape, cuts)) for layer, shape in layers.items()}
+        layers = {layer: opened(shape, cuts) for layer, shape in layers.items()}
     if world.despeckle:
         layers = {layer: _without_specks(shape, world.despeckle) for layer, shape in layers.items()}
     unknown = united(_area(shape) for shape in by_layer[UNKNOWN_LAYER])
@@ -75,13 +82,15 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         )
     walls = united(layers.values()) if drawing.says_solid else joined(layers.values())
     made: tuple[Box, ...] = ()
+    ground = united(painted)
     width = world.doors if world.doors is not None else DOOR if rooms else 0.0
     if width:
-        opened = make_doors(walls, width)
-        made = tuple(tuple(map(float, door.bounds)) for door in opened.doors)  # type: ignore[misc]
+        fixed = walls if layers["furniture"].is_empty else joined([layers["walls"], layers["pillars"]])
+        new = make_doors(fixed, width, ground)  # what furniture encloses is no room
+        made = tuple(tuple(map(float, door.bounds)) for door in new.doors)  # type: ignore[misc]
         if made:
-            layers = {layer: polygons(shapely.difference(shape, opened.cuts)) for layer, shape in layers.items()}
-            walls = polygons(shapely.difference(walls, opened.cuts))
+            layers = {layer: opened(shape, new.cuts) for layer, shape in layers.items()}
+            walls = opened(walls, new.cuts)
             doors = "1 door" if len(made) == 1 else f"{len(made)} doors"
             notices.append(
                 f"{doors} of {width:g} m {'was' if len(made) == 1 else 'were'} made, for rooms that are drawn closed; "
@@ -94,7 +103,7 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         spawns[name] = united(_area(shape) for shape in by_layer[SPAWN_LAYER] if shape.spawn == name)
     told = tuple(f"{drawing.name}: {notice}" for notice in notices)
     guessed = not drawing.says_solid and not by_layer[FLOOR_LAYER]
-    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made, guessed=guessed)
+    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made, painted=ground, guessed=guessed)
 
 
 def _area(shape: Shape) -> MultiPolygon:
@@ -107,14 +116,19 @@ def _layer(shapes: Sequence[Shape], world: World, page: Box) -> list[MultiPolygo
     return [_strokes(shapes, page, 0.0)] if world.solid == "strokes" else [_area(shape) for shape in shapes]
 
 
-def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> Read:
+def _read(shapes: Sequence[Shape], world: World, page: Box) -> Read:
     """What is solid among shapes that no layer says anything of."""
     paper = [shape for shape in shapes if _fills(shape, page)]
     shown = [shape for shape in shapes if not _fills(shape, page)]
     ground = paper[-1].fill_ink if paper else 0.0
     notes = [f"{paper[-1].where} fills the page and is taken for its paper, not for a wall"] if paper else []
     if not shown:
-        return Read(MultiPolygon(), False, notes)
+        return Read(NOTHING, NOTHING, False, notes)
+    if world.solid != "all":
+        shown = [*_rims(paper, shown), *shown]
+        shown, frames = _without_frames(shown, page, ground)
+        shown, faint = _without_faint(shown, ground)
+        notes += [*frames, *faint]
     drawn, symbols = cut_by_symbols(shown)
     share = 0.0 if world.solid == "all" else _share_of_rooms(drawn, page, ground)
     rooms = world.solid == "strokes" or share > 0.0
@@ -124,15 +138,19 @@ def _read(shapes: Sequence[Shape], world: World, page: Box, has_doors: bool) -> 
             'for floor (world.solid = "strokes"); world.solid = "all" takes all of it for walls'
         )
     elif not rooms:
-        number = f"all {len(shown)} visible shapes are walls"
+        number = "its visible shape is a wall" if len(shown) == 1 else f"all {len(shown)} visible shapes are walls"
         notes.append(f"it has no layer of {', '.join(SOLID_LAYERS)}, so that {number}")
-    if len(symbols):
-        count = "1 door symbol cuts" if len(symbols) == 1 else f"{len(symbols)} door symbols cut"
-        notes.append(f"{count} the walls")
     solid = _strokes(drawn, page, ground) if rooms else _all(drawn, ground)
-    if len(symbols):
-        solid = polygons(shapely.difference(solid, shapely.union_all(symbols)))
-    return Read(solid, rooms, notes)
+    inner = inward(symbols, solid)
+    if inner:
+        count = "1 door symbol cuts" if len(inner) == 1 else f"{len(inner)} door symbols cut"
+        notes.append(f"{count} the walls")
+        solid = opened(solid, shapely.union_all(inner))
+    if outer := len(symbols) - len(inner):
+        count = "1 door symbol leads" if outer == 1 else f"{outer} door symbols lead"
+        notes.append(f"{count} outside, where walls that run on stay closed")
+    painted = united(shape.fill for shape in drawn if _is_light(shape, ground)) if rooms else NOTHING
+    return Read(solid, painted, rooms, notes)
 
 
 def _fills(shape: Shape, page: Box) -> bool:
@@ -141,6 +159,64 @@ def _fills(shape: Shape, page: Box) -> bool:
     paper = shapely.box(*page)
     inner = shapely.buffer(paper, -1e-3 * max(right - left, high - low))
     return shape.fill.area >= 0.999 * paper.area and bool(shape.fill.covers(inner))
+
+
+def _rims(paper: Sequence[Shape], shapes: Sequence[Shape]) -> list[Shape]:
+    """The strokes around what fills the page, where they are walls: something else is as near as a wall is thick."""
+    rims = [replace(shape, fill=NOTHING) for shape in paper if not shape.stroke.is_empty]
+    tree = shapely.STRtree([_area(shape) for shape in shapes])
+    return [rim for rim in rims if len(tree.query(rim.stroke, predicate="dwithin", distance=THICK))]
+
+
+def _without_frames(shapes: list[Shape], page: Box, ground: float) -> tuple[list[Shape], list[str]]:
+    """The shapes without the frames of the sheet that they are drawn on, and notices of these.
+
+    A frame is a thin rectangle around all else, with what touches it, as a title block does. What it holds is a
+    building: large, mostly free, and with walls that are thicker.
+    """
+    told = []
+    while (found := _frame(shapes, page, ground)) is not None:
+        frame, shapes = found
+        left, low, right, high = frame.bounds
+        told.append(
+            f"a frame of {right - left:.3g} m x {high - low:.3g} m around the drawing is taken for that of its sheet; "
+            'world.solid = "all" takes it for walls'
+        )
+    return shapes, told
+
+
+def _frame(shapes: list[Shape], page: Box, ground: float) -> tuple[shapely.Polygon, list[Shape]] | None:
+    """The outline of the outermost frame, and all shapes that are no part of it; None if there is no frame."""
+    areas = np.array([_area(shape) for shape in shapes], object)
+    bounds = shapely.bounds(areas)  # NaN for what has lines alone
+    low, high = np.nanmin(bounds[:, :2], axis=0, initial=np.inf), np.nanmax(bounds[:, 2:], axis=0, initial=-np.inf)
+    edge = ((bounds[:, :2] <= low + _NEAR) | (bounds[:, 2:] >= high - _NEAR)).any(axis=1)
+    piece = connected(areas)
+    own = piece == piece[edge.argmax()]
+    if not edge.any() or own.all() or not own[edge].all():
+        return None
+    whole = polygons(shapely.union_all(areas[own]))
+    outline = max((shapely.Polygon(part.exterior) for part in whole.geoms), key=lambda part: part.area)
+    if outline.area < 0.99 * outline.envelope.area or _breadth(whole) > SHEET:
+        return None
+    rest = [shape for shape, framed in zip(shapes, own, strict=True) if not framed]
+    walls = _strokes(rest, page, ground)
+    large = [part for part in walls.geoms if shapely.convex_hull(part).area >= max(BUILDING * outline.area, FURNITURE)]
+    building = max(map(polygons, large), key=_breadth, default=NOTHING)
+    free = building.area < ROOMS[0] * shapely.convex_hull(building).area
+    apart = shapely.distance(outline.exterior, building) > THICK and _breadth(whole) <= 0.5 * _breadth(building)
+    return (outline, rest) if free and apart else None
+
+
+def _without_faint(shapes: list[Shape], ground: float) -> tuple[list[Shape], list[str]]:
+    """The shapes without strokes too faint for walls, as of a grid, where there are darker ones, and a notice of it."""
+    inks = np.array([0.0 if shape.stroke.is_empty else abs(shape.stroke_ink - ground) for shape in shapes])
+    faint = (inks > PAPER) & (inks < STROKE_INK)
+    if not faint.any() or inks.max() < 2.0 * STROKE_INK:
+        return shapes, []
+    kept = [replace(one, stroke=NOTHING, lines=()) if pale else one for one, pale in zip(shapes, faint, strict=True)]
+    count = "1 faint stroke is" if faint.sum() == 1 else f"{faint.sum()} faint strokes are"
+    return kept, [f'{count} taken for a grid or a mark, not for walls; world.solid = "all" takes all for walls']
 
 
 def _all(shapes: Sequence[Shape], ground: float) -> MultiPolygon:
@@ -201,22 +277,27 @@ def _share_of_rooms(shapes: Sequence[Shape], page: Box, ground: float) -> float:
     Rooms are wide and light, most of the building is painted, and its strokes follow most of their borders: strokes
     alone would make no walls otherwise.
     """
-    light = [
-        shape.fill
-        for shape in shapes
-        if not shape.fill.is_empty and _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
-    ]
-    if len(light) < ROOMS[2]:
+    light = [shape.fill for shape in shapes if _is_light(shape, ground)]
+    if not light:
         return 0.0
     whole = shapely.union_all([_area(shape) for shape in shapes])
     hull = shapely.convex_hull(whole).area
     share = float(shapely.union_all(light).area / hull)
     if whole.area <= ROOMS[0] * hull or share < ROOMS[1]:
         return 0.0
-    near = shapely.buffer(_strokes(shapes, page, ground), 0.02)
+    walls = _strokes(shapes, page, ground)
+    if len(light) < ROOMS[2]:
+        enclosed = shapely.intersection(shapely.union_all(light), shapely.convex_hull(walls)).area
+        return share if enclosed >= AROUND * share * hull else 0.0
+    near = shapely.buffer(walls, 0.02)
     borders = shapely.boundary(np.array(light))
     lined = shapely.length(shapely.intersection(borders, near)) >= 0.5 * shapely.length(borders)
     return share if lined.mean() >= 0.5 else 0.0
+
+
+def _is_light(shape: Shape, ground: float) -> bool:
+    """Whether a shape has a fill as rooms have: wide, and not black."""
+    return _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
 
 
 def _breadth(shape: MultiPolygon) -> float:

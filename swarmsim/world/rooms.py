@@ -14,6 +14,8 @@ from swarmsim.world.cells import Cells, spread
 
 _FINE = 1e-3  # m, to which a door's width is found
 _MOST = 400  # doors whose width is found so; of others it is taken from the cells
+_THING = 2.0  # widest doors long; what stands free and is no longer parts no rooms, as specks, tables and racks do not
+_APART = 0.2  # of the widest door; pieces that are closer are one thing, as those of a wall that a map has in pieces
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +41,15 @@ def rooms_and_doors(
     """The rooms of `floor` (rows, columns), the largest first, and the doors between them, at most `widest` (m) wide.
 
     A room grows from the places in which a disc of that diameter fits, to where it meets the next one: cells belong to
-    the nearest of these places on foot. Two meet in a door, whose width is that of the widest disc that passes.
+    the nearest of these places on foot. Two meet in a door, whose width is that of the widest disc that passes. What
+    stands free in a room and is at most two such discs long parts no rooms: the disc passes through it.
     """
     reach = ndimage.distance_transform_edt(floor) * lattice.cell
-    seeds, count = ndimage.label(reach >= 0.5 * widest, np.ones((3, 3)))
+    open_ = floor | _things(floor, reach, lattice.cell, widest)
+    seeds, count = ndimage.label(ndimage.distance_transform_edt(open_) * lattice.cell >= 0.5 * widest, np.ones((3, 3)))
     if not count:
         return [], []
-    labels = spread(floor, seeds)
+    labels = spread(open_, seeds)
     numbers = np.arange(1, count + 1)
     sizes = ndimage.sum_labels(floor, labels, numbers)
     order = np.argsort(-sizes, kind="stable")
@@ -56,6 +60,17 @@ def rooms_and_doors(
     rank[order + 1] = np.arange(count)
     shapely.prepare(walls)
     return rooms, _doors(labels, reach, rank, lattice, walls, widest)
+
+
+def _things(floor: Cells, reach: NDArray[np.float64], cell: float, widest: float) -> Cells:
+    """What stands free in the floor and is small; `reach` is how far (m) cells of the floor are from all else."""
+    things, count = ndimage.label(reach < 0.5 * _APART * widest, np.ones((3, 3)))
+    boxes = ndimage.find_objects(np.where(floor, 0, things), count)
+    small = np.zeros(count + 1, np.bool_)
+    small[1:] = [max(part.stop - part.start for part in box) * cell <= _THING * widest for box in boxes]
+    for edge in (things[0], things[-1], things[:, 0], things[:, -1]):
+        small[edge] = False
+    return np.asarray(small[things] & ~floor)
 
 
 def _doors(
@@ -86,6 +101,8 @@ def _doors(
         for piece in np.unique(which):
             own = cells[which == piece]
             middle = own[reach[tuple(own.T)].argmax()]
+            if not reach[tuple(middle)]:  # all of it lies within a thing
+                continue
             x, y = lattice.centres(middle)
             width = 2.0 * float(shapely.distance(walls, shapely.Point(x, y)))
             if len(doors) < _MOST:
@@ -106,17 +123,18 @@ def _width(
     """The width (m) of the widest disc that gets through a door, by halving; `about` where rooms bend around it."""
     x, y = place
     side = 1.5 * widest
-    near = shapely.box(x - side, y - side, x + side, y + side)
+    left, right, low, high = lattice.extent
+    near = shapely.box(max(x - side, left), max(y - side, low), min(x + side, right), min(y + side, high))
     around = shapely.difference(near, shapely.intersection(walls, near))
     cores = shapely.get_parts(shapely.buffer(around, -0.5 * widest))
     owners = labels[tuple(lattice.cells(shapely.get_coordinates(shapely.point_on_surface(cores))).T)]
     first, second = (shapely.union_all(cores[owners == room]) for room in rooms)
     if first.is_empty or second.is_empty:
         return about
-    low, high = 0.0, widest
-    while high - low > _FINE:
-        middle = 0.5 * (low + high)
+    least, most = 0.0, widest
+    while most - least > _FINE:
+        middle = 0.5 * (least + most)
         parts = shapely.get_parts(shapely.buffer(around, -0.5 * middle))
         passes = shapely.intersects(parts, first) & shapely.intersects(parts, second)
-        low, high = (middle, high) if passes.any() else (low, middle)
-    return 0.5 * (low + high)
+        least, most = (middle, most) if passes.any() else (least, middle)
+    return 0.5 * (least + most)

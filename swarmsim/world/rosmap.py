@@ -257,7 +257,7 @@ def _unknown_as_floor(grey: NDArray[np.float32], states: NDArray[np.uint8], abou
     """A notice if the grey that map_server's saver writes for what it does not know is floor by the thresholds."""
     saved = np.rint(grey * 255.0) == _LEVELS[UNKNOWN]
     share = float(np.mean(saved & (states == FREE)))
-    if about.mode == "raw" or share == 0.0:
+    if about.mode == "raw" or share == 0.0 or about.free_thresh <= _FREE:
         return ()
     return (
         f"{100.0 * share:.3g} % of its pixels are grey {_LEVELS[UNKNOWN]}, as map_server writes what it does not know; "

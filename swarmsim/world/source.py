@@ -148,10 +148,11 @@ def _with_floor(plan: FloorPlan, world: World) -> FloorPlan:
     left, low, right, high = plan.page if measured or np.isnan(extent).any() else map(float, extent)
     inside = left, low, right, high
     beside = MultiPolygon() if world.unknown == "wall" else plan.unknown
-    floor = floor_of(plan.walls, drawn, inside, list(spawns.values()), beside)
+    held = list(spawns.values()) or [area for area in (plan.painted,) if not area.is_empty]
+    floor = floor_of(plan.walls, drawn, inside, held, beside)
     if inside != plan.page and (floor is None or floor.share > FIELD):  # obstacles on an open page
         inside = plan.page
-        floor = floor_of(plan.walls, drawn, inside, list(spawns.values()), beside)
+        floor = floor_of(plan.walls, drawn, inside, held, beside)
     if floor is None:
         return replace(plan, spawns=spawns)
     notices = list(plan.notices)
@@ -169,7 +170,7 @@ def _with_floor(plan: FloorPlan, world: World) -> FloorPlan:
         if not floor.sure:
             notices.append(
                 f"{world.title}: the floor is taken to be the space at {place_in(floor.piece)}, "
-                f"{floor.piece.area:.3g} m2, but another one comes close; say which by world.spawn"
+                f"{floor.piece.area:.1f} m2, but another one comes close; say which by world.spawn"
             )
     walls = plan.walls
     if world.pockets == "fill":

@@ -21,14 +21,15 @@ class Storey:
     elevation: float  # m, as the file calls it
     height: float  # m, where it lies in the file's coordinates
     walls: int  # in it
+    doors: int
 
     def __str__(self) -> str:
         """What messages call it."""
         return f"{self.name!r} at {self.elevation:.2f} m" if self.name else f"the one at {self.elevation:.2f} m"
 
 
-def storeys(model: Any, metre: float, walls: Sequence[int]) -> list[Storey]:
-    """The storeys of a model, the lowest first; `metre` is its unit, `walls` has the storey's id for each wall."""
+def storeys(model: Any, metre: float, walls: Sequence[int], doors: Sequence[int]) -> list[Storey]:
+    """The storeys of a model, the lowest first; `metre` is its unit, walls and doors are their storeys' ids."""
     from ifcopenshell.util.placement import get_local_placement
 
     found = model.by_type("IfcBuildingStorey")
@@ -44,18 +45,20 @@ def storeys(model: Any, metre: float, walls: Sequence[int]) -> list[Storey]:
         height = place if place is not None else elevation or 0.0
         name = str(one.Name or one.LongName or "").strip()
         called = height if elevation is None else elevation
-        storeys.append(Storey(one.id(), name, called, height, walls.count(one.id())))
+        storeys.append(Storey(one.id(), name, called, height, walls.count(one.id()), doors.count(one.id())))
     return sorted(storeys, key=lambda storey: (storey.height, storey.id))
 
 
 def chosen(storeys: Sequence[Storey], level: str, name: str) -> tuple[Storey, list[str]]:
     """The storey that `level` means, by its name, its number from 0 for the lowest, or its elevation, and a notice.
 
-    Without a level, the lowest that has walls. Raises InputError, with the file's `name`, where there is none.
+    Without a level, the lowest that has walls and doors, or else walls: foundations have walls alone. Raises
+    InputError, with the file's `name`, where there is none.
     """
     wanted = level.strip().casefold()
     if not wanted:
-        storey = next((one for one in storeys if one.walls), storeys[0])
+        with_walls = [one for one in storeys if one.walls] or list(storeys)
+        storey = next((one for one in with_walls if one.doors), with_walls[0])
         others = [one for one in storeys if one is not storey]
         return storey, [f"taken is the storey {storey}; others, for world.level: {_listed(others)}"] if others else []
     named = [one for one in storeys if one.name.casefold() == wanted]

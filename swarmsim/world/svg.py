@@ -13,6 +13,7 @@ import shapely
 from shapely import MultiPolygon
 from svgelements import Matrix
 
+from swarmsim.core import budget
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import OutOfReachError, covered, lines_of, polygons
@@ -35,6 +36,8 @@ _PAINT: Final = ("fill", "stroke")
 _BRIGHT: Final = 0.5  # of white: what is brighter in a mask shows, what is not hides
 _OPAQUE: Final = 0.9  # a fill that hides what lies below it
 _FEW: Final = 0.02  # of all shapes; so many may lie off the page by mistake
+_LARGE: Final = 200.0  # m; larger pages are mostly drawn in pixels
+_LETTERS: Final = 8  # of path data for a segment
 _MOST_TEXTS: Final = 2000
 _STRAY: Final = 3.0  # times the extent of nearly all shapes; what lies beyond it and off the page is passed over
 
@@ -66,6 +69,11 @@ def read(source: str, name: str, world: World) -> Drawing:
         if names.has(layer) and not any(shape.layer == layer for shape in shapes):
             rest = "" if layer == SPAWN_LAYER else " as filled shapes or as strokes, in a layer that is shown"
             raise InputError(f"{name}: the layer `{layer}` has no {lacks}{rest}")
+    if not page.said and world.width is None and world.scale is None and max(page.metres) > _LARGE:
+        reader.notices.append(
+            f"its page is {page.metres[0]:g} m x {page.metres[1]:g} m, as one user unit counts as a metre; "
+            "world.width = METRES says how wide it is"
+        )
     box = (0.0, 0.0, *page.metres)
     return Drawing(name, tuple(shapes), box, page.said, tuple(reader.told()), names.says_solid, empty, _texts(root))
 
@@ -132,7 +140,7 @@ class _Reader:
         """What the visible elements at and below `root` show, in their order."""
         waiting = list(self._placed(root, around))  # all of them first, to refuse too many before the work
         far: list[Element] = []
-        for shape in waiting:
+        for shape in budget.pieces(budget.drawing(sum(map(_segments, waiting)), self.name), waiting):
             try:
                 found = self.shape(shape)
             except OutOfReachError as problem:
@@ -369,6 +377,12 @@ class _Reader:
             raise ElementError("it is clipped by its own size, but has none; release the clip")
         left, top, right, bottom = fill.bounds
         return left, top, right, bottom
+
+
+def _segments(shape: _Placed) -> int:
+    """About how many segments the outline of a shape has."""
+    attributes = shape.element.attributes
+    return 4 + (len(attributes.get("d", "")) + len(attributes.get("points", ""))) // _LETTERS
 
 
 def _texts(root: Element) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from swarmsim.world.arena import TOUCH, Arena, place_in, spot
 from swarmsim.world.cells import Cells
 
 _CRUMB: Final = 1e-6  # m2; less is where two walls nearly meet
+_ROOMY: Final = 2.0  # m2; pockets above it may be rooms
 _ROOMS: Final = 0.05  # of the floor; more of it behind narrow gaps deserves a warning
 
 
@@ -40,6 +41,10 @@ class Unreached:
                 f"at {place_in(largest)}" if one else f"in all (the largest {_m2(largest.area)} at {place_in(largest)})"
             )
             told.append(f"{count} {which} cannot be entered and {'does' if one else 'do'} not count")
+            if largest.area > _ROOMY:
+                told[-1] += f"; if {'it is a room' if one else 'some are rooms'}, world.doors = 0.9 makes doors"
+            if shapely.area(self.pockets).sum() > floor:
+                told[-1] += "; that is more than the floor: world.spawn says where robots start"
         behind = float(shapely.area(self.narrow).sum())
         if behind:
             some = "place lies" if len(self.narrow) == 1 else "places lie"
@@ -49,13 +54,20 @@ class Unreached:
                 f"{place_in(self.narrow[0])}"
             )
             if behind > _ROOMS * floor:
-                told[-1] += f"; that is {100.0 * behind / floor:.0f} % of the floor: is the robot, or the scale, right?"
+                told[-1] += (
+                    f"; that is {100.0 * behind / floor:.0f} % of the floor, so that the robot or the scale may be "
+                    "wrong"
+                )
         if len(self.coarse):
             cell = arena.lattice.cell
             told.append(
                 f"{len(self.coarse)} cells, {_m2(len(self.coarse) * cell**2)}, do not count: a robot fits through to "
                 f"them, near {spot(*self.coarse[0])}, but cells of {cell:g} m are too coarse for the passage"
             )
+            if len(self.coarse) * cell**2 > _ROOMS * floor:
+                told[-1] += (
+                    f"; that is {100.0 * len(self.coarse) * cell**2 / floor:.0f} % of the floor: take smaller ones"
+                )
         return [f"{arena.name}: {sentence}" for sentence in told]
 
     def refuse(self, arena: Arena, radius: float, spawn: str) -> None:
@@ -94,7 +106,7 @@ def unreached(arena: Arena, reachable: Cells, radius: float, spawn: str) -> Unre
     start = shapely.points(arena.lattice.centres(np.argwhere(reachable)[0]))
     outside = shapely.bounds(pieces)[:, 0] < left
     own = shapely.distance(pieces, start).argmin()
-    rooms = shapely.get_parts(shapely.buffer(pieces[own], TOUCH - radius))
+    rooms = shapely.get_parts(shapely.buffer(pieces[own], TOUCH - radius, quad_segs=8))
     nearest = shapely.distance(rooms, start).argmin()
     home, beyond = rooms[nearest], shapely.bounds(rooms)[:, 0] < left
     if beyond[nearest]:

@@ -120,7 +120,6 @@ BAD_PLANS = [
     ({"spawn": SPAWN.replace('"room"', '"hall"')}, "'room'", "hall"),
     ({"spawn": '<rect id="room" x="0" y="0" width="0.25" height="0.25"/>'}, "'room'", "w.svg"),
     ({"walls": '<path id="flap" d="M1 1 L2 1 L2"/>'}, "flap", "too few"),
-    ({"walls": PILLAR.format(3)}, "w.svg", "has no way to spawn area"),
 ]
 
 
@@ -133,7 +132,20 @@ def test_a_bad_floor_plan_is_refused_before_anything_is_written(
 
 def test_an_open_building_is_refused(tmp_path: Path) -> None:
     text = SMALL_PLAN.replace('d="M0 0H3V3H0Z M.3 .3V2.7H2.7V.3Z"', 'd="M0 0H3V3H0V2H.3V2.7H2.7V.3H.3V1H0Z"')
-    refused(tmp_path, ["w.svg", "open"], "run", plan(tmp_path, text=text.format(walls="", spawn=SPAWN)))
+    open_ = plan(tmp_path, text=text.format(walls="", spawn=SPAWN))
+    refused(tmp_path, ["w.svg", "open", "world.border = true"], "run", open_, "--set", "world.border=false")
+    done = called("run", open_, "--out", tmp_path / "closed")
+    assert "a border closes it there" in " ".join(done.stdout.split())
+    assert done.returncode == 0
+
+
+def test_a_room_without_a_door_does_not_count_or_is_refused(tmp_path: Path) -> None:
+    split = plan(tmp_path, walls=PILLAR.format(3))
+    words = ["w.svg", "has no way to spawn area"]
+    refused(tmp_path, words, "run", split, "--set", "world.pockets=refuse")
+    done = called("run", split, "--out", tmp_path / "half")
+    assert "cannot be entered and does not count" in " ".join(done.stdout.split())
+    assert done.returncode == 0
 
 
 @pytest.mark.parametrize(
@@ -157,7 +169,8 @@ def test_what_cannot_work_is_refused_before_anything_is_written(
 
 def test_a_robot_wider_than_every_door_is_refused(tmp_path: Path) -> None:
     scenario = plan(tmp_path, walls=PILLAR.format(1.2) + '<rect x="1.35" y="1.5" width="0.15" height="1.5"/>')
-    done = refused(tmp_path, ["w.svg", "door"], "run", scenario, "--set", "robots.radius=0.2")
+    wide = ("--set", "robots.radius=0.2")
+    done = refused(tmp_path, ["w.svg", "door"], "run", scenario, *wide, "--set", "world.pockets=refuse")
     assert "0.4" in done
     assert called("run", scenario, "--out", tmp_path / "slim", "--quiet").returncode == 0
 

@@ -79,7 +79,8 @@ def test_yes_takes_the_defaults_and_walls_that_would_be_decoration(here: Path) -
     (here / "plan.svg").write_text(LAYERS)
     found = imported("plan.svg", "--width", "6", "--yes")
     assert found.exit_code == 0, found.output
-    assert "`Base`: 1 shapes, 92 % of what is drawn, would be decoration. Take it for walls? yes" in found.output
+    assert "`Base` (1 shape, 92 % of what is drawn) is no layer of ours" in found.output
+    assert "Is it walls? yes" in found.output
     assert world_in(here / "plan.toml")["layers"] == {"walls": ["Base"]}
 
 

@@ -48,7 +48,7 @@ def test_check_ends_with_2_and_names_the_place_where_100_percent_is_unattainable
     assert "wider than every door" in text
     text = run("world", "check", ROOM, *wide)
     assert "1 place lies behind gaps narrower than a robot of 1 m and does not count" in text
-    assert "% of the floor: is the robot, or the scale, right?" in text
+    assert "% of the floor, so that the robot or the scale may be wrong" in text
     run("world", "preview", ROOM, str(tmp_path / "p.png"), *wide)
     with Image.open(tmp_path / "p.png") as picture:
         assert min(picture.size) > 400

@@ -316,7 +316,7 @@ def test_however_wrong_an_estimate_lies_on_the_map(fault: str, tmp_path) -> None
         assert (moment.readings.tiles.origins > -7).all()
         assert (moment.readings.tiles.origins < lattice.shape).all()
     # What watches a run must not fall over tiles that lie beside the map.
-    probe = MapMeasures(run.scenario.robots.count, run.domain)
+    probe = MapMeasures(run.scenario.robots.count, run.domain, lattice)
     with run.recorder(tmp_path / "recording.h5") as recorder:
         for moment in watch.moments:
             probe.sample(moment)

@@ -14,7 +14,8 @@ from ifcopenshell.api import aggregate, context, feature, geometry, project, pse
 from shapely import MultiPolygon
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario import World, load
+from swarmsim.engine.build import build
 from swarmsim.world import ifc
 from swarmsim.world.areas import polygons
 from swarmsim.world.bim import cut
@@ -22,6 +23,7 @@ from swarmsim.world.plan import SOLID_LAYERS
 from swarmsim.world.reading import plan_of
 from swarmsim.world.sections import section
 from swarmsim.world.shapes import Drawing
+from swarmsim.world.source import floor_plan, read_world
 
 UNITS = {"mm": "MILLI", "cm": "CENTI", "m": None}
 
@@ -170,8 +172,8 @@ def test_a_storey_is_found_by_name_number_and_elevation(tmp_path: Path) -> None:
         model.house(storey, door=storey == 0)
     assert [len(floors(model.drawing(tmp_path, level=level))) for level in ("2", "upper", "3.0", "3.00 m")] == [1] * 4
     assert [len(floors(model.drawing(tmp_path, level=level))) for level in ("0", "1", "Ground", "-2.5")] == [2] * 4
-    lowest = model.drawing(tmp_path)
-    assert any("'Cellar' at -2.50 m; others" in one and "'Upper' at 3.00 m" in one for one in lowest.notices)
+    lowest = model.drawing(tmp_path)  # the cellar has no doors, as foundations have none
+    assert any("'Upper' at 3.00 m; others" in one and "'Cellar' at -2.50 m" in one for one in lowest.notices)
     with pytest.raises(InputError, match=r'world\.level: no storey is called "Attic"; it has \'Cellar\' at -2\.50 m'):
         model.drawing(tmp_path, level="Attic")
     with pytest.raises(InputError, match=r'no storey is called "7"'):
@@ -396,3 +398,25 @@ def test_a_section_of_a_tube_is_a_ring_and_bodies_are_united() -> None:
     assert section(outer, faces, 2.0).is_empty
     sheet = np.array([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 0.0, 1.0), (0.0, 0.0, 1.0)])
     assert section(sheet, np.array([(0, 1, 2), (0, 2, 3)]), 0.5).area == pytest.approx(2.0 * 0.02)
+
+
+def test_robots_run_in_a_storey_and_never_through_its_windows(tmp_path: Path) -> None:
+    model = Model("mm", (0.0, 3.0), ("Ground", "First"))
+    walls = model.house(0)
+    model.hole(walls["south"], (1, -0.1, 2, 0.3), "IfcWindow", low=0.9, high=2.1)
+    model.hole(walls["north"], (5, 4.7, 6, 5.1), "IfcDoor")
+    model.house(1, door=False)
+    model.file.write(str(tmp_path / "plan.ifc"))
+    for level, area in (("Ground", 34.22), ("First", 17.48)):
+        world = World(file=str(tmp_path / "plan.ifc"), level=level)
+        found = floor_plan(read_world(world, 0.15), world)
+        (floor,) = found.spawns["spawn"].geoms
+        assert floor.area == pytest.approx(area, abs=1e-3)
+        assert [shapely.contains_xy(floor, *at) for at in ((1, 1), (2, 4), (3.9, 2.5))] == [True] * 3
+        assert not any(shapely.contains_xy(floor, *at) for at in ((1.5, 0.1), (5.5, 4.9), (0.1, 3)))
+    scenario = tmp_path / "run.toml"
+    scenario.write_text(
+        'world = {file = "plan.ifc", level = "Ground"}\n[robots]\ncount = 3\n[stop]\niterations = 3\n'
+        '[network.topology]\nuse = "none"\n'
+    )
+    build(load(scenario), str(scenario)).simulation.run([])

@@ -460,3 +460,11 @@ def test_long_path_data_takes_no_longer_for_a_curve_at_its_end() -> None:
     data = "M0 0L" + " ".join(f"{1000001 + i} {2000003 + i}" for i in range(300)) + "C0 0 1 1 2 2Z"
     with pytest.raises(InputError, match="farther than"):
         read_floor_plan(f'<svg viewBox="0 0 4 4"><path d="{data}"/></svg>', "plan.svg")
+
+
+def test_a_page_of_pixels_is_told_how_large_it_is_taken() -> None:
+    walls = '<path d="M0 0H1200V800H0Z M9 9V791H1191V9Z" fill-rule="evenodd"/>'
+    (told, _) = read_floor_plan(f'<svg viewBox="0 0 1200 800">{walls}</svg>', "w.svg").notices
+    assert "its page is 1200 m x 800 m, as one user unit counts as a metre; world.width = METRES" in told
+    (only,) = read_floor_plan(f'<svg viewBox="0 0 1200 800">{walls}</svg>', "w.svg", across=12.0).notices
+    assert "its visible shape is a wall" in only
