@@ -7,7 +7,8 @@ import os
 import re
 import struct
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -197,3 +198,27 @@ def lookup3(data: bytes | bytearray) -> int:
     for bits in (14, 11, 25, 16, 4, 14, 24):
         a, b, c = b, (c ^ b) - turned(b, bits), a
     return b & 0xFFFFFFFF
+
+
+def to_the_end(work: Callable[[], None]) -> None:
+    """Do some work wholly, even if Ctrl-C or SIGTERM asks for an end meanwhile; the interruption is raised after it."""
+    failures: list[BaseException] = []
+
+    def done() -> None:
+        try:
+            work()
+        except BaseException as problem:
+            failures.append(problem)
+
+    thread = threading.Thread(target=done)
+    thread.start()
+    interruption: KeyboardInterrupt | None = None
+    while thread.is_alive():
+        try:
+            thread.join()
+        except KeyboardInterrupt as asked:
+            interruption = asked
+    if failures:
+        raise failures[0]
+    if interruption is not None:
+        raise interruption

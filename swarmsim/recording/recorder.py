@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import encoded
-from swarmsim.core.hdf5 import Growing
+from swarmsim.core.hdf5 import Growing, to_the_end
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
@@ -157,7 +157,7 @@ class Recorder:
         if not held or not self._growing.whole:
             return
         with self._growing.writing(f"{self._kept} iterations are kept"):
-            self._write(held)
+            to_the_end(lambda: self._write(held))
         self._kept += len(held)
 
     def _write(self, held: list[Held]) -> None:
