@@ -82,7 +82,7 @@ def connected(shapes: NDArray[np.object_]) -> NDArray[np.int32]:
 def joined(shapes: Iterable[MultiPolygon]) -> MultiPolygon:
     """The union of valid shapes, which stay as they are where there is one alone."""
     solid = [shape for shape in shapes if not shape.is_empty]
-    return solid[0] if len(solid) == 1 else united(solid)
+    return solid[0] if len(solid) == 1 else united(solid) if solid else MultiPolygon()
 
 
 def polygons(geometry: shapely.Geometry) -> MultiPolygon:

@@ -118,8 +118,10 @@ def _layer(shapes: Sequence[Shape], world: World, page: Box) -> list[MultiPolygo
 
 def _read(shapes: Sequence[Shape], world: World, page: Box) -> Read:
     """What is solid among shapes that no layer says anything of."""
-    paper = [shape for shape in shapes if _fills(shape, page)]
-    shown = [shape for shape in shapes if not _fills(shape, page)]
+    whole = [_fills(shape, page) for shape in shapes]
+    paper, shown = (
+        [shape for shape, fills in zip(shapes, whole, strict=True) if fills is own] for own in (True, False)
+    )
     ground = paper[-1].fill_ink if paper else 0.0
     notes = [f"{paper[-1].where} fills the page and is taken for its paper, not for a wall"] if paper else []
     if not shown:
@@ -156,9 +158,10 @@ def _read(shapes: Sequence[Shape], world: World, page: Box) -> Read:
 def _fills(shape: Shape, page: Box) -> bool:
     """Whether a shape is as large as the page."""
     left, low, right, high = page
-    paper = shapely.box(*page)
-    inner = shapely.buffer(paper, -1e-3 * max(right - left, high - low))
-    return shape.fill.area >= 0.999 * paper.area and bool(shape.fill.covers(inner))
+    if shape.fill.area < 0.999 * (right - left) * (high - low):
+        return False
+    inner = shapely.buffer(shapely.box(*page), -1e-3 * max(right - left, high - low))
+    return bool(shape.fill.covers(inner))
 
 
 def _rims(paper: Sequence[Shape], shapes: Sequence[Shape]) -> list[Shape]:
