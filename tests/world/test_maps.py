@@ -172,8 +172,9 @@ def test_a_map_that_runs_off_its_edge_is_closed_by_a_frame(tmp_path: Path) -> No
     path = grey(tmp_path / "m.png", [[254] * 20] * 20)
     plan = opened(path, resolution=CELL)
     assert Arena.open(plan, CELL, 8, "m.png").reachable("", 0.05).sum() == 400
-    with pytest.raises(InputError, match="nothing in it is solid"):
-        opened(path, resolution=CELL, unknown="space")
+    plan = opened(path, resolution=CELL, unknown="space")
+    assert plan.walls.is_empty
+    assert Arena.open(plan, CELL, 8, "m.png").reachable("", 0.05).sum() == 400
 
 
 def test_a_picture_takes_its_width_or_the_file_beside_it(pair) -> None:

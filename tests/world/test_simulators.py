@@ -149,7 +149,7 @@ def test_what_is_not_there_is_told(folder: Path) -> None:
         ('model ( size [1 1 1] bitmap "white.png" )', "no pixel in it is dark"),
         ("position ( pose [0 0 0 0] )", "no model in it has a bitmap"),
         ("model ( " * 99, "nested deeper"),
-        ("", "no model in it"),
+        ("# nothing", "no model in it"),
     ],
 )
 def test_bad_worlds_of_stage_are_refused(folder: Path, text: str, message: str) -> None:
