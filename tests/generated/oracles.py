@@ -31,7 +31,6 @@ ERRORS = ("blind", "cone", "error", "error_share", "error_square", "drop_out", "
 #: Why a robot may know a cell that nobody has sensed, by what a scenario has.
 BELIEVED = {
     "byzantine": "liars tell of cells that they have made up",
-    "merge": "pieces of maps are put where robots believe them to belong",
 }
 
 
