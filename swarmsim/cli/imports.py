@@ -11,6 +11,7 @@ import typer
 if TYPE_CHECKING:
     from swarmsim.core.scenario import World
     from swarmsim.engine.inspection import Inspection
+    from swarmsim.world.plan import FloorPlan
     from swarmsim.world.shapes import Drawing
 
 ROBOTS = 5
@@ -189,7 +190,7 @@ def _reading(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) ->
     from swarmsim.core.errors import InputError
     from swarmsim.world.source import floor_plan, is_map, read_world
 
-    def read() -> Any:
+    def read() -> FloorPlan:
         world = _world(keys)
         return floor_plan(read_world(world, 0.15), world)
 
@@ -225,7 +226,7 @@ def _reading(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) ->
         keys["spawn"] = _start(plan, answers)
 
 
-def _start(plan: Any, answers: Answers) -> list[float]:
+def _start(plan: FloorPlan, answers: Answers) -> list[float]:
     """A square in the free space in which robots shall start."""
     import shapely
 

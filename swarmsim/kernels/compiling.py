@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept, and which are being compiled, of which the first run on a machine has many."""
+"""Where compiled kernels are kept, and which are being compiled: the first run on a machine compiles many."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ class Recorder:
 
 
 def _check_names(moment: Moment, path: Path) -> None:
-    """Raise InputError if two parts give something of one name, of which one would be lost."""
+    """Raise InputError if two parts record something under one name: one of the two would be lost."""
     names = [name for _, record in _records(moment) for name in (*record.rows, *record.lists)]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         parts = " and ".join(part for part, record in _records(moment) if twice[0] in {**record.rows, **record.lists})

@@ -100,7 +100,7 @@ def best(
 
 
 def _whole(plan: Plan, found: dict[str, Result], racing: Sequence[str], led: set[str]) -> list[str]:
-    """Those still in the race of which all runs have finished. Raises InputError as `best`, or for failed runs."""
+    """The conditions in the race whose runs have all finished. Raises InputError as `best`, or for failed runs."""
     for name in racing:
         if found[name].failed:
             row = found[name].failed[0]

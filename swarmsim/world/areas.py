@@ -19,7 +19,7 @@ from swarmsim.world.viewport import LARGEST, Page
 
 _GRID = 1e-9  # m, coordinates are rounded to it, which welds walls that abut
 _BOUNDLESS = 1e12  # user units, beyond which geometry fails before the scale applies
-_MANY = 1000  # shapes, of which those that touch are looked for before they are united
+_MANY = 1000  # shapes; from so many on, only those that touch are united
 _CAPS = {"butt": "flat", "round": "round", "square": "square"}
 _JOINS = {"miter": "mitre", "miter-clip": "mitre", "arcs": "mitre", "round": "round", "bevel": "bevel"}
 _UNSCALED = "non-scaling-stroke"
@@ -97,7 +97,7 @@ def polygons(geometry: shapely.Geometry) -> MultiPolygon:
 
 
 def lines_of(outlines: Outlines) -> tuple[Points, ...]:
-    """The outlines as lines, of which closed ones end where they begin."""
+    """The outlines as lines; closed ones end where they begin."""
     return tuple(
         np.vstack([points, points[:1]]) if closed and (points[0] != points[-1]).any() else points
         for points, closed in outlines

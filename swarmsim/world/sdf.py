@@ -77,7 +77,7 @@ class _Reader:
         for names, what in (
             (self._missing, "models of other files are not there and not read"),
             (self._unread, "collisions are meshes or the like and not read"),
-            (self._seen, "models have no collision and stop nobody"),
+            (self._seen, "models have no collision and stop no robot"),
         ):
             if names:
                 more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""

@@ -19,9 +19,9 @@ Line = NDArray[np.float64]  # (n, 2): x, y in m; closed if its ends are the same
 class Shape:
     """One thing that a file shows.
 
-    `layer` is the layer of a floor plan that it belongs to, where the file or the user says so, and empty where nobody
-    does: then its ink decides. Shapes in `doors` cut what is solid; shapes in `floor` are rooms, with walls along
-    their borders where they have no stroke of their own.
+    `layer` is the layer of a floor plan that it belongs to, where the file or the user says so. It is empty where
+    neither does: then its ink decides. Shapes in `doors` cut what is solid; shapes in `floor` are rooms, with walls
+    along their borders where they have no stroke of their own.
     """
 
     fill: MultiPolygon = NOTHING  # what its fill covers

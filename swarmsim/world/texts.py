@@ -41,7 +41,7 @@ def text_of(path: Path) -> str:
         return plain.decode(encoding)
     except LookupError:
         raise InputError(
-            f"world: {path} declares the encoding {encoding!r}, which nobody knows; save it as UTF-8"
+            f"world: {path} declares the encoding {encoding!r}, which does not exist; save it as UTF-8"
         ) from None
     except UnicodeDecodeError as problem:
         raise InputError(

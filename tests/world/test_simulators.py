@@ -248,7 +248,7 @@ def test_what_is_not_read_is_named(tmp_path: Path) -> None:
     )
     drawing = gazebo(tmp_path, box("10 0.2 1", "0 4 0.5 0 0 0") + box("10 0.2 1", "0 -4 0.5 0 0 0") + more)
     told = " ".join(drawing.notices)
-    for words in ("not read: cafe_table", "not read: chair", "stop nobody: paint", "models with wheels are robots"):
+    for words in ("not read: cafe_table", "not read: chair", "stop no robot: paint", "models with wheels are robots"):
         assert words in told
     assert "sun" not in told
     assert layer(drawing, "spawn").bounds == pytest.approx((1.5, -0.5, 2.5, 0.5))
