@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from swarmsim.core import registry
-from swarmsim.core.parts import Setting, Topology
+from swarmsim.core.parts import Topology
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import build

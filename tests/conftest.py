@@ -15,9 +15,9 @@ from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
-from swarmsim.core.parts import Setting
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Observations, Readings
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build

@@ -15,7 +15,8 @@ from swarmsim.core import own
 from swarmsim.core.messages import Columns, PlainCodec, Said
 from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import MisfitError
-from swarmsim.core.parts import Curve, Links, Setting, Summary
+from swarmsim.core.parts import Curve, Links, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates, Intents, Knowledge, Measured, Moment, Observations, State
 
 

@@ -20,8 +20,8 @@ from swarmsim.core import own
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
-from swarmsim.core.parts import Setting
 from swarmsim.core.registry import nearest
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Observations, Record
 
 

@@ -6,18 +6,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox
-
-if TYPE_CHECKING:
-    from swarmsim.core.building import Building
-    from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 
 UNKNOWN = 0  #: value of a cell that nobody observed
 FREE = 1  #: value of a cell observed to be empty

@@ -20,10 +20,11 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
-from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Setting, Strategy, Task
+from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import PLACES, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of

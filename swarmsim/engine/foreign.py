@@ -17,7 +17,8 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import line_of, told
-from swarmsim.core.parts import Fault, Parts, Setting
+from swarmsim.core.parts import Fault, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach

@@ -19,19 +19,18 @@ from swarmsim.core.parts import (
     Channel,
     Computation,
     Curve,
-    Field,
     Links,
     Localisation,
     Motion,
     Parts,
     Sensor,
-    Setting,
     Strategy,
     Summary,
     Task,
     Topology,
     WheelSpeeds,
 )
+from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import copied, lent

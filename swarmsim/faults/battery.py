@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts, Setting
+from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 Cost = Annotated[float, Meta(ge=0.0, le=1e9)]

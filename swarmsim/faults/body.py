@@ -10,7 +10,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Computation, Parts, Setting
+from swarmsim.core.parts import Computation, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box, BoxGone, BoxStands, BoxWaits, Event
-from swarmsim.core.parts import Now, Parts, Setting
+from swarmsim.core.parts import Now, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.faults.timeline import Duration, Iteration, Share
 
 _TRIES = 100  # places drawn for a piece of rubble before it stays where it was

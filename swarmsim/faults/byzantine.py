@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, Said
-from swarmsim.core.parts import Computation, Parts, Setting
+from swarmsim.core.parts import Computation, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Observations
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import Lasting, TimedFault

@@ -16,7 +16,8 @@ from swarmsim.core.building import Building
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Localisation as LocalisationPart
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Readings, State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline

@@ -12,7 +12,8 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Computation, Parts, Setting, Strategy
+from swarmsim.core.parts import Computation, Parts, Strategy
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Observations, State
 from swarmsim.faults.body import check_maps
 from swarmsim.faults.disguise import WrappedComputation

@@ -10,7 +10,8 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Bodies, Motion, Parts, Setting, WheelSpeeds
+from swarmsim.core.parts import Bodies, Motion, Parts, WheelSpeeds
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline

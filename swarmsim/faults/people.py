@@ -9,7 +9,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.kernels import search, walk
 
 _TRIES = 8  # destinations that somebody thinks of before resting

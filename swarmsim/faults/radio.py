@@ -14,7 +14,8 @@ from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.messages import Delivery, Letters
-from swarmsim.core.parts import Channel, Links, Parts, Setting
+from swarmsim.core.parts import Channel, Links, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline

@@ -10,7 +10,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 Iteration = Annotated[int, Meta(ge=0, le=100_000)]  # no run is longer

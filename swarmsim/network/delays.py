@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Letters
-from swarmsim.core.parts import Channel, Links, Setting
+from swarmsim.core.parts import Channel, Links
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost, in_order
 

@@ -13,7 +13,8 @@ from swarmsim.core import chance
 from swarmsim.core.building import Building, Walls
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Letters
-from swarmsim.core.parts import Channel, Links, Setting
+from swarmsim.core.parts import Channel, Links
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost
 

@@ -7,7 +7,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core.parts import Links, Setting
+from swarmsim.core.parts import Links
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import draws
 from swarmsim.network.topology import Degree, FixedLinks, check_degree

@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Links, Setting
+from swarmsim.core.parts import Links
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 

@@ -18,7 +18,8 @@ from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay as Triangulation
 
-from swarmsim.core.parts import Links, Setting
+from swarmsim.core.parts import Links
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph, triangulation
 

@@ -14,7 +14,8 @@ from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
 from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Record, State
 from swarmsim.kernels import wander
 

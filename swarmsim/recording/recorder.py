@@ -73,7 +73,7 @@ class Recorder:
         self.file = self._growing.file
         place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
         texts = {
-            "scenario": tomli_w.dumps(without_none(msgspec.to_builtins(scenario))),
+            "scenario": text_of(scenario),
             "versions": json.dumps(versions()),
             "digested": " ".join(DIGESTED),
             "curve": msgspec.json.encode(curve).decode(),
@@ -247,6 +247,11 @@ def _new_ways(moment: Moment) -> list[tuple[int, int, NDArray[np.float64]]]:
         (moment.state.iteration, int(robot), intents.waypoints[robot, : intents.counts[robot]].copy())
         for robot in np.flatnonzero(intents.planned)
     ]
+
+
+def text_of(scenario: Scenario) -> str:
+    """The scenario as recordings keep it: TOML, complete."""
+    return tomli_w.dumps(without_none(msgspec.to_builtins(scenario)))
 
 
 def without_none(value: Any) -> Any:

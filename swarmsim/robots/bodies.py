@@ -14,8 +14,9 @@ from pymunk._chipmunk_cffi import ffi, lib
 
 from swarmsim.core.building import Building, Crowd
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Motion, Setting
+from swarmsim.core.parts import Motion
 from swarmsim.core.robots import Robots
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
 from swarmsim.robots.motion import WaypointFollower

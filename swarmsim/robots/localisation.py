@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Motion, Setting, WheelSpeeds
+from swarmsim.core.parts import Motion, WheelSpeeds
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Readings, State
 
 Spread = Annotated[float, Meta(ge=0.0, le=100.0)]

@@ -8,7 +8,8 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Setting, WheelSpeeds
+from swarmsim.core.parts import WheelSpeeds
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents
 from swarmsim.kernels import drive
 

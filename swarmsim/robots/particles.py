@@ -9,7 +9,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Motion, Setting
+from swarmsim.core.parts import Motion
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 

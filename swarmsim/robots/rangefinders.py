@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import UNKNOWN, Beams, Readings, State, Tiles
 from swarmsim.kernels import evidence, rays
 

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Field, Sensor, Setting
+from swarmsim.core.parts import Sensor
+from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import UNKNOWN, Beams, Readings, State, Tiles
 from swarmsim.kernels import rays
 from swarmsim.robots.rangefinders import RangefinderSensor, held, radii_of

@@ -92,10 +92,8 @@ class Plan:
 
     def identity(self, condition: Condition, seed: int) -> str:
         """A hash of all that its row depends on, versions and files of parts that are not ours included."""
-        scenario = msgspec.structs.replace(condition.scenario, seed=seed, title="", budget=budget.BUDGET)
-        table = {**msgspec.structs.asdict(scenario), "world": _unnamed(scenario)}
         hashed = hashlib.blake2b(digest_size=16)
-        hashed.update(msgspec.json.encode(table, order="deterministic"))
+        hashed.update(asked(msgspec.structs.replace(condition.scenario, seed=seed)))
         hashed.update(self.world_of(condition).encode())
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
         hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
@@ -105,8 +103,11 @@ class Plan:
         return hashed.hexdigest()
 
 
-def _unnamed(scenario: Scenario) -> Any:
-    return {**msgspec.structs.asdict(scenario.world), "file": ""}
+def asked(scenario: Scenario) -> bytes:
+    """All that a scenario asks for, in JSON: whatever it is called, wherever its floor plan's file is."""
+    scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
+    unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
+    return msgspec.json.encode({**msgspec.structs.asdict(scenario), "world": unnamed}, order="deterministic")
 
 
 def _world_key(scenario: Scenario) -> bytes:
@@ -133,7 +134,7 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
         raise InputError(f"{path}: seeds: a seed is listed twice; expected each once")
     base = path.parent / study.scenario
     table = read_toml(base, "the study's scenario file")
-    cells = _changes(path, study)
+    cells = changes_of(path, study)
     if len(cells) * len(numbers) > MOST_RUNS:
         raise InputError(f"{path}: {len(cells)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
     named = {condition.name: condition for condition in study.condition}
@@ -143,7 +144,7 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
 
     def condition(name: str, change: dict[str, Any]) -> Condition:
         place = f"{path}: condition {name!r}"
-        scenario = _scenario(place, table, {**study.set, **change}, base.parent)
+        scenario = changed(place, table, {**study.set, **change}, base.parent)
         key = _world_key(scenario)
         if key not in worlds:
             try:
@@ -162,7 +163,7 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
     return Plan(path, study, conditions, numbers, worlds, tuple(notices))
 
 
-def _changes(path: Path, study: Study) -> dict[str, dict[str, Any]]:
+def changes_of(path: Path, study: Study) -> dict[str, dict[str, Any]]:
     """What each condition changes, by its name: the grid of all axes, then the named ones."""
     groups: dict[str, list[Axis]] = {}
     for number, axis in enumerate(study.vary):
@@ -216,14 +217,15 @@ def shown(value: Any) -> Any:
     return " ".join([str(value["use"]), *(f"{key}={shown(one)}" for key, one in value.items() if key != "use")])
 
 
-def _scenario(place: str, table: Table, changes: dict[str, Any], folder: Path) -> Scenario:
-    changed = copy.deepcopy(table)
+def changed(place: str, table: Table, changes: dict[str, Any], folder: Path) -> Scenario:
+    """The scenario in a table with changes by dotted key. Raises InputError that starts with `place`."""
+    table = copy.deepcopy(table)
     for key, value in changes.items():
         try:
-            assign(changed, key, value)
+            assign(table, key, value)
         except InputError as problem:
             raise InputError(f"{place}: {problem}") from problem
-    return decode(changed, place, folder)
+    return decode(table, place, folder)
 
 
 def with_seeds(plan: Plan, seeds: int, names: Collection[str]) -> Plan:

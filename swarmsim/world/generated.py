@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Site
+from swarmsim.core.setting import Site
 from swarmsim.world.masonry import Drawn, Grid, open_between, pierce, strip
 
 Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]

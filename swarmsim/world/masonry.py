@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, affinity
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Site
+from swarmsim.core.setting import Site
 from swarmsim.world import geojson
 from swarmsim.world.areas import polygons, united
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan

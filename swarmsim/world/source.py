@@ -17,8 +17,8 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import LARGEST
-from swarmsim.core.parts import Site
 from swarmsim.core.scenario import World
+from swarmsim.core.setting import Site
 from swarmsim.core.streams import Streams
 from swarmsim.world import dxf, geojson, ifc, imdf, osm, rosmap, sdf, stage, svg
 from swarmsim.world.areas import joined, polygons, united

@@ -11,7 +11,8 @@ from conftest import made, moments_of, setting_of, worded_of
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Now, Setting
+from swarmsim.core.parts import Now
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Moment, State
 from swarmsim.faults.battery import Batteries, Battery, BatteryFault, Exhaustion
 

@@ -15,7 +15,8 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Observations, Tiles
 from swarmsim.faults.byzantine import Byzantine, LyingComputation
 from swarmsim.network.channel import letters

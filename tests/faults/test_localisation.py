@@ -10,7 +10,8 @@ from conftest import made, worded_of
 from swarmsim.core.building import Building
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Moment, Observations, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run

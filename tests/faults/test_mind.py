@@ -15,7 +15,8 @@ from numpy.testing import assert_array_equal
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Moment
 from swarmsim.core.streams import Streams
 from swarmsim.faults.mind import FailingMind, Mind, RandomWalk

@@ -8,7 +8,8 @@ from conftest import made, moments_of
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends
-from swarmsim.core.parts import Parts, Setting
+from swarmsim.core.parts import Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Readings, State, Tiles
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run

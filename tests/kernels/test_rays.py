@@ -14,8 +14,8 @@ from shapely.affinity import rotate, scale
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting
 from swarmsim.core.robots import Robots
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.core.streams import Streams
 from swarmsim.kernels import rays

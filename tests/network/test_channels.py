@@ -20,10 +20,11 @@ from swarmsim.core import chance, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Channel, Setting
+from swarmsim.core.parts import Channel
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import decode, load
 from swarmsim.core.schema import schema
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import build

@@ -11,8 +11,8 @@ from numpy.testing import assert_array_equal
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Setting
 from swarmsim.core.robots import Robots
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.kernels import graph

@@ -9,7 +9,8 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import wrapped

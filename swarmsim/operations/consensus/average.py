@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
 from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates, Knowledge, Measured, Moment, Observations
 
 CURVE: Final = Curve("error", "largest error", low=0.0, format=".2e", rises=False)

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Observations
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import away_from_walls, wrapped

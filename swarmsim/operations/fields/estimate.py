@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Observations, Record
 
 

@@ -10,7 +10,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Curve, Field, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.operations.fields.estimate import Reconstruction
 

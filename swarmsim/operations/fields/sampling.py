@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Observations
 from swarmsim.operations.fields.estimate import Basis, Reconstruction
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Field, Setting
+from swarmsim.core.setting import Field, Setting
 
 Noise = Annotated[float, Meta(ge=0.0)]
 

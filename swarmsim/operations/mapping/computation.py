@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Observations, Tiles
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids

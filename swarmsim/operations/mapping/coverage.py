@@ -10,7 +10,8 @@ from msgspec import Meta, Struct
 
 from swarmsim.core import memory
 from swarmsim.core.building import Building
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Measured, Moment
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.changes import ChangeMeasures

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Observations
 from swarmsim.kernels import decide, search, survey
 from swarmsim.operations.mapping.frontier import FrontierStrategy, NearestFrontier

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Observations
 from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.maps import Frames, Maps

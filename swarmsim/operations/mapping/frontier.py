@@ -14,7 +14,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Observations
 from swarmsim.kernels import decide, occupancy, search
 from swarmsim.operations.mapping.maps import Maps

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, Observations
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.messages import Inbox
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Auditor, Knowledge, Observations, Record
 from swarmsim.kernels import checks, occupancy
 from swarmsim.operations.mapping.message import TileItems

@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Observations
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import RelayCodec, RelayedItems, current_tile_bytes, relayed_tile_bytes

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps

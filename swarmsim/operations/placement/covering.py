@@ -10,7 +10,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.forms import Last
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
 from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
 from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial import distance
 
 from swarmsim.core.forms import Last
-from swarmsim.core.parts import Curve, Setting, Summary
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering

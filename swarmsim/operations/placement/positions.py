@@ -11,7 +11,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Observations, Record
 
 

@@ -12,8 +12,9 @@ from numpy.testing import assert_array_equal
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Calendar, Parts, Setting
+from swarmsim.core.parts import Calendar, Parts
 from swarmsim.core.robots import Robots
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents, Tiles
 from swarmsim.core.streams import Streams
 from swarmsim.engine.simulation import Simulation

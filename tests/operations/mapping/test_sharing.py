@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from swarmsim.core import registry
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
-from swarmsim.core.parts import Setting
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State, Tiles
 from swarmsim.engine import contracts
 from swarmsim.network.channel import letters

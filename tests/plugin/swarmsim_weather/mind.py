@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.forms import Last
 from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.parts import Curve, Setting
+from swarmsim.core.parts import Curve
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates, Intents, Measured, Moment, Observations
 from swarmsim.operations.mapping.sharing import CurrentTile
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Links, Now, Parts, Setting
+from swarmsim.core.parts import Links, Now, Parts
+from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.robots.motion import PurePursuit, WaypointFollower
 

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.parts import Setting, Site
+from swarmsim.core.setting import Setting, Site
 from swarmsim.core.state import UNKNOWN, Readings, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
