@@ -109,7 +109,7 @@ def import_(
 
 
 def _world(keys: dict[str, Any]) -> World:
-    from swarmsim.core.registry import convert
+    from swarmsim.core.decoding import convert
     from swarmsim.core.scenario import World
 
     return convert(keys, World)

@@ -95,7 +95,8 @@ def _mixed(groups: list[Any], has_sensor: bool) -> dict[str, Any]:
             spawns.append(filled.pop("spawn"))
         if sensor and not has_sensor:
             filled.setdefault("sensor", sensor)
-        found.append(filled)
+        own = filled.pop("sensor", {})
+        found.append({**filled, **({} if own == {} else {"sensor": own})})
     if not found:
         raise InputError("robots: no group in it; expected one or more")
     if any(spawn != spawns[0] for spawn in spawns):

@@ -10,16 +10,31 @@ from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta, Struct
-from msgspec import field as of
 from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.budget import BUDGET
+from swarmsim.core.decoding import Take, convert, is_required
 from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table, outside, with_files
+from swarmsim.core.files import Table, outside
+from swarmsim.core.part import NONE, Part, plain
+from swarmsim.core.parts import (
+    Bodies,
+    Channel,
+    Computation,
+    Fault,
+    Generator,
+    Localisation,
+    Motion,
+    Sensor,
+    Strategy,
+    Task,
+    Topology,
+)
 from swarmsim.core.platforms import with_platforms
 from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.setting import Field
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 
 _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
@@ -27,7 +42,20 @@ _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our
 
 Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Name = Annotated[str, Meta(min_length=1)]
-Names = Annotated[list[Name], Meta(min_length=1)]
+Names = Annotated[tuple[Name, ...], Meta(min_length=1)]
+
+
+class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """By which names the layers of a drawing are known."""
+
+    # in the order in which identities of studies have them
+    doors: Names | None = None
+    floor: Names | None = None
+    furniture: Names | None = None
+    pillars: Names | None = None
+    spawn: Names | None = None
+    unknown: Names | None = None
+    walls: Names | None = None
 
 
 class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -49,8 +77,8 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     scale: Positive | None = None
     width: Positive | None = None  # m, of the whole page
     resolution: Positive | None = None  # m, one pixel
-    layers: dict[str, Names] = of(default_factory=dict)
-    floor: list[Name] = of(default_factory=list)
+    layers: Layers = Layers()
+    floor: tuple[Name, ...] = ()
     level: str = ""
     solid: Literal["all", "strokes"] | None = None
     doors: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None  # m, 0 for none
@@ -59,7 +87,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2
     spawn: tuple[Edges, Edges, Positive, Positive] | None = None  # x, y of the lower left corner, width, height in m
     unknown: Literal["wall", "space"] = "wall"
-    generate: Table = of(default_factory=dict)  # none unless it has a `use`
+    generate: Part[Generator] = NONE
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of what is made
 
     def __post_init__(self) -> None:
@@ -71,7 +99,12 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     @property
     def title(self) -> str:
         """What messages call it."""
-        return self.file or f"{self.generate.get('use')} {self.seed}"
+        return self.file or f"{self.generate.use} {self.seed}"
+
+    @property
+    def named(self) -> dict[str, Names]:
+        """By which names a drawing's layers are known, of those that the scenario names."""
+        return {layer: names for layer, names in msgspec.structs.asdict(self.layers).items() if names is not None}
 
 
 class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -83,15 +116,15 @@ class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Who hears whom, and what arrives."""
 
-    topology: Table
-    channel: Table = of(default_factory=dict)
+    topology: Part[Topology]
+    channel: Part[Channel] = Part("channel")
 
 
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a robot computes from what it senses and hears, and what it does with that."""
 
-    computation: Table = of(default_factory=dict)
-    strategy: Table = of(default_factory=dict)
+    computation: Part[Computation] = Part("computation")
+    strategy: Part[Strategy] = Part("strategy")
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -105,7 +138,7 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One run. The tables of parts (`sensor`, `network.topology`, ...) are complete once read."""
+    """One run. Its parts (`sensor`, `network.topology`, ...) are typed values, complete once read."""
 
     title: str = ""  # default: the name of the file; {robots.count} in it is their number
     world: World
@@ -113,15 +146,15 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     period: Annotated[float, Meta(ge=1e-4, le=1e5)] = 1.0  # s, one iteration
     grid: Grid = Grid()
     robots: Robots
-    physics: Table = of(default_factory=dict)
-    sensor: Table = of(default_factory=dict)
-    field: Table = of(default_factory=dict)  # none unless it has a `use`
-    localisation: Table = of(default_factory=dict)
+    physics: Part[Bodies] = Part("physics")
+    sensor: Part[Sensor] = Part("sensor")
+    field: Part[Field] = NONE
+    localisation: Part[Localisation] = Part("localisation")
     network: Network
     mind: Mind = Mind()
-    motion: Table = of(default_factory=dict)
-    task: Table = of(default_factory=dict)
-    faults: tuple[Table, ...] = ()
+    motion: Part[Motion] = Part("motion")
+    task: Part[Task] = Part("task")
+    faults: tuple[Part[Fault], ...] = ()
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
@@ -153,16 +186,38 @@ MOVED: Final = {
 }
 
 
-def tables(scenario: Scenario) -> dict[str, Table]:
-    """The table of every part of a scenario but faults, by seam; a field or a generator only if there is one."""
-    found: dict[str, Table] = {}
+def parts_of(scenario: Scenario) -> dict[str, Part[Any]]:
+    """Every part of a scenario but faults, by seam; a field or a generator only if there is one."""
+    found: dict[str, Part[Any]] = {}
     for seam, place in PLACES.items():
-        table: Any = scenario
+        part: Any = scenario
         for key in place:
-            table = getattr(table, key)
-        if registry.SEAMS[seam] is not None or table or seam == "topology":
-            found[seam] = table
+            part = getattr(part, key)
+        if part or is_required(seam):
+            found[seam] = part
     return found
+
+
+def sensors_of(scenario: Scenario) -> tuple[tuple[str, Part[Sensor]], ...]:
+    """The sensor of each group of robots, or of all, with its place in the scenario."""
+    groups = enumerate(scenario.robots.groups)
+    own = [
+        (f"robots[{i}].sensor", group.sensor) if group.sensor else ("sensor", scenario.sensor) for i, group in groups
+    ]
+    return tuple(own) or (("sensor", scenario.sensor),)
+
+
+def table_of(scenario: Scenario) -> Table:
+    """A scenario as the table that a TOML file holds, complete."""
+    table: Table = _without_none(msgspec.to_builtins(scenario, enc_hook=plain))
+    return table
+
+
+def _without_none(value: Any) -> Any:
+    """The same without what TOML cannot say."""
+    if isinstance(value, dict):
+        return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
+    return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] | None = None) -> Scenario:
@@ -206,36 +261,16 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers (a value
     {file = "net.csv"} of a part stands for the rows of that file) and of its own parts. Raises InputError.
     """
-    scenario = shape(table, name)
 
-    def complete(seam: str, place: str, table: Table) -> Table:
-        try:
-            return registry.complete(seam, table if folder is None else with_files(table, folder))
-        except InputError as problem:
-            raise InputError(f"{name}: {place}.{problem}") from problem
+    def complete(part: Part[Any]) -> Part[Any]:
+        return (part if folder is None else part.beside(folder)).decoded()
 
-    robots = scenario.robots
-    if robots.groups:
-        groups = [
-            msgspec.structs.replace(group, sensor=complete("sensor", f"robots[{i}].sensor", group.sensor))
-            if group.sensor
-            else group
-            for i, group in enumerate(robots.groups)
-        ]
-        robots = msgspec.structs.replace(robots, groups=tuple(groups))
-    whole = {seam: complete(seam, ".".join(PLACES[seam]), table) for seam, table in tables(scenario).items()}
-    world = msgspec.structs.replace(scenario.world, generate=whole.pop("generator", {}))
+    scenario = _scenario(table, name, complete)
+    world = scenario.world
     if folder is not None and world.file:
         world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
     return msgspec.structs.replace(
-        scenario,
-        title=scenario.title.replace("{robots.count}", str(scenario.robots.count)),
-        world=world,
-        robots=robots,
-        network=Network(topology=whole.pop("topology"), channel=whole.pop("channel")),
-        mind=Mind(computation=whole.pop("computation"), strategy=whole.pop("strategy")),
-        faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),
-        **whole,
+        scenario, title=scenario.title.replace("{robots.count}", str(scenario.robots.count)), world=world
     )
 
 
@@ -244,20 +279,21 @@ def shape(table: Table, name: str) -> Scenario:
 
     Raises InputError, which names the file `name` and the key.
     """
+    return _scenario(table, name, lambda part: part)
+
+
+def _scenario(table: Table, name: str, take: Take) -> Scenario:
     try:
+        if isinstance(mind := table.get("mind"), dict) and "use" in mind and set(HALVES) & mind.keys():
+            raise InputError("mind.use: stands for computation and strategy at once; expected it without those")
         table = with_platforms(spelled_out(table))
-    except InputError as problem:
-        raise InputError(f"{name}: {problem}") from problem
-    if isinstance(mind := table.get("mind"), dict) and "use" in mind:
-        raise InputError(f"{name}: mind.use: stands for computation and strategy at once; expected it without those")
-    for key, now in MOVED.items():
-        inner: Any = table
-        for step in key.split("."):
-            inner = inner.get(step) if isinstance(inner, dict) else None
-        if inner is not None:
-            raise InputError(f"{name}: {key}: is not called so any more; expected {now}")
-    try:
-        return registry.convert(table, Scenario)
+        for key, now in MOVED.items():
+            inner: Any = table
+            for step in key.split("."):
+                inner = inner.get(step) if isinstance(inner, dict) else None
+            if inner is not None:
+                raise InputError(f"{key}: is not called so any more; expected {now}")
+        return convert(table, Scenario, take)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
@@ -356,7 +392,8 @@ def _places(table: Table, path: str) -> list[list[str]]:
     mind = spelled_out(table).get("mind")
     if keys[0] != "mind" or len(keys) < 2 or keys[1] in HALVES or not isinstance(mind, dict):
         return [keys]
-    uses = [half.get("use") if isinstance(half, dict) else None for half in (mind.get(half) for half in HALVES)]
-    if uses[0] is None or uses[0] != uses[1]:
+    halves = [mind.get(half) for half in HALVES]
+    uses = [half["use"] for half in halves if isinstance(half, dict) and "use" in half]
+    if len(uses) < 2 or uses[0] != uses[1]:
         return [keys]
     return [["mind", half, *keys[1:]] for half in HALVES]

@@ -39,7 +39,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     value: Literal["free", "occupied"] | None = None  # for stuck
     range: Annotated[float, Meta(gt=0.0)] | None = None  # for range: m
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
-    beams: Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
+    beams: Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from swarmsim.core import registry
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.parts import Computation, Strategy
-from swarmsim.core.scenario import tables
 from swarmsim.core.state import Beams, Intents, Observations, Readings, Tiles
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
@@ -76,8 +75,8 @@ def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations
 def _mind(run: Run, streams: Streams | None = None) -> tuple[Computation, Strategy]:
     """A new mind, as built for a run."""
     setting = run.setting if streams is None else replace(run.setting, streams=streams)
-    parts = tables(run.scenario)
-    return built("computation", parts["computation"], setting), built("strategy", parts["strategy"], setting)
+    mind = run.scenario.mind
+    return built(mind.computation, setting), built(mind.strategy, setting)
 
 
 def _repeated(
