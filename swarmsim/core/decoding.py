@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 import msgspec
 from msgspec import inspect as types
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.part import NONE, Part
+from swarmsim.core.seams import SEAMS
 
 T = TypeVar("T", bound=msgspec.Struct)
 Take = Callable[[Part[Any]], Part[Any]]  # what is done with each part that a table holds
@@ -25,18 +26,13 @@ class _InPartError(ValueError):
     """What is wrong inside of a part's table: starts with a key of it, and not with a reason."""
 
 
-def is_required(seam: str) -> bool:
-    """Whether a scenario has to name a part for a seam."""
-    return seam == "topology"
-
-
 def parameters_of(seam: str, use: str, keys: Mapping[str, Any]) -> msgspec.Struct:
     """The parameter struct that the keys of a part describe, checked and complete.
 
     Raises InputError, which starts with the key.
     """
     if not use:
-        raise InputError(f"use: required key is missing; {registry.nearest('', registry.entries(seam))}")
+        raise InputError(f"use: required key is missing; {nearest('', registry.entries(seam) if seam else {})}")
     return convert(keys, registry.find(seam, use))
 
 
@@ -47,22 +43,20 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) 
     """
 
     def hook(wanted: Any, value: Any) -> Any:
-        if isinstance(value, Part):
-            part: Part[Any] = value
-        elif not isinstance(value, dict):
+        if not isinstance(value, dict | Part):
             raise _WrongKindError(f"Expected `object`, got `{_called(value)}`")
-        elif not isinstance(value.get("use", ""), str):
-            raise _InPartError(f"use: expected `str`, got `{_called(value['use'])}`")
-        else:
-            part = Part(seam_of(wanted), value)
+        part = value if isinstance(value, Part) else Part[Any](seam_of(wanted), value)
+        if not isinstance(part.use, str):
+            raise _InPartError(f"use: expected `str`, got `{_called(part.use)}`")
         try:
-            return take(part) if part or is_required(part.seam) else NONE
+            return take(part) if part or SEAMS[part.seam].required else NONE
         except InputError as problem:
             raise _InPartError(str(problem)) from problem
 
     missing = _faults_of(given, kind)
     if missing:
-        raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing")
+        choices = _choices(kind, missing[0]) if len(missing) == 1 else ""
+        raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing{choices}")
     try:
         return msgspec.convert(given, kind, dec_hook=hook)
     except msgspec.ValidationError as problem:
@@ -70,28 +64,14 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) 
         what, key = (what, where.strip(".`")) if what else (where, "")
         if isinstance(problem.__cause__, _InPartError):
             raise InputError(f"{key}.{what}") from problem
-        text = what[:1].lower() + what[1:] + _choices(what, kind, key)
+        text = what[:1].lower() + what[1:] + (_choices(kind, key) if what.startswith("Invalid enum value") else "")
         raise InputError(f"{key}: {text}" if key else text) from problem
 
 
 def seam_of(kind: Any) -> str:
-    """The seam of a part by the type of a field: Part[Sensor]."""
-    names = {
-        "Generator": "generator",
-        "Bodies": "physics",
-        "Sensor": "sensor",
-        "Field": "field",
-        "Localisation": "localisation",
-        "Computation": "computation",
-        "Sharing": "sharing",
-        "Strategy": "strategy",
-        "Topology": "topology",
-        "Channel": "channel",
-        "Motion": "motion",
-        "Task": "task",
-        "Fault": "fault",
-    }
-    return names[get_args(kind)[0].__name__]
+    """The seam of the parts that a field of this type holds, as in Part[Sensor]; empty if that is not known."""
+    protocols = [base for one in get_args(kind) for base in getattr(get_origin(one) or one, "__mro__", ())]
+    return next((seam.name for seam in SEAMS.values() if seam.protocol in protocols), "")
 
 
 def _called(value: object) -> str:
@@ -100,10 +80,8 @@ def _called(value: object) -> str:
     return names.get(type(value), type(value).__name__)
 
 
-def _choices(what: str, kind: Any, key: str) -> str:
-    """A clause that lists what may stand for a key, if that is one of few words and another one was given."""
-    if not what.startswith("Invalid enum value"):
-        return ""
+def _choices(kind: type[msgspec.Struct], key: str) -> str:
+    """A clause that lists what may stand for a key, if that is one of few words."""
     known = [choice for one in _at(types.type_info(kind), key.replace("[", ".[").split(".")) for choice in _words(one)]
     return f"; expected {' or '.join(map(repr, known))}" if known else ""
 
@@ -143,7 +121,7 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
     fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
     for key in given:
         if key not in fields:
-            raise InputError(f"{place}{key}: unknown key; {registry.nearest(key, fields)}")
+            raise InputError(f"{place}{key}: unknown key; {nearest(key, fields)}")
     missing = []
     for key, field in fields.items():
         inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)

@@ -64,9 +64,9 @@ class Part(Generic[P]):
     @property
     def use(self) -> str:
         """Its name; empty if there is none."""
-        from swarmsim.core import registry  # which finds parts, whose parameters may hold parts
+        from swarmsim.core.seams import SEAMS  # which know all that parts are built for, robots with parts included
 
-        return self._use or registry.SEAMS.get(self.seam) or ""
+        return self._use or (SEAMS[self.seam].default if self.seam else None) or ""
 
     @property
     def parameters(self) -> msgspec.Struct:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
@@ -19,24 +18,10 @@ from typing import Any, Final
 import msgspec
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.errors import nearest as nearest  # which is also looked for here
+from swarmsim.core.forms import adapted
 from swarmsim.core.own import told
-
-#: The seams of a scenario, each with the part that is used where the file names none.
-SEAMS: Final = {
-    "generator": None,
-    "physics": "pymunk",
-    "sensor": "ir-ring",
-    "field": None,
-    "localisation": "perfect",
-    "computation": "occupancy-grid",
-    "sharing": "current-tile",
-    "strategy": "nearest-frontier",
-    "topology": None,
-    "channel": "perfect",
-    "motion": "pure-pursuit",
-    "task": "coverage",
-    "fault": None,
-}
+from swarmsim.core.seams import SEAMS
 
 _OWN: Final = "swarmsim_own_"  # what the modules of scenarios' own files are called first
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
@@ -64,20 +49,13 @@ def _installed_entries() -> Any:  # what it is differs between versions of Pytho
 
 def entries(seam: str) -> dict[str, EntryPoint]:
     """The entry points of all installed parts for a seam, by name."""
-    found = sorted(_installed_entries().select(group=f"swarmsim.{seam}"), key=lambda entry: entry.name)
+    found = sorted(_installed_entries().select(group=SEAMS[seam].group), key=lambda entry: entry.name)
     return {entry.name: entry for entry in found}
 
 
 def known(seam: str) -> dict[str, type[msgspec.Struct]]:
     """The parameter structs of all installed parts for a seam, by name."""
     return {name: find(seam, name) for name in entries(seam)}
-
-
-def nearest(word: str, words: Mapping[str, object]) -> str:
-    """A clause that suggests the known word most like `word`, or lists all of them."""
-    similar = difflib.get_close_matches(word, words, n=1)
-    listed = ", ".join(sorted(words)) or "none"
-    return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"
 
 
 def find(seam: str, use: str) -> type[msgspec.Struct]:
@@ -98,7 +76,7 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
 
 @lru_cache(maxsize=256)
 def _installed(seam: str, use: str) -> type[msgspec.Struct]:
-    for entry in _installed_entries().select(group=f"swarmsim.{seam}", name=use):
+    for entry in _installed_entries().select(group=SEAMS[seam].group, name=use):
         return _part(seam, use, entry.load())
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 
@@ -142,9 +120,7 @@ def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
     """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
     if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
-    from swarmsim.core.forms import adapted  # simpler forms know the seams, which know the registry
-
-    simpler = adapted(seam, found)
+    simpler = adapted(found, SEAMS[seam].function, SEAMS[seam].mind)
     if simpler is None:
         raise InputError(
             f"use: {use!r} is not a {seam}: expected a msgspec.Struct with a method 'build', or one of the simpler "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable, Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -14,7 +15,7 @@ from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.budget import BUDGET
-from swarmsim.core.decoding import Take, convert, is_required
+from swarmsim.core.decoding import Take, convert
 from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table, outside
@@ -34,6 +35,7 @@ from swarmsim.core.parts import (
 )
 from swarmsim.core.platforms import with_platforms
 from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.seams import SEAMS, at_place
 from swarmsim.core.setting import Field
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 
@@ -159,22 +161,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
-#: Where each seam's table stands in a scenario; faults are a list of tables.
-PLACES: Final = {
-    "generator": ("world", "generate"),
-    "physics": ("physics",),
-    "sensor": ("sensor",),
-    "field": ("field",),
-    "localisation": ("localisation",),
-    "computation": ("mind", "computation"),
-    "strategy": ("mind", "strategy"),
-    "topology": ("network", "topology"),
-    "channel": ("network", "channel"),
-    "motion": ("motion",),
-    "task": ("task",),
-}
-
-_SEAM_AT: Final = {place: seam for seam, place in PLACES.items()}
+OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys of older scenarios, with what stands in their place.
@@ -187,15 +174,20 @@ MOVED: Final = {
 
 
 def parts_of(scenario: Scenario) -> dict[str, Part[Any]]:
-    """Every part of a scenario but faults, by seam; a field or a generator only if there is one."""
+    """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
     found: dict[str, Part[Any]] = {}
-    for seam, place in PLACES.items():
-        part: Any = scenario
-        for key in place:
-            part = getattr(part, key)
-        if part or is_required(seam):
-            found[seam] = part
+    for seam in SEAMS.values():
+        part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
+        if part or seam.required:
+            found[seam.name] = part
     return found
+
+
+def all_parts(scenario: Scenario) -> list[Part[Any]]:
+    """Every part that a scenario names: one a seam, those of groups of robots, and those of which there are many."""
+    own = [getattr(group, seam.name) for seam in SEAMS.values() if seam.of_groups for group in scenario.robots.groups]
+    lists = [part for seam in SEAMS.values() if seam.many for part in _at(scenario, seam.place)]
+    return [*parts_of(scenario).values(), *(part for part in own if part), *lists]
 
 
 def sensors_of(scenario: Scenario) -> tuple[tuple[str, Part[Sensor]], ...]:
@@ -218,6 +210,11 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
     return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def _at(whole: Any, place: tuple[str, ...]) -> Any:
+    """What is at these keys of a scenario."""
+    return reduce(getattr, place, whole)
 
 
 def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] | None = None) -> Scenario:
@@ -282,7 +279,20 @@ def shape(table: Table, name: str) -> Scenario:
     return _scenario(table, name, lambda part: part)
 
 
+def _of_groups(table: Table) -> Table:
+    """The table with parts in the place of the tables of those that groups of robots have of their own."""
+    robots = table.get("robots")
+    if not isinstance(robots, dict) or "groups" not in robots:
+        return table
+    groups = [
+        {key: Part(key, value) if key in OF_GROUPS and isinstance(value, dict) else value for key, value in one.items()}
+        for one in robots["groups"]
+    ]
+    return {**table, "robots": {**robots, "groups": groups}}
+
+
 def _scenario(table: Table, name: str, take: Take) -> Scenario:
+    listed = isinstance(table.get("robots"), list)
     try:
         if isinstance(mind := table.get("mind"), dict) and "use" in mind and set(HALVES) & mind.keys():
             raise InputError("mind.use: stands for computation and strategy at once; expected it without those")
@@ -293,9 +303,10 @@ def _scenario(table: Table, name: str, take: Take) -> Scenario:
                 inner = inner.get(step) if isinstance(inner, dict) else None
             if inner is not None:
                 raise InputError(f"{key}: is not called so any more; expected {now}")
-        return convert(table, Scenario, take)
+        return convert(_of_groups(table), Scenario, take)
     except InputError as problem:
-        raise InputError(f"{name}: {problem}") from problem
+        wrong = str(problem).replace("robots.groups[", "robots[") if listed else problem
+        raise InputError(f"{name}: {wrong}") from problem
 
 
 def set_key(table: Table, override: str) -> None:
@@ -352,14 +363,14 @@ def _kind(table: Table, path: str) -> types.Type | None:
     keys, inner = _places(table, path)[0], spelled_out(table)
     kind: types.Type = types.type_info(Scenario)
     for depth, key in enumerate(keys):
-        seam = _SEAM_AT.get(tuple(keys[:depth]))
+        seam = at_place(tuple(keys[:depth]))
         if seam is not None and key == "use":
             return types.StrType()
         if seam is not None:
-            use = inner.get("use", registry.SEAMS[seam])
-            if not isinstance(use, str) or use not in registry.entries(seam):
+            use = inner.get("use", seam.default)
+            if not isinstance(use, str) or use not in registry.entries(seam.name):
                 return None
-            kind = types.type_info(registry.find(seam, use))
+            kind = types.type_info(registry.find(seam.name, use))
         fields = kind.fields if isinstance(kind, types.StructType) else ()
         found = [field.type for field in fields if field.encode_name == key]
         if not found:

@@ -15,14 +15,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from swarmsim.core import budget, registry
+from swarmsim.core import budget
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.part import Buildable, Part
 from swarmsim.core.parts import Calendar, Computation, Parts, Probe, Sensor, Strategy, Task
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import PLACES, Scenario, World, parts_of, sensors_of
+from swarmsim.core.scenario import Scenario, World, all_parts, parts_of, sensors_of
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
@@ -167,17 +168,17 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         calendar=Calendar(bodies.state()),
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(".".join(PLACES[seam]), part, parts.computation, asked)
+        _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
     _check_names(parts, asked)
-    theirs = [seam for seam, one in asked.items() if foreign(one)]
-    parts = guarded(parts, setting, list(registry.SEAMS) if strict else theirs, theirs)
+    theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
+    parts = guarded(parts, setting, SEAMS if strict else theirs, theirs)
     for number, one in enumerate(scenario.faults):
         fault = _make(one, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = installed(fault, parts, one.use)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    used = [foreign(one) for one in (*asked.values(), *scenario.faults)]
+    used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(one, arena.lattice.cell)[:2] for _, one in sensors)
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
@@ -214,7 +215,7 @@ def _check_names(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used: dict[str, str] = {}  # which seam's part gives each name
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{'.'.join(PLACES[seam])}.use: {asked[seam].use!r}"
+        place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
         for name, says, at in announced(seam, part):
             wrong = layout.wrong_name(name, seam)
             if wrong is None and name in used:
@@ -303,7 +304,7 @@ def _make(part: Part[P], setting: Setting, place: str = "") -> P:
     try:
         return built(part, setting)
     except InputError as problem:
-        raise InputError(f"{place or '.'.join(PLACES[part.seam])}.{problem}") from problem
+        raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
 
 
 def _observed(sensors: Sensors, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:

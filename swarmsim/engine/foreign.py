@@ -18,28 +18,13 @@ from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import line_of, told
 from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault, Parts, Sensor
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
 P = TypeVar("P")
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-#: What the part of each seam has to have, besides what is found out when it is used.
-VERBS: Final = {
-    "generator": ("draw",),
-    "physics": ("drive", "state", "solid", "remove", "crash", "place", "push", "retire"),
-    "sensor": ("sense",),
-    "field": ("value",),
-    "localisation": ("locate",),
-    "computation": ("knows", "say", "hear", "forget", "adopt"),
-    "sharing": ("say", "taken"),
-    "strategy": ("reads", "step"),
-    "topology": ("links",),
-    "channel": ("deliver",),
-    "motion": ("follow", "command"),
-    "task": ("reads", "curve", "measure", "summaries"),
-    "fault": ("install",),
-}
 
 
 def margin_of(sensor: Part[Sensor]) -> int:
@@ -57,8 +42,7 @@ def built(asked: Part[P], setting: Setting) -> P:
         raise
     except (Exception, SystemExit) as problem:
         raise InputError(f"use: {asked.use!r} cannot be built: {told(problem)}") from problem
-    missing = [verb for verb in VERBS[asked.seam] if not hasattr(part, verb)]
-    if missing:
+    if missing := SEAMS[asked.seam].missing(part):
         kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
         raise InputError(f"use: what {asked.use!r} builds, {kind}, lacks {', '.join(missing)}; expected a {asked.seam}")
     return part

@@ -147,7 +147,7 @@ class FailingSensor:
 class DeadBeams(Lasting):
     """Wraps the ring of beams beneath all failures that spoil its tiles, whichever was installed first."""
 
-    def __init__(self, beams: list[int]) -> None:
+    def __init__(self, beams: tuple[int, ...]) -> None:
         self._beams = beams
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -172,7 +172,7 @@ class MaimedRing:
     maimed: IrRingSensor | RangefinderSensor | MaimedRing
     active: NDArray[np.bool_]  # (n,): a live view of who senses with the maimed ring
 
-    def without(self, beams: list[int]) -> MaimedRing:
+    def without(self, beams: tuple[int, ...]) -> MaimedRing:
         """The same with these beams dead for everybody. Raises InputError for one not there."""
         return MaimedRing(self.whole.without(beams), self.maimed.without(beams), self.active)
 

@@ -67,8 +67,8 @@ class Recorder:
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
-        astray = any(fault.get("use") == "localisation" for fault in scenario.faults)
-        self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
+        astray = any(fault.use == "localisation" for fault in scenario.faults)
+        self._errs = astray or scenario.localisation.use != "perfect"  # whether estimates of poses are kept
         #: The HDF5 file, which the same process may read while it grows.
         self.file = self._growing.file
         place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]

@@ -20,7 +20,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.part import plain
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, parts_of
+from swarmsim.core.scenario import Scenario, all_parts, assign, decode, files_outside
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -99,7 +99,7 @@ class Plan:
         hashed.update(self.world_of(condition).encode())
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
         hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
-        for part in (*parts_of(condition.scenario).values(), *condition.scenario.faults):
+        for part in all_parts(condition.scenario):
             for one in part.inside():
                 hashed.update(registry.source_of(one.seam, one.use))
         return hashed.hexdigest()
