@@ -26,12 +26,12 @@ class _InPartError(ValueError):
     """What is wrong inside of a part's table: starts with a key of it, and not with a reason."""
 
 
-def parameters_of(seam: str, use: str, keys: Mapping[str, Any]) -> msgspec.Struct:
+def parameters_of(seam: str, use: str | None, keys: Mapping[str, Any]) -> msgspec.Struct:
     """The parameter struct that the keys of a part describe, checked and complete.
 
     Raises InputError, which starts with the key.
     """
-    if not use:
+    if use is None:
         raise InputError(f"use: required key is missing; {nearest('', registry.entries(seam) if seam else {})}")
     return convert(keys, registry.find(seam, use))
 
@@ -45,11 +45,12 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) 
     def hook(wanted: Any, value: Any) -> Any:
         if not isinstance(value, dict | Part):
             raise _WrongKindError(f"Expected `object`, got `{_called(value)}`")
+        if isinstance(value, dict) and not isinstance(value.get("use", ""), str):
+            raise _InPartError(f"use: expected `str`, got `{_called(value['use'])}`")
         part = value if isinstance(value, Part) else Part[Any](seam_of(wanted), value)
-        if not isinstance(part.use, str):
-            raise _InPartError(f"use: expected `str`, got `{_called(part.use)}`")
+        seam = SEAMS[part.seam]
         try:
-            return take(part) if part or SEAMS[part.seam].required else NONE
+            return take(part) if part or seam.required or seam.many else NONE
         except InputError as problem:
             raise _InPartError(str(problem)) from problem
 
@@ -126,8 +127,8 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
     for key, field in fields.items():
         inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)
         value = given.get(key, {} if field.required and inner is not None and key not in given else None)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"{place}{key}: {value} is not a number to compute with; expected a finite one")
+        if (wrong := _infinite(value)) is not None:
+            raise InputError(f"{place}{key}: {wrong} is not a number to compute with; expected a finite one")
         if inner is not None and isinstance(value, dict):
             missing += _faults_of(value, inner, f"{place}{key}.")
         elif inner is not None and isinstance(value, list):
@@ -136,6 +137,13 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
         elif field.required and key not in given:
             missing.append(f"{place}{key}")
     return missing
+
+
+def _infinite(value: object) -> float | None:
+    """The first number in a value, or in a list, that is not finite."""
+    if isinstance(value, list | tuple):
+        return next((wrong for one in value if (wrong := _infinite(one)) is not None), None)
+    return value if isinstance(value, float) and not math.isfinite(value) else None
 
 
 def _is_struct(kind: Any) -> bool:

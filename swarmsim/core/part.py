@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, Generic, Protocol, Self, TypeVar, final
 
@@ -30,24 +29,25 @@ class Buildable(Protocol[P]):
 class Part(Generic[P]):
     """One part by its name, with its parameter struct, which is made from its table once.
 
-    A part inside a part is a field of this type: `over: Part[Channel] = Part("channel")`. Values are frozen; they are
-    equal, and hashed, by their parameters. A part that is not installed has no parameters but keeps its table, so that
-    a recording of it can be looked at.
+    A part inside another one is a field of this type: `over: Part[Channel] = Part("channel")`. Parts are frozen, and
+    are equal and hashed by their parameters. One that is not installed has no parameters but keeps its table, so that
+    a recording of it can still be looked at.
     """
 
-    __slots__ = ("_given", "_parameters", "_use", "seam")
+    __slots__ = ("_completed", "_given", "_parameters", "_use", "seam")
 
     def __init__(self, seam: str, table: Mapping[str, Any] = _EMPTY) -> None:
         """`table` is `use` and the part's own keys, none of which is looked at yet."""
         self.seam: Final = seam
         self._given = {key: value for key, value in table.items() if key != "use"}
-        self._use = table.get("use", "")
+        self._use: str | None = table.get("use", None)
         self._parameters: msgspec.Struct | None = None
+        self._completed = not table  # whether its table is made of its parameters
 
     def decoded(self) -> Self:
         """The same with its keys checked and complete. Raises InputError, which starts with the key at fault."""
         self._parameters = self.parameters
-        self._given = {}
+        self._completed = True
         return self
 
     def beside(self, folder: Path) -> Part[P]:
@@ -55,18 +55,23 @@ class Part(Generic[P]):
 
         Raises InputError, which starts with the key.
         """
-        return Part(self.seam, with_files({"use": self.use, **self._given}, folder))
+        named = {} if self._use is None else {"use": self._use}
+        return Part(self.seam, with_files({**named, **self._given}, folder))
 
     def __bool__(self) -> bool:
         """Whether there is one: neither named nor, where the scenario names none, the one that is used then."""
-        return bool(self.use or self._given)
+        return bool(self._use is not None or self._given or self.use)
 
     @property
     def use(self) -> str:
         """Its name; empty if there is none."""
+        return self._name or ""
+
+    @property
+    def _name(self) -> str | None:
         from swarmsim.core.seams import SEAMS  # which know all that parts are built for, robots with parts included
 
-        return self._use or (SEAMS[self.seam].default if self.seam else None) or ""
+        return SEAMS[self.seam].default if self._use is None and self.seam else self._use
 
     @property
     def parameters(self) -> msgspec.Struct:
@@ -74,18 +79,17 @@ class Part(Generic[P]):
         if self._parameters is None:
             from swarmsim.core.decoding import parameters_of  # as above
 
-            self._parameters = parameters_of(self.seam, self.use, self._given)
+            self._parameters = parameters_of(self.seam, self._name, self._given)
         return self._parameters
 
     @property
     def table(self) -> Table:
-        """`use`, then its keys as in a scenario: all of them but those without a value, if the part can be found."""
+        """`use`, then its keys as in a scenario: once they are decoded, all of them that have a value."""
         if not self:
             return {}
         keys: Table = self._given
-        if not keys:
-            with suppress(InputError):  # of code that may not run, and of parts that are not installed
-                keys = msgspec.json.decode(msgspec.json.encode(self.parameters, enc_hook=plain))
+        if self._completed:
+            keys = msgspec.json.decode(msgspec.json.encode(self.parameters, enc_hook=plain))
         return {"use": self.use, **{key: value for key, value in keys.items() if value is not None}}
 
     def says(self, name: str, default: T) -> T:
@@ -94,7 +98,7 @@ class Part(Generic[P]):
         Of a part that is not installed nothing is known either.
         """
         try:
-            found: T = getattr(self.parameters, name, default)
+            found: T = getattr(self.parameters, name, default) if self else default
         except InputError:
             return default
         return found
@@ -103,9 +107,10 @@ class Part(Generic[P]):
         """The part itself, and those in its keys at any depth."""
         yield self
         for name in self.parameters.__struct_fields__:
-            inner = getattr(self.parameters, name)
-            if isinstance(inner, Part):
-                yield from inner.inside()
+            value = getattr(self.parameters, name)
+            for one in value if isinstance(value, tuple | list) else (value,):
+                if isinstance(one, Part):
+                    yield from one.inside()
 
     def build(self, setting: object, key: str = "") -> P:
         """The part itself, built for a run or a site; as part of another one it stands at a `key` of that.
@@ -120,6 +125,8 @@ class Part(Generic[P]):
         return built
 
     def _identity(self) -> object:
+        if not self:
+            return None
         try:
             parameters = self.parameters
             hash(parameters)

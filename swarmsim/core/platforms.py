@@ -61,7 +61,7 @@ def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
             raise InputError(
                 f"robots.count: is {count}, but robots.groups has {mixed['count']} robots; expected the same number"
             )
-        return {**table, "robots": {**mixed, **robots, "groups": mixed["groups"]}}
+        return {**table, "robots": {"count": 1, **mixed, **robots, "groups": mixed["groups"]}}
     if isinstance(robots, dict):
         filled, sensor = _filled(robots, "robots")
         own = table.get("sensor", {})
@@ -69,7 +69,7 @@ def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
             table = {**table, "sensor": {**sensor, **own}}
         return {**table, "robots": filled}
     if isinstance(robots, list):
-        return {**table, "robots": _mixed(robots, bool(table.get("sensor")))}
+        return {**table, "robots": {"count": 1, **_mixed(robots, bool(table.get("sensor")))}}
     return table
 
 
@@ -85,7 +85,10 @@ def _filled(robots: dict[str, Any], place: str) -> tuple[dict[str, Any], dict[st
 
 
 def _mixed(groups: list[Any], has_sensor: bool) -> dict[str, Any]:
-    """One table for groups of robots; each has its platform's sensor unless it, or the scenario, has another."""
+    """One table for groups of robots; each has its platform's sensor unless it, or the scenario, has another.
+
+    Their number is in it if every group says its own.
+    """
     found, spawns = [], []
     for number, group in enumerate(groups):
         if not isinstance(group, dict):

@@ -34,7 +34,7 @@ from swarmsim.core.parts import (
     Topology,
 )
 from swarmsim.core.platforms import with_platforms
-from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.robots import Count, Length, Positive, Robots
 from swarmsim.core.seams import SEAMS, at_place
 from swarmsim.core.setting import Field
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
@@ -59,6 +59,13 @@ class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit
     unknown: Names | None = None
     walls: Names | None = None
 
+    def __reduce__(self) -> str | tuple[object, ...]:
+        """The same that worlds have by default, as which texts leave it out, if it names nothing."""
+        return "UNNAMED" if self == UNNAMED else (msgspec.convert, (msgspec.to_builtins(self), Layers))
+
+
+UNNAMED: Final = Layers()
+
 
 class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
     """The building: a drawing, a map, polygons, a plan of a building program, or one that is made.
@@ -79,7 +86,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     scale: Positive | None = None
     width: Positive | None = None  # m, of the whole page
     resolution: Positive | None = None  # m, one pixel
-    layers: Layers = Layers()
+    layers: Layers = UNNAMED
     floor: tuple[Name, ...] = ()
     level: str = ""
     solid: Literal["all", "strokes"] | None = None
@@ -87,7 +94,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     border: bool | None = None
     pockets: Literal["ignore", "fill", "refuse"] = "ignore"
     despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2
-    spawn: tuple[Edges, Edges, Positive, Positive] | None = None  # x, y of the lower left corner, width, height in m
+    spawn: tuple[Edges, Edges, Length, Length] | None = None  # x, y of the lower left corner, width, height in m
     unknown: Literal["wall", "space"] = "wall"
     generate: Part[Generator] = NONE
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of what is made
@@ -282,13 +289,15 @@ def shape(table: Table, name: str) -> Scenario:
 def _of_groups(table: Table) -> Table:
     """The table with parts in the place of the tables of those that groups of robots have of their own."""
     robots = table.get("robots")
-    if not isinstance(robots, dict) or "groups" not in robots:
+    if not isinstance(robots, dict) or not isinstance(robots.get("groups"), list):
         return table
-    groups = [
-        {key: Part(key, value) if key in OF_GROUPS and isinstance(value, dict) else value for key, value in one.items()}
-        for one in robots["groups"]
-    ]
+    groups = [{key: _of_group(key, value) for key, value in one.items()} for one in robots["groups"]]
     return {**table, "robots": {**robots, "groups": groups}}
+
+
+def _of_group(key: str, value: Any) -> Any:
+    is_part = key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str)
+    return Part(key, value) if is_part else value
 
 
 def _scenario(table: Table, name: str, take: Take) -> Scenario:
