@@ -141,8 +141,9 @@ class Recording:
             raise ValueError(f"the curve {self.curve.name!r} is not measured")
 
     def refresh(self) -> None:
-        """Take in what has been flushed since, of a recording that this process still writes."""
-        assert self._growing is not None
+        """Take in what has been flushed since, of a recording that this process still writes; others do not grow."""
+        if self._growing is None:
+            return
         self._near.clear()
         for name, array in self._arrays.items():
             table = self._growing[name]

@@ -108,13 +108,3 @@ def check_silence(
 ) -> None:
     """Robots that hear nobody do what they can."""
     check_strictly(scenario, (*overrides, 'network.topology={use="none"}'), iterations, allow_code)
-
-
-def check_contracts(
-    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
-) -> None:
-    """All checks of this package but that of permutation, which minds that draw by number need not pass."""
-    from swarmsim.testing.locality import check_locality
-
-    for check in (check_strictly, check_determinism, check_alone, check_silence, check_locality):
-        check(scenario, overrides, iterations, allow_code)
