@@ -25,7 +25,7 @@ from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import PLACES, Scenario, World
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State
+from swarmsim.core.state import Knowledge, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
@@ -213,7 +213,9 @@ def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
     return [group.sensor or own for group in robots.groups] or [own]
 
 
-def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
+def _check_knowledge(
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(

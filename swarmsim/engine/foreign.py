@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -17,7 +18,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import line_of, told
-from swarmsim.core.parts import Fault, Parts
+from swarmsim.core.parts import Computation, Fault, Parts, Strategy
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
@@ -38,6 +39,8 @@ VERBS: Final = {
     "task": ("reads", "curve", "measure", "summaries"),
     "fault": ("install",),
 }
+#: The seams whose verbs get one argument for each phase of the tick: what is sensed, what is heard, what is known.
+PHASED: Final = {"computation": Computation, "strategy": Strategy}
 
 
 def margin_of(sensor: msgspec.Struct) -> int:
@@ -61,7 +64,29 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
     if missing:
         kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
         raise InputError(f"use: what {table['use']!r} builds, {kind}, lacks {', '.join(missing)}; expected a {seam}")
+    _check_phases(seam, part, f"use: what {table['use']!r} builds")
     return part
+
+
+def _check_phases(seam: str, part: Any, what: str) -> None:
+    """Raise InputError, with the line to write, for a verb that cannot be asked with an argument for each phase."""
+    for verb in VERBS[seam] if seam in PHASED else ():
+        asked = getattr(PHASED[seam], verb)
+        if not inspect.isfunction(asked):
+            continue
+        expected = list(inspect.signature(asked).parameters)
+        try:
+            given = inspect.signature(getattr(part, verb))
+            given.bind(*expected[1:])
+        except TypeError:
+            kind = registry.author_of(part)
+            line = f"def {verb}({', '.join(expected)}):"
+            raise InputError(
+                f"{what}, {kind.__qualname__}, is asked '{verb}' with other arguments than its {given} takes; "
+                f"expected '{line}'{line_of(kind, verb)}"
+            ) from None
+        except ValueError:  # of what is written in C nothing is known
+            continue
 
 
 def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
@@ -91,6 +116,9 @@ def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
         raise InputError(f"use: {table['use']!r} cannot be installed: {told(problem)}") from problem
     if not isinstance(found, Parts):
         raise InputError(f"use: {table['use']!r} installs {type(found).__name__}; expected the Parts, changed")
+    for seam in PHASED:
+        if getattr(found, seam) is not getattr(parts, seam) and not registry.is_ours(fault):
+            _check_phases(seam, getattr(found, seam), f"use: what {table['use']!r} installs")
     return found
 
 
