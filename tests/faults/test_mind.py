@@ -270,9 +270,7 @@ def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
         log_odds = np.full((1, 8, 8), -2.0, np.float32)
 
     pose = np.array([*lattice.centres(np.array([4, 4])), 0.0])
-    new = [
-        walk.decided(0, SimpleNamespace(pose=pose[None]), Known()).new for _ in range(60)
-    ]  # it never gets anywhere
+    new = [walk.decided(0, SimpleNamespace(pose=pose[None]), Known()).new for _ in range(60)]  # it never gets anywhere
     gaps = np.diff(np.flatnonzero(new))
     assert len(gaps) > 2
     assert gaps.min() >= 4
