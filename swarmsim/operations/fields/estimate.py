@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -53,7 +53,7 @@ class Reconstruction(Knowledge):
     samples: NDArray[np.int64]  # (n,): how many each robot has taken in
     basis: Basis
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """The weights, and how many samples made them."""
         return self.weights, self.samples
 

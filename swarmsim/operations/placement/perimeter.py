@@ -60,8 +60,8 @@ class PerimeterLaw:
         """To the middle of the gap."""
         place = senses.pose[:, :2]
         length = self._curve.length
-        at = shapely.line_locate_point(self._curve, shapely.points(place))
-        other = shapely.line_locate_point(self._curve, shapely.points(knowledge.place))
+        at = np.asarray(shapely.line_locate_point(self._curve, shapely.points(place)))
+        other = np.asarray(shapely.line_locate_point(self._curve, shapely.points(knowledge.place)))
         ahead = (other - at[knowledge.receivers]) % length
         gaps = np.full((2, len(place)), length)
         np.minimum.at(gaps[0], knowledge.receivers, ahead)
@@ -95,7 +95,7 @@ class PerimeterTask:
 
     def measure(self, done: Done[Knowledge]) -> Measured:
         """The largest gap, and how far the farthest robot is off the perimeter."""
-        points = shapely.points(done.state.pose[done.state.alive, :2])
+        points = np.asarray(shapely.points(done.state.pose[done.state.alive, :2]))
         if len(points) == 0:
             return Measured({"gap": float("nan"), "off": float("nan")})
         length, wanted = self._curve.length, self._parameters
