@@ -20,7 +20,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
 from swarmsim.recording.reader import Recording, Summary
 
@@ -80,7 +80,7 @@ def simulate(
     seed: int | None = None,
     overrides: Overrides | None = None,
     allow_code: bool = False,
-) -> Iterator[Moment]:
+) -> Iterator[Moment[Knowledge]]:
     """Step a scenario to its end: everything that happened in each iteration, and nothing is recorded.
 
     Parameters and errors are those of `run`. The swarm is made before the first step is asked for.
@@ -88,7 +88,7 @@ def simulate(
     with registry.own_code(allow_code):
         simulation = _made(scenario, seed, overrides).simulation
 
-    def steps() -> Iterator[Moment]:
+    def steps() -> Iterator[Moment[Knowledge]]:
         while not simulation.over:
             yield simulation.tick()
 
