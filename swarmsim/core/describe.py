@@ -9,7 +9,7 @@ import textwrap
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 from msgspec import inspect as types
@@ -158,7 +158,7 @@ def seams_in_markdown() -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def plain(description: Description) -> dict[str, Any]:
+def plain(description: Description) -> dict[str, object]:
     """A description as what JSON holds."""
-    found: dict[str, Any] = msgspec.to_builtins(description)
+    found: dict[str, object] = msgspec.to_builtins(description)
     return found

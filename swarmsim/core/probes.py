@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -16,6 +16,7 @@ NAME: Final = r"^[a-z][a-z0-9_]{0,40}$"  # names become tables, keys and columns
 Name = Annotated[str, Meta(pattern=NAME)]
 Word = Annotated[str, Meta(max_length=200)]
 Side = Annotated[int, Meta(ge=0, le=100_000)] | Literal["robots"]
+Row = NDArray[np.generic]  # of a type and shape that its table declares
 Every = Annotated[int, Meta(ge=1, le=1_000_000)]
 
 
@@ -31,14 +32,14 @@ class ProbeTable(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=
     high: float = math.inf
     columns: Annotated[tuple[Word, ...], Meta(max_length=100)] = ()  # what its last side holds
 
-    def row(self, found: object, robots: int) -> NDArray[Any]:
+    def row(self, found: object, robots: int) -> Row:
         """A copy of what a probe gives as a row. Raises ValueError, which says what is wrong, if it is none."""
         shape = tuple(robots if side == "robots" else side for side in self.shape)
         try:
             given = own.array_of(found, *shape)
         except ValueError as problem:
             raise ValueError(f"{self.name!r} is {problem}; expected numbers of shape {shape}") from None
-        if ((given < self.low) | (given > self.high)).any():
+        if np.any(np.less(given, self.low) | np.greater(given, self.high)):
             raise ValueError(f"{self.name!r} is not within {self.low:g} and {self.high:g}, as declared")
         with np.errstate(all="ignore"):
             kept = given.astype(self.dtype)

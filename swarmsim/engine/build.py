@@ -21,12 +21,13 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Calendar, Computation, Fault, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.probes import Row
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Moment, State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
@@ -83,7 +84,7 @@ class Run:
         arena, curve = self.arena, self.simulation.parts.task.curve
         return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, self.probes)
 
-    def sampled(self, moment: Moment) -> dict[str, NDArray[Any]]:
+    def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
         """What the probes sample in an iteration: rows by the names of their tables in a recording."""
         return {name: row for probe in self.probes for name, row in probe.rows(moment).items()}
 
@@ -225,7 +226,9 @@ def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
     return [group.sensor or own for group in robots.groups] or [own]
 
 
-def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
+def _check_knowledge(
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import msgspec
 
@@ -15,7 +14,7 @@ from swarmsim.core.parts import Parts, Probe
 from swarmsim.core.probes import Declared, ProbeTable, Sampled, wrong
 from swarmsim.core.scenario import Scenario, lists
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.foreign import built
 from swarmsim.engine.guard import Guard, as_it_is
 from swarmsim.recording import layout
@@ -33,7 +32,7 @@ class GuardedProbe(Guard):
         if registry.is_ours(part):
             self.given = as_it_is
 
-    def sample(self, moment: Moment) -> Mapping[str, Any]:
+    def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
         """The rows, checked."""
         robots = moment.state.robots
         return self._call(

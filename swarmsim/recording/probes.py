@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swarmsim.core.parts import Probe
-from swarmsim.core.probes import Declared, Name, ProbeTable, Sampled
+from swarmsim.core.probes import Declared, Name, ProbeTable, Row, Sampled
 from swarmsim.core.setting import Gauge, Setting
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +20,7 @@ class Watching:
     declared: Declared
     probe: Probe
 
-    def rows(self, moment: Moment) -> dict[str, NDArray[Any]]:
+    def rows(self, moment: Moment[Knowledge]) -> dict[str, Row]:
         """A row of each table by its name in the recording; none in iterations that are not sampled."""
         if moment.state.iteration % self.declared.every:
             return {}
@@ -53,7 +51,7 @@ class BatteryProbe:
     def __init__(self, gauges: tuple[Gauge, ...]) -> None:
         self._gauges = gauges
 
-    def sample(self, moment: Moment) -> Mapping[str, object]:
+    def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
         """What is left in each robot's emptiest battery."""
         full = np.full(moment.state.robots, np.inf)
         return {"left": np.minimum.reduce([full, *(gauge.read() for gauge in self._gauges)])}
@@ -78,7 +76,7 @@ class BelievedProbe:
         ProbeTable("error", shape=("robots",), unit="m", meaning="from there to where it is", low=0.0),
     )
 
-    def sample(self, moment: Moment) -> Mapping[str, object]:
+    def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
         """The estimates at the start of the iteration, when everybody senses."""
         truth = moment.state.pose
         pose = truth if moment.believed is None else moment.believed

@@ -20,8 +20,9 @@ from swarmsim.core.hdf5 import Growing, to_the_end
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
+from swarmsim.core.probes import Row
 from swarmsim.core.scenario import Scenario, without_later
-from swarmsim.core.state import Moment, Record
+from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
 from swarmsim.recording.layout import declared_by
 from swarmsim.recording.probes import Watching
@@ -38,7 +39,7 @@ class Held:
 
     rows: dict[str, Any]
     lists: dict[str, NDArray[Any]]
-    probed: dict[str, NDArray[Any]]  # a row each, in the iterations that a probe samples
+    probed: dict[str, Row]  # a row each, in the iterations that a probe samples
     letters: NDArray[np.int32]  # (m, 5)
     ways: list[tuple[int, int, NDArray[np.float64]]]  # iteration, robot, its new waypoints (w, 2) in m
     events: bytes
@@ -127,7 +128,7 @@ class Recorder:
         self._tell("measures", json.dumps(measures))
         self.file.swmr_mode = True
 
-    def _rows(self, moment: Moment) -> dict[str, Any]:
+    def _rows(self, moment: Moment[Knowledge]) -> dict[str, Any]:
         """What has one row of the same shape in every iteration, by the name of its table."""
         return {
             "pose": moment.state.pose,
@@ -145,7 +146,7 @@ class Recorder:
             shuffle=True,
         )  # fmt: skip
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Keep one iteration; every BLOCK iterations they are written and flushed."""
         rows, lists, letters = self._rows(moment), _lists(moment), self._with_fates(moment.delivery)
         probed = {name: row for probe in self._probes for name, row in probe.rows(moment).items()}
@@ -240,7 +241,7 @@ def _check_names(records: Sequence[tuple[str, Record]], path: Path) -> None:
         raise InputError(f"{path}: {twice[0]!r} is given by {parts}; expected different names")
 
 
-def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
+def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     """What the parts give to be recorded, and what of theirs it is."""
     return (
         ("the readings", moment.readings.record()), ("the knowledge", moment.knowledge.record()),
@@ -248,12 +249,12 @@ def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
     )  # fmt: skip
 
 
-def _lists(moment: Moment) -> dict[str, NDArray[Any]]:
+def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[Any]]:
     """What has as many rows as there happen to be, by the name of its table."""
     return {"links": moment.links, **moment.knowledge.record().lists}
 
 
-def _new_ways(moment: Moment) -> list[tuple[int, int, NDArray[np.float64]]]:
+def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.float64]]]:
     """The iteration, the robot and the waypoints (w, 2) of every path that is new."""
     intents = moment.intents
     return [
