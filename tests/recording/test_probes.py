@@ -122,6 +122,18 @@ def test_levels_of_batteries_are_recorded_every_so_many_iterations(tmp_path: Pat
     assert_allclose(left[0, :2] - left[1, :2], 3 * 0.5 + 2.0 * driven + 0.001 * sends, rtol=1e-9)
 
 
+def test_of_a_robot_with_two_batteries_the_emptier_one_is_recorded(tmp_path: Path) -> None:
+    idle = {"use": "battery", "per_metre": 0.0, "per_byte": 0.0, "idle": 1.0}
+    faults = [{**idle, "capacity": 9.0}, {**idle, "capacity": 20.0, "idle": 3.0, "robots": [1]}]
+    recording = recorded(tmp_path, faults=faults, probes=[{"use": "batteries"}])
+    assert recording["batteries.left"][:, 0].tolist() == [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0]
+    assert recording["batteries.left"][:, 1].tolist() == [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 2.0]
+
+
+def test_without_batteries_no_robot_tires(tmp_path: Path) -> None:
+    assert np.isposinf(recorded(tmp_path, probes=[{"use": "batteries"}])["batteries.left"]).all()
+
+
 def test_believed_poses_are_told_from_true_ones(tmp_path: Path) -> None:
     noisy = {"use": "noisy", "sigma": 0.05, "sigma_yaw": 0.02}
     recording = recorded(tmp_path, probes=[{"use": "believed"}], localisation=noisy)
