@@ -17,7 +17,7 @@ Name = Annotated[str, Meta(pattern=NAME)]
 Word = Annotated[str, Meta(max_length=200)]
 Side = Annotated[int, Meta(ge=0, le=100_000)] | Literal["robots"]
 Row = NDArray[np.generic]  # of a type and shape that its table declares
-Every = Annotated[int, Meta(ge=1, le=1_000_000)]
+Every = Annotated[int, Meta(ge=1, le=100_000)]
 
 
 class ProbeTable(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
