@@ -289,7 +289,7 @@ class MergeCodec:
 
 
 class FrameMeasures:
-    """A probe that counts who has found whose frame, and judges how right; silent where all know from the start."""
+    """An observer that counts who has found whose frame, and judges how right; silent where all know from the start."""
 
     def __init__(self, domain: NDArray[np.bool_]) -> None:
         rows, columns = (np.flatnonzero(domain.any(axis=axis)) for axis in (1, 0))
