@@ -28,6 +28,7 @@ from swarmsim.core.parts import (
     Generator,
     Localisation,
     Motion,
+    Probe,
     Sensor,
     Strategy,
     Task,
@@ -132,8 +133,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a robot computes from what it senses and hears, and what it does with that."""
 
-    computation: Part[Computation] = Part("computation")
-    strategy: Part[Strategy] = Part("strategy")
+    computation: Part[Computation[Any, Any]] = Part("computation")
+    strategy: Part[Strategy[Any]] = Part("strategy")
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -162,8 +163,9 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     network: Network
     mind: Mind = Mind()
     motion: Part[Motion] = Part("motion")
-    task: Part[Task] = Part("task")
+    task: Part[Task[Any]] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
+    probes: tuple[Part[Probe], ...] = ()
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
@@ -171,6 +173,8 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
+#: Keys that are not written out where there is nothing at them.
+LATER: Final = ("probes",)
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -190,11 +194,20 @@ def parts_of(scenario: Scenario) -> dict[str, Part[Any]]:
     return found
 
 
+def lists(scenario: Scenario) -> list[tuple[str, Part[Any]]]:
+    """Every part that a scenario has any number of, with its place: `faults[2]`."""
+    return [
+        (f"{seam.at}[{i}]", part)
+        for seam in SEAMS.values()
+        if seam.many
+        for i, part in enumerate(_at(scenario, seam.place))
+    ]
+
+
 def all_parts(scenario: Scenario) -> list[Part[Any]]:
     """Every part that a scenario names: one a seam, those of groups of robots, and those of which there are many."""
     own = [getattr(group, seam.name) for seam in SEAMS.values() if seam.of_groups for group in scenario.robots.groups]
-    lists = [part for seam in SEAMS.values() if seam.many for part in _at(scenario, seam.place)]
-    return [*parts_of(scenario).values(), *(part for part in own if part), *lists]
+    return [*parts_of(scenario).values(), *(part for part in own if part), *(part for _, part in lists(scenario))]
 
 
 def sensors_of(scenario: Scenario) -> tuple[tuple[str, Part[Sensor]], ...]:
@@ -208,7 +221,7 @@ def sensors_of(scenario: Scenario) -> tuple[tuple[str, Part[Sensor]], ...]:
 
 def table_of(scenario: Scenario) -> Table:
     """A scenario as the table that a TOML file holds, complete."""
-    table: Table = _without_none(msgspec.to_builtins(scenario, enc_hook=plain))
+    table: Table = _without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
     return table
 
 
@@ -217,6 +230,11 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
     return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def without_later(table: Table) -> Table:
+    """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
+    return {key: value for key, value in table.items() if value or key not in LATER}
 
 
 def _at(whole: Any, place: tuple[str, ...]) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -23,6 +24,15 @@ class Field(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Gauge:
+    """A number of every robot that a part keeps for itself, for probes to read, such as the energy left."""
+
+    name: str  # what is measured: those of several parts that measure the same have the same
+    unit: str
+    read: Callable[[], NDArray[np.float64]]  # a copy (n,)
+
+
+@dataclass(frozen=True, slots=True)
 class Setting:
     """What every part may know of the run it is built for.
 
@@ -37,6 +47,7 @@ class Setting:
     start: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))  # (n, 3): poses at the start
     scalar_field: Field | None = None  # what there is to measure besides walls
     number: int = 0  # a fault's place among the scenario's
+    gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,18 +20,21 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.part import Buildable, Part
-from swarmsim.core.parts import Calendar, Computation, Parts, Probe, Sensor, Strategy, Task
+from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.probes import Row
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import Scenario, World, all_parts, parts_of, sensors_of
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
+from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
+from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import MixedSensor, with_field
@@ -77,18 +80,23 @@ class Run:
     setting: Setting  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    probes: tuple[Watching, ...]
 
     def recorder(self, path: Path) -> Recorder:
-        """A probe that records the run in a new file."""
+        """An observer that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
+        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, self.probes)
 
-    def simulate(self, probes: Sequence[Probe] = ()) -> bool:
+    def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
+        """What the probes sample in an iteration: rows by the names of their tables in a recording."""
+        return {name: row for probe in self.probes for name, row in probe.rows(moment).items()}
+
+    def simulate(self, observers: Sequence[Observer] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
 
         Raises InputError if a body has ended in or beyond a wall, for then nothing that was measured means anything.
         """
-        finished = self.simulation.run(probes)
+        finished = self.simulation.run(observers)
         if astray := self.astray():
             raise InputError(
                 f"{self.simulation.name}: physics.substep: robot{'s' if len(astray) > 1 else ''} "
@@ -178,6 +186,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
             parts = installed(fault, parts, one.use)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
+    probes = watching(scenario, setting, parts)
     used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(one, arena.lattice.cell)[:2] for _, one in sensors)
@@ -185,7 +194,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
     )
-    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
+    return Run(
+        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes
+    )  # fmt: skip
 
 
 def _sensors(robots: Robots, sensors: Sensors, setting: Setting) -> Sensor:
@@ -201,7 +212,9 @@ def _sensors(robots: Robots, sensors: Sensors, setting: Setting) -> Sensor:
     )
 
 
-def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, asked: Asked) -> None:
+def _check_knowledge(
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], asked: Asked
+) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(

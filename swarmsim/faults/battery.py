@@ -15,7 +15,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts
-from swarmsim.core.setting import Setting
+from swarmsim.core.setting import Gauge, Setting
 from swarmsim.core.state import State
 from swarmsim.faults.timeline import Mark
 
@@ -87,7 +87,8 @@ class BatteryFault:
         """The parts, wrapped."""
         channel = MeteredChannel(parts.channel, self.batteries, self.battery.per_byte)
         parts.calendar.enter(Exhaustion(parts.bodies, self))
-        return replace(parts, channel=channel)
+        energy = Gauge("energy", "J", self.batteries.left.copy)
+        return replace(parts, channel=channel, gauges=(*parts.gauges, energy))
 
 
 class MeteredChannel:

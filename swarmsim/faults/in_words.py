@@ -96,14 +96,14 @@ def described(fault: Part[Fault]) -> str:
     return " ".join([name, *([failure] if failure else []), *keys])
 
 
-def _spelled(value: Any) -> str:
+def _spelled(value: object) -> str:
     """A value as TOML on one line without blanks; a string of one word needs no quotes."""
     if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w-]*", value) and value not in WORDS_OF_TOML:
         return value
     return _toml(value)
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, dict):
         return "{" + ",".join(f"{key}={_toml(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):

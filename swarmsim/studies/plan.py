@@ -20,7 +20,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.part import plain
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, all_parts, assign, decode, files_outside
+from swarmsim.core.scenario import Scenario, all_parts, assign, decode, files_outside, without_later
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -108,10 +108,9 @@ class Plan:
 def asked(scenario: Scenario) -> bytes:
     """All that a scenario asks for, in JSON: whatever it is called, wherever its floor plan's file is."""
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
+    table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    return msgspec.json.encode(
-        {**msgspec.structs.asdict(scenario), "world": unnamed}, enc_hook=plain, order="deterministic"
-    )
+    return msgspec.json.encode({**table, "world": unnamed}, enc_hook=plain, order="deterministic")
 
 
 def _world_key(scenario: Scenario) -> bytes:
