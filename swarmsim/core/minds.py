@@ -141,30 +141,31 @@ class Swarm:
     """One instance for each robot, and what each of them may know."""
 
     def __init__(self, make: Callable[[], Any], setting: Setting) -> None:
-        robots = setting.robots
         self._make, self._setting = make, setting
-        self.minds = [make() for _ in range(robots.count)]
-        self._random = [setting.streams.open("mind", robot) for robot in range(robots.count)]
+        #: The robots' numbers, by row.
+        self.ids: list[int] = setting.ids.tolist()
+        self.minds = [make() for _ in self.ids]
+        self._random = setting.own_streams("mind")
 
     def each(self, observations: Observations, ask: Callable[[Any, Me], Any]) -> dict[int, Any]:
-        """What every live robot's mind answers; what is raised tells whose mind it was."""
+        """What every live robot's mind answers, by its row; what is raised tells whose mind it was."""
         answers = {}
-        for me in self._all(observations):
+        for row, me in self._all(observations):
             try:
-                answers[me.id] = ask(self.minds[me.id], me)
+                answers[row] = ask(self.minds[row], me)
             except (Exception, SystemExit) as problem:
                 problem.add_note(f"robot {me.id}")
                 raise
         return answers
 
-    def _all(self, observations: Observations) -> Iterable[Me]:
+    def _all(self, observations: Observations) -> Iterable[tuple[int, Me]]:
         robots, lattice, period = self._setting.robots, self._setting.lattice, self._setting.period
         readings, knowledge = observations.readings, observations.knowledge
         tiles, beams, field = readings.tiles, readings.beams, readings.field
         for i in np.flatnonzero(observations.alive).tolist():
             x, y, yaw = observations.pose[i].tolist()
-            yield Me(
-                i, observations.iteration, observations.iteration * period, x, y, yaw,
+            yield i, Me(
+                self.ids[i], observations.iteration, observations.iteration * period, x, y, yaw,
                 _kept(observations.velocity[i]),
                 None if tiles is None else _kept(tiles.values[i]),
                 None if tiles is None else _kept(tiles.origins[i]),
@@ -302,7 +303,7 @@ class MindComputation:
             wrong = f"has no {name!r}, which 'shows' names; {nearest(name, dict.fromkeys(has))}"
         except ValueError as problem:
             wrong = f"shows {name!r}: {problem}; expected a number"
-        raise MisfitError(f"robot {robot} {wrong}", self.written_by, "shows")
+        raise MisfitError(f"robot {self._swarm.ids[robot]} {wrong}", self.written_by, "shows")
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Give robots (r,) new minds."""

@@ -147,7 +147,9 @@ class Estimates(Knowledge):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """All that minds may know in one iteration; robot i may use row i and its inbox alone.
+    """All that minds may know in one iteration; a robot may use its own row and its inbox alone.
+
+    There is a row for each robot that the mind was built for: row i is the robot of the number `Setting.ids[i]`.
 
     A computation is asked twice: for what robots say, before anything is heard (`inbox` and `knowledge` are None), and
     for what they know then (`knowledge` is None). A strategy sees all of it.

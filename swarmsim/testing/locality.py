@@ -1,4 +1,4 @@
-"""Checks that robot i does what it does by what robot i senses and hears, whatever its number."""
+"""Checks that robot i does what it does by what robot i senses and hears, whatever its number and whoever is there."""
 
 from __future__ import annotations
 
@@ -11,46 +11,112 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.messages import Inbox, Said
-from swarmsim.core.parts import Computation, Strategy
+from swarmsim.core.messages import Codec, Said
+from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.scenario import tables
-from swarmsim.core.state import Beams, Intents, Observations, Readings, Tiles
-from swarmsim.core.streams import Streams
+from swarmsim.core.setting import Setting
+from swarmsim.core.state import Beams, Intents, Knowledge, Observations, Readings, Tiles
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
+from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Heard:
     """What a mind was given in one iteration, and what it did with that."""
 
+    changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: who forgot everything, or was given whose
     before: Observations  # when it spoke
     after: Observations  # with its inbox
+    decides: Observations  # when it decided; what robots know is left out
     said: Said[Any]
     intents: Intents
 
 
-def _followed(run: Run) -> list[Heard]:
-    """Everything that the minds of a run were given, in its order."""
-    parts, heard = run.simulation.parts, []
-    spoken: list[tuple[Observations, Said[Any]]] = []
-    say, step = parts.computation.say, parts.strategy.step
+class Witness(WrappedComputation):
+    """Notes what a computation is given, and what the strategy beside it is."""
 
-    def saying(observations: Observations) -> Said[Any]:
-        said = say(observations)
-        spoken.append((_copied(observations), said))
+    def __init__(self, inner: Computation, strategy: Strategy) -> None:
+        super().__init__(inner)
+        #: Everything so far, in its order.
+        self.heard: list[Heard] = []
+        #: The strategy, followed as well.
+        self.strategy = WitnessedStrategy(strategy, self)
+        self._changes: list[tuple[NDArray[np.int64], int | None]] = []
+        self._given: list[Observations] = []
+        self._said: list[Said[Any]] = []
+
+    def say(self, observations: Observations) -> Said[Any]:
+        """What is said."""
+        said = self._inner.say(observations)
+        self._given, self._said = [_copied(observations)], [_kept(said)]
         return said
 
-    def stepping(observations: Observations) -> Intents:
-        intents = step(observations)
-        before, said = spoken[-1]
-        heard.append(Heard(before, _copied(replace(observations, knowledge=None)), said, intents))
+    def hear(self, observations: Observations) -> Knowledge:
+        """What is known."""
+        self._given.append(_copied(observations))
+        return self._inner.hear(observations)
+
+    def decided(self, observations: Observations, intents: Intents) -> None:
+        """The end of an iteration."""
+        before, after = self._given
+        decides = replace(_copied(observations), knowledge=None)
+        self.heard.append(Heard(self._changes, before, after, decides, self._said[0], intents))
+        self._changes = []
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Who forgets."""
+        self._changes.append((robots.copy(), None))
+        self._inner.forget(robots)
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Who is given what another one knows."""
+        self._changes.append((robots.copy(), source))
+        self._inner.adopt(robots, source)
+
+
+class WitnessedStrategy:
+    """Notes what a strategy is given and decides."""
+
+    def __init__(self, inner: Strategy, witness: Witness) -> None:
+        self._inner, self._witness = inner, witness
+
+    @property
+    def reads(self) -> type[Knowledge]:
+        """What the strategy inside reads."""
+        return self._inner.reads
+
+    def step(self, observations: Observations) -> Intents:
+        """What it decides."""
+        intents = self._inner.step(observations)
+        self._witness.decided(observations, intents)
         return intents
 
-    parts.computation.say, parts.strategy.step = saying, stepping  # type: ignore[method-assign]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """A run, and everything that its minds were given and gave before any fault changed that."""
+
+    run: Run
+    heard: Sequence[Heard]  # in each iteration
+    codec: Codec[Any]
+
+
+def _followed(scenario: Path | str, overrides: Sequence[str], iterations: int, allow_code: bool) -> Followed:
+    witnesses: list[Witness] = []
+
+    def watch(parts: Parts) -> Parts:
+        witnesses.append(Witness(parts.computation, parts.strategy))
+        return replace(parts, computation=witnesses[0], strategy=witnesses[0].strategy)
+
+    run = opened(scenario, limited(overrides, iterations), False, allow_code, watch)
     run.simulation.run()
-    return heard
+    return Followed(run, witnesses[0].heard, witnesses[0].codec)
+
+
+def _kept(said: Said[Any]) -> Said[Any]:
+    return replace(said, content=said.content.take(np.arange(len(said.content))))
 
 
 def _copied(observations: Observations) -> Observations:
@@ -60,7 +126,10 @@ def _copied(observations: Observations) -> Observations:
 def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations:
     """The same with the rows of arrays in this order."""
     readings = observations.readings
-    tiles = readings.tiles and Tiles(readings.tiles.values[rows], readings.tiles.origins[rows])
+    tiles, evidence = readings.tiles, None
+    if tiles is not None:
+        evidence = None if tiles.evidence is None else tiles.evidence[rows]
+        tiles = Tiles(tiles.values[rows], tiles.origins[rows], evidence)
     beams = readings.beams and Beams(readings.beams.bearings, readings.beams.ranges[rows])
     field = None if readings.field is None else readings.field[rows]
     decided = observations.decided
@@ -73,19 +142,95 @@ def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations
     )  # fmt: skip
 
 
-def _mind(run: Run, streams: Streams | None = None) -> tuple[Computation, Strategy]:
+def _mind(run: Run, setting: Setting) -> tuple[Computation, Strategy]:
     """A new mind, as built for a run."""
-    setting = run.setting if streams is None else replace(run.setting, streams=streams)
     parts = tables(run.scenario)
     return built("computation", parts["computation"], setting), built("strategy", parts["strategy"], setting)
 
 
 def _repeated(
-    mind: tuple[Computation, Strategy], before: Observations, after: Observations
+    mind: tuple[Computation, Strategy], before: Observations, after: Observations, decides: Observations
 ) -> tuple[Said[Any], Intents]:
     computation, strategy = mind
     said = computation.say(before)
-    return said, strategy.step(replace(after, knowledge=computation.hear(after)))
+    return said, strategy.step(replace(decides, knowledge=computation.hear(after)))
+
+
+def check_one_robot(
+    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
+) -> None:
+    """A mind that is built for one robot alone says and does what this robot does in the swarm, to the last bit.
+
+    The first robot, one in the middle and the last one are tried, each with its own row and inbox as they were in a
+    run. All columns of messages are compared, their bytes and what is decided. A robot that a fault gives what
+    another one knows is followed no further.
+    """
+    swarm = _followed(scenario, overrides, iterations, allow_code)
+    count = swarm.run.setting.swarm
+    for robot in sorted({0, count // 2, count - 1}):
+        _check_rows(f"{scenario}", "when it is built alone", swarm, np.array([robot]), allow_code)
+
+
+def check_permutation(
+    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
+) -> None:
+    """A mind whose rows are in another order says and does the same, to the last bit: each robot keeps its number."""
+    swarm = _followed(scenario, overrides, iterations, allow_code)
+    order = np.random.default_rng(swarm.run.scenario.seed).permutation(swarm.run.setting.swarm)
+    rows = np.empty_like(order)
+    rows[order] = np.roll(order, 1)  # one cycle through all robots: nobody keeps its row
+    _check_rows(f"{scenario}", "when rows are in another order", swarm, rows, allow_code)
+
+
+def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64], allow_code: bool) -> None:
+    """Compare what a mind of the robots with these numbers (rows,) says and does with what they did in the swarm."""
+    with registry.own_code(allow_code):
+        mind = _mind(swarm.run, swarm.run.setting.serving(ids))
+    followed = np.ones(len(ids), np.bool_)
+    for heard in swarm.heard:
+        for robots, source in heard.changes:
+            mine = np.flatnonzero(np.isin(ids, robots))
+            if source is None:
+                mind[0].forget(mine)
+            elif source in ids:
+                mind[0].adopt(mine, int(np.flatnonzero(ids == source)[0]))
+            else:  # what that one knows is not to be had here
+                followed[mine] = False
+        before, after, decides = (_served(one, ids) for one in (heard.before, heard.after, heard.decides))
+        said, intents = _repeated(mind, before, after, decides)
+        for row in np.flatnonzero(before.alive & followed).tolist():
+            robot, now = int(ids[row]), before.iteration
+            where = f"{scenario}, iteration {now}, robot {robot}"
+            _check_said(said, row, heard.said, robot, f"{where}: {{}} {when}")
+            if heard.said.sizes[robot] > 0:
+                packed = mind[0].codec.pack(robot, now, said.of(row))
+                first = swarm.codec.pack(robot, now, heard.said.of(robot))
+                assert packed == first, f"{where}: sends other bytes {when}"
+            if decides.alive[row]:
+                assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
+
+
+def _check_said(mine: Said[Any], row: int, first: Said[Any], robot: int, wrong: str) -> None:
+    """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
+    here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
+    assert here == there, wrong.format(f"says {here} bytes, not {there},")
+    content, whole = mine.of(row), first.of(robot)
+    assert type(content).__match_args__ == type(whole).__match_args__, wrong.format("says other columns")
+    for name, one, other in zip(type(whole).__match_args__, content.arrays(), whole.arrays(), strict=True):
+        same = (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
+        assert same, wrong.format(f"says other {name}")
+
+
+def _served(observations: Observations, robots: NDArray[np.int64]) -> Observations:
+    """What these robots (rows,) are given, as all the rows that there are, in this order."""
+    inbox = observations.inbox
+    if inbox is not None:
+        row = np.full(len(observations.alive), -1, np.int32)
+        row[robots] = np.arange(len(robots))
+        inbox = replace(inbox, receivers=row[inbox.receivers])
+        order = np.lexsort((inbox.sent, inbox.senders, inbox.receivers))
+        inbox = inbox.take(order[inbox.receivers[order] >= 0])
+    return replace(_chosen(observations, robots), inbox=inbox)
 
 
 def check_locality(
@@ -96,13 +241,13 @@ def check_locality(
     A new mind is given all that the minds of a run were given, but for everybody except robot i something else: other
     poses and readings, and no messages.
     """
-    run = opened(scenario, limited(overrides, iterations), False, allow_code)
-    followed, count = _followed(run), run.scenario.robots.count
+    swarm = _followed(scenario, overrides, iterations, allow_code)
+    run, count = swarm.run, swarm.run.setting.swarm
     for robot in sorted({0, count // 2, count - 1}):
         with registry.own_code(allow_code):
-            mind = _mind(run)
-        for heard in followed:
-            other = [_scrambled(given, robot) for given in (heard.before, heard.after)]
+            mind = _mind(run, run.setting)
+        for heard in swarm.heard:
+            other = [_scrambled(given, robot) for given in (heard.before, heard.after, heard.decides)]
             said, intents = _repeated(mind, *other)
             where = f"{scenario}, iteration {heard.before.iteration}, robot {robot}"
             if not heard.before.alive[robot]:
@@ -134,53 +279,3 @@ def _scrambled(observations: Observations, robot: int) -> Observations:
     inbox = observations.inbox
     mine = None if inbox is None else inbox.take(np.flatnonzero(inbox.receivers == robot))
     return replace(other, pose=turned, inbox=mine)
-
-
-@dataclass(frozen=True, slots=True)
-class Renamed(Streams):
-    """Streams in which robots go by other numbers."""
-
-    names: tuple[int, ...]  # (n,): the number under which each robot draws
-
-    def open(self, purpose: str, robot: int = -1) -> np.random.Generator:
-        """The stream of the robot of another number."""
-        return Streams.open(self, purpose, robot if robot < 0 else self.names[robot])
-
-
-def check_permutation(
-    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
-) -> None:
-    """Robots with other numbers say and do the same, but for the rounding of sums in another order.
-
-    Random streams go with the robots. Minds whose keys name robots, or that hash their numbers, need not pass.
-    """
-    run = opened(scenario, limited(overrides, iterations), False, allow_code)
-    followed, count = _followed(run), run.scenario.robots.count
-    rows = np.random.default_rng(run.scenario.seed).permutation(count)  # robot i is now the one that was rows[i]
-    with registry.own_code(allow_code):
-        mind = _mind(run, Renamed(run.scenario.seed, tuple(rows.tolist())))
-    for heard in followed:
-        before, after = (_chosen(given, rows) for given in (heard.before, heard.after))
-        said, intents = _repeated(mind, before, replace(after, inbox=_renamed(heard.after.inbox, rows)))
-        where = f"{scenario}, iteration {heard.before.iteration}"
-        for robot in np.flatnonzero(before.alive).tolist():
-            pairs = zip(said.of(robot).arrays(), heard.said.of(int(rows[robot])).arrays(), strict=True)
-            assert all(_close(mine, first) for mine, first in pairs), f"{where}: robot {robot} says something else"
-        for name in ("goals", "counts", "planned"):
-            mine, first = getattr(intents, name), getattr(heard.intents, name)[rows]
-            assert np.array_equal(mine[before.alive], first[before.alive]), f"{where}: other {name}"
-        if intents.twists is not None and heard.intents.twists is not None:
-            assert _close(intents.twists, heard.intents.twists[rows]), f"{where}: other twists"
-
-
-def _close(mine: NDArray[Any], first: NDArray[Any]) -> bool:
-    return bool(np.allclose(mine, first, rtol=1e-9, atol=1e-9, equal_nan=mine.dtype.kind == "f"))
-
-
-def _renamed(inbox: Inbox[Any] | None, rows: NDArray[np.int64]) -> Inbox[Any] | None:
-    """The inbox of robots with other numbers, in the order of those."""
-    if inbox is None:
-        return None
-    names = np.argsort(rows).astype(np.int32)
-    renamed = replace(inbox, receivers=names[inbox.receivers], senders=names[inbox.senders])
-    return renamed.take(np.lexsort((renamed.sent, renamed.senders, renamed.receivers)))
