@@ -23,10 +23,11 @@ from swarmsim.core.files import Table
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import PLACES, Scenario, World
+from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State
+from swarmsim.core.state import Knowledge, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
@@ -179,10 +180,10 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         calendar=Calendar(bodies.state()),
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
+        _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
-    parts = guarded(parts, setting, list(registry.SEAMS) if strict else theirs, theirs)
+    parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
     parts = parts if watch is None else watch(parts)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
@@ -190,7 +191,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
             parts = installed(fault, parts, table)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    used = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
+    listed = [(seam, table) for seam, _, table in lists(scenario)]
+    used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
@@ -223,7 +225,9 @@ def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
     return [group.sensor or own for group in robots.groups] or [own]
 
 
-def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
+def _check_knowledge(
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(
@@ -237,7 +241,7 @@ def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used: dict[str, str] = {}  # which seam's part gives each name
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{'.'.join(PLACES[seam])}.use: {tables[seam]['use']!r}"
+        place = f"{SEAMS[seam].at}.use: {tables[seam]['use']!r}"
         for name, says, at in announced(seam, part):
             wrong = layout.wrong_name(name, seam)
             if wrong is None and name in used:
@@ -328,7 +332,7 @@ def _walls_alone(arena: Arena) -> Building:
 
 def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
     """The part that a table describes. Raises InputError that starts with its place in the scenario."""
-    place = place or ".".join(PLACES[seam])
+    place = place or SEAMS[seam].at
     try:
         return built(seam, table, setting)
     except InputError as problem:

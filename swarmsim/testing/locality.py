@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.messages import Codec, Said
+from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.scenario import tables
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Beams, Intents, Knowledge, Observations, Readings, Tiles
+from swarmsim.core.state import Beams, Intents, Knowledge, Readings, Senses, Tiles
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
 from swarmsim.faults.disguise import WrappedComputation
@@ -27,9 +27,9 @@ class Heard:
     """What a mind was given in one iteration, and what it did with that."""
 
     changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: who forgot everything, or was given whose
-    before: Observations  # when it spoke
-    after: Observations  # with its inbox
-    decides: Observations  # when it decided; what robots know is left out
+    speaks: Senses  # when it spoke
+    hears: tuple[Senses, Inbox[Any]]  # when it heard
+    decides: tuple[Senses, Inbox[Any]]  # when it decided
     said: Said[Any]
     intents: Intents
 
@@ -37,32 +37,32 @@ class Heard:
 class Witness(WrappedComputation):
     """Notes what a computation is given, and what the strategy beside it is."""
 
-    def __init__(self, inner: Computation, strategy: Strategy) -> None:
+    def __init__(self, inner: Computation[Any, Knowledge], strategy: Strategy[Any]) -> None:
         super().__init__(inner)
         #: Everything so far, in its order.
         self.heard: list[Heard] = []
         #: The strategy, followed as well.
         self.strategy = WitnessedStrategy(strategy, self)
         self._changes: list[tuple[NDArray[np.int64], int | None]] = []
-        self._given: list[Observations] = []
-        self._said: list[Said[Any]] = []
+        self._spoken: list[tuple[Senses, Said[Any]]] = []
+        self._given: list[tuple[Senses, Inbox[Any]]] = []
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """What is said."""
-        said = self._inner.say(observations)
-        self._given, self._said = [_copied(observations)], [_kept(said)]
+        said = self._inner.say(senses)
+        kept = replace(said, content=said.content.take(np.arange(len(said.content))))
+        self._spoken.append((_copied(senses), kept))
         return said
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
         """What is known."""
-        self._given.append(_copied(observations))
-        return self._inner.hear(observations)
+        self._given.append((_copied(senses), inbox))
+        return self._inner.hear(senses, inbox)
 
-    def decided(self, observations: Observations, intents: Intents) -> None:
+    def decided(self, senses: Senses, inbox: Inbox[Any], intents: Intents) -> None:
         """The end of an iteration."""
-        before, after = self._given
-        decides = replace(_copied(observations), knowledge=None)
-        self.heard.append(Heard(self._changes, before, after, decides, self._said[0], intents))
+        speaks, said = self._spoken[-1]
+        self.heard.append(Heard(self._changes, speaks, self._given[-1], (_copied(senses), inbox), said, intents))
         self._changes = []
 
     def forget(self, robots: NDArray[np.int64]) -> None:
@@ -79,7 +79,7 @@ class Witness(WrappedComputation):
 class WitnessedStrategy:
     """Notes what a strategy is given and decides."""
 
-    def __init__(self, inner: Strategy, witness: Witness) -> None:
+    def __init__(self, inner: Strategy[Any], witness: Witness) -> None:
         self._inner, self._witness = inner, witness
 
     @property
@@ -87,10 +87,10 @@ class WitnessedStrategy:
         """What the strategy inside reads."""
         return self._inner.reads
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
         """What it decides."""
-        intents = self._inner.step(observations)
-        self._witness.decided(observations, intents)
+        intents = self._inner.step(senses, inbox, knowledge)
+        self._witness.decided(senses, inbox, intents)
         return intents
 
 
@@ -115,45 +115,44 @@ def _followed(scenario: Path | str, overrides: Sequence[str], iterations: int, a
     return Followed(run, witnesses[0].heard, witnesses[0].codec)
 
 
-def _kept(said: Said[Any]) -> Said[Any]:
-    return replace(said, content=said.content.take(np.arange(len(said.content))))
+def _copied(senses: Senses) -> Senses:
+    return _chosen(senses, np.arange(len(senses.alive)))
 
 
-def _copied(observations: Observations) -> Observations:
-    return _chosen(observations, np.arange(len(observations.alive)))
-
-
-def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations:
+def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
     """The same with the rows of arrays in this order."""
-    readings = observations.readings
+    readings = senses.readings
     tiles, evidence = readings.tiles, None
     if tiles is not None:
         evidence = None if tiles.evidence is None else tiles.evidence[rows]
         tiles = Tiles(tiles.values[rows], tiles.origins[rows], evidence)
     beams = readings.beams and Beams(readings.beams.bearings, readings.beams.ranges[rows])
     field = None if readings.field is None else readings.field[rows]
-    decided = observations.decided
+    decided = senses.decided
     if decided is not None:
         columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
         decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
     return replace(
-        observations, pose=observations.pose[rows], velocity=observations.velocity[rows],
-        alive=observations.alive[rows], readings=Readings(tiles, beams, field), decided=decided,
+        senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
+        readings=Readings(tiles, beams, field), decided=decided,
     )  # fmt: skip
 
 
-def _mind(run: Run, setting: Setting) -> tuple[Computation, Strategy]:
+Mind = tuple[Computation[Any, Knowledge], Strategy[Any]]
+
+
+def _mind(run: Run, setting: Setting) -> Mind:
     """A new mind, as built for a run."""
     parts = tables(run.scenario)
     return built("computation", parts["computation"], setting), built("strategy", parts["strategy"], setting)
 
 
 def _repeated(
-    mind: tuple[Computation, Strategy], before: Observations, after: Observations, decides: Observations
+    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Any]], decides: tuple[Senses, Inbox[Any]]
 ) -> tuple[Said[Any], Intents]:
     computation, strategy = mind
-    said = computation.say(before)
-    return said, strategy.step(replace(decides, knowledge=computation.hear(after)))
+    said = computation.say(speaks)
+    return said, strategy.step(*decides, computation.hear(*hears))
 
 
 def check_one_robot(
@@ -186,7 +185,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
     """Compare what a mind of the robots with these numbers (rows,) says and does with what they did in the swarm."""
     with registry.own_code(allow_code):
         mind = _mind(swarm.run, swarm.run.setting.serving(ids))
-    followed = np.ones(len(ids), np.bool_)
+    followed, count = np.ones(len(ids), np.bool_), swarm.run.setting.swarm
     for heard in swarm.heard:
         for robots, source in heard.changes:
             mine = np.flatnonzero(np.isin(ids, robots))
@@ -196,17 +195,20 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
                 mind[0].adopt(mine, int(np.flatnonzero(ids == source)[0]))
             else:  # what that one knows is not to be had here
                 followed[mine] = False
-        before, after, decides = (_served(one, ids) for one in (heard.before, heard.after, heard.decides))
-        said, intents = _repeated(mind, before, after, decides)
-        for row in np.flatnonzero(before.alive & followed).tolist():
-            robot, now = int(ids[row]), before.iteration
+        speaks = _chosen(heard.speaks, ids)
+        hears, decides = (
+            (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
+        )
+        said, intents = _repeated(mind, speaks, hears, decides)
+        for row in np.flatnonzero(speaks.alive & followed).tolist():
+            robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
             _check_said(said, row, heard.said, robot, f"{where}: {{}} {when}")
             if heard.said.sizes[robot] > 0:
                 packed = mind[0].codec.pack(robot, now, said.of(row))
                 first = swarm.codec.pack(robot, now, heard.said.of(robot))
                 assert packed == first, f"{where}: sends other bytes {when}"
-            if decides.alive[row]:
+            if decides[0].alive[row]:
                 assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
 
 
@@ -221,16 +223,13 @@ def _check_said(mine: Said[Any], row: int, first: Said[Any], robot: int, wrong: 
         assert same, wrong.format(f"says other {name}")
 
 
-def _served(observations: Observations, robots: NDArray[np.int64]) -> Observations:
-    """What these robots (rows,) are given, as all the rows that there are, in this order."""
-    inbox = observations.inbox
-    if inbox is not None:
-        row = np.full(len(observations.alive), -1, np.int32)
-        row[robots] = np.arange(len(robots))
-        inbox = replace(inbox, receivers=row[inbox.receivers])
-        order = np.lexsort((inbox.sent, inbox.senders, inbox.receivers))
-        inbox = inbox.take(order[inbox.receivers[order] >= 0])
-    return replace(_chosen(observations, robots), inbox=inbox)
+def _received(inbox: Inbox[Any], ids: NDArray[np.int64], count: int) -> Inbox[Any]:
+    """What the robots with these numbers (rows,), out of so many, have received, in the order of their rows."""
+    row = np.full(count, -1, np.int32)
+    row[ids] = np.arange(len(ids))
+    moved = replace(inbox, receivers=row[inbox.receivers])
+    order = np.lexsort((moved.sent, moved.senders, moved.receivers))
+    return moved.take(order[moved.receivers[order] >= 0])
 
 
 def check_locality(
@@ -247,18 +246,17 @@ def check_locality(
         with registry.own_code(allow_code):
             mind = _mind(run, run.setting)
         for heard in swarm.heard:
-            other = [_scrambled(given, robot) for given in (heard.before, heard.after, heard.decides)]
-            said, intents = _repeated(mind, *other)
-            where = f"{scenario}, iteration {heard.before.iteration}, robot {robot}"
-            if not heard.before.alive[robot]:
-                continue
-            for mine, first in zip(said.of(robot).arrays(), heard.said.of(robot).arrays(), strict=True):
-                assert np.array_equal(mine, first, equal_nan=mine.dtype.kind == "f"), (
-                    f"{where}: says something else when others sense and hear something else"
-                )
-            assert _done(intents, robot) == _done(heard.intents, robot), (
-                f"{where}: does something else when others sense and hear something else"
+            hears, decides = (
+                (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))
+                for senses, inbox in (heard.hears, heard.decides)
             )
+            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides)
+            where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
+            when = "when others sense and hear something else"
+            if heard.speaks.alive[robot]:
+                _check_said(said, robot, heard.said, robot, f"{where}: {{}} {when}")
+            if heard.decides[0].alive[robot]:
+                assert _done(intents, robot) == _done(heard.intents, robot), f"{where}: does something else {when}"
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
@@ -268,14 +266,12 @@ def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist
 
 
-def _scrambled(observations: Observations, robot: int) -> Observations:
-    """The same for one robot alone: all others are where the next one was, facing about, and hear nothing."""
-    count = len(observations.alive)
+def _scrambled(senses: Senses, robot: int) -> Senses:
+    """The same for one robot alone: all others are where the next one was, facing about."""
+    count = len(senses.alive)
     rows = np.roll(np.arange(count), 1)
     rows[robot] = robot
-    other = _chosen(observations, rows)
+    other = _chosen(senses, rows)
     turned = other.pose.copy()
     turned[np.arange(count) != robot, 2] += 1.0
-    inbox = observations.inbox
-    mine = None if inbox is None else inbox.take(np.flatnonzero(inbox.receivers == robot))
-    return replace(other, pose=turned, inbox=mine)
+    return replace(other, pose=turned)
