@@ -48,7 +48,10 @@ class Localisation(Protocol):
 
 
 class Computation(Protocol[C, K_co]):
-    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know."""
+    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know.
+
+    It may be built for any of the swarm's robots, and then has a row for each of these; see `Setting`.
+    """
 
     @property
     def knows(self) -> type[Knowledge]:
@@ -67,16 +70,16 @@ class Computation(Protocol[C, K_co]):
     def hear(self, senses: Senses, inbox: Inbox[C]) -> K_co:
         """What every robot knows once it has taken in its readings and its inbox; views, which cannot be written to.
 
-        Row i follows from row i of what is sensed and from robot i's inbox alone.
+        Row i follows from row i of what is sensed and from what is received in row i alone.
         """
         ...
 
     def forget(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) know nothing any more, as at the start."""
+        """Let the robots of these rows (r,) know nothing any more, as at the start."""
         ...
 
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) what another one knows."""
+        """Give the robots of these rows (r,) what that of the row `source` knows."""
         ...
 
 

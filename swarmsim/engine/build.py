@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,6 +19,7 @@ from swarmsim.core import budget
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.part import Buildable, Part
 from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
 from swarmsim.core.probes import Row
@@ -121,23 +122,30 @@ class Run:
         return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
 
 
-def build(scenario: Scenario, name: str, world: str | None = None, strict: bool = False) -> Run:
+def build(
+    scenario: Scenario,
+    name: str,
+    world: str | None = None,
+    strict: bool = False,
+    watch: Callable[[Parts], Parts] | None = None,
+) -> Run:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
-    holds our own parts to their contracts too.
+    holds our own parts to their contracts too. What `watch` gives takes the place of the parts before any fault wraps
+    them.
     Raises InputError for whatever cannot work.
     """
     try:
         with budget.of(scenario.budget):
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
-            return _built(scenario, name, world, strict)
+            return _built(scenario, name, world, strict, watch)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
     robots, stop, asked, sensors = scenario.robots, scenario.stop, parts_of(scenario), sensors_of(scenario)
     key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), sensors
 
@@ -156,8 +164,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
-    setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
-    setting = replace(setting, start=_start(setting, arena.name))
+    streams = Streams(scenario.seed)
+    start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
+    setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
     if scenario.field:
         setting = replace(setting, scalar_field=held_field(_make(scenario.field, setting), scenario.period))
     mind, network = scenario.mind, scenario.network
@@ -180,6 +189,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     _check_names(parts, asked)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
     parts = guarded(parts, setting, SEAMS if strict else theirs, theirs)
+    parts = parts if watch is None else watch(parts)
     for number, one in enumerate(scenario.faults):
         fault = _make(one, replace(setting, number=number), f"faults[{number}]")
         try:
@@ -333,7 +343,7 @@ def _observable(
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
-    setting = Setting(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     # What robots can see in the end does not depend on gaps between their beams.
     surveying: Buildable[Sensor] | None = part.says("surveying", None)
     sensor = _make(part, setting, place) if surveying is None else surveying.build(setting)
@@ -358,17 +368,18 @@ def _beams(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
     return beams, reach / cell if beyond else min(reach / cell, margin), margin**2
 
 
-def _start(setting: Setting, world: str) -> NDArray[np.float64]:
-    """Start poses (n, 3): each robot at the centre of a free cell of the spawn area, heading anywhere.
+def _start(
+    robots: Robots, lattice: Lattice, streams: Streams, centres: NDArray[np.float64], world: str
+) -> NDArray[np.float64]:
+    """Start poses (n, 3): each robot at one of the `centres` (c, 2) of free cells of the spawn area, heading anywhere.
 
     Every robot draws from its own stream, after those with lower ids have taken their places, so that one
     more robot moves none of the others. Raises InputError if the area holds fewer robots.
     """
-    robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
     left, apart = len(centres), 2.0 * robots.radius
-    cells, width = setting.lattice.cells(centres), math.ceil(apart / setting.lattice.cell)
-    places = np.full(np.array(setting.lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
+    cells, width = lattice.cells(centres), math.ceil(apart / lattice.cell)
+    places = np.full(np.array(lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
     places[tuple(cells.T + width)] = np.arange(len(centres))
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
@@ -377,7 +388,7 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
                 f"robots.count: spawn area {robots.spawn!r} of {world} holds {robot} robots of radius "
                 f"{robots.radius:g} m, not {robots.count}; expected fewer robots or a larger area"
             )
-        stream = setting.streams.open("spawn", robot)
+        stream = streams.open("spawn", robot)
         choice = _drawn(stream, open_)
         pose[robot] = *centres[choice], stream.uniform(-np.pi, np.pi)
         row, column = cells[choice]

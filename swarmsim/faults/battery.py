@@ -44,7 +44,7 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> BatteryFault:
         """The fault; raises InputError for batteries that cannot be or can never be empty."""
-        count = setting.robots.count
+        count = setting.swarm
         for robot in self.robots or ():
             if robot >= count:
                 raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {count - 1}")
@@ -57,7 +57,7 @@ class Batteries:
     """The energy of every robot."""
 
     def __init__(self, battery: Battery, setting: Setting) -> None:
-        count = setting.robots.count
+        count = setting.swarm
         variance = math.log1p(battery.spread**2)  # of the logarithm: mean and spread of the law are as given
         #: What is left in each (n,) in J; infinite for robots without a battery.
         self.left: NDArray[np.float64] = np.full(count, np.inf)
@@ -111,7 +111,7 @@ class Exhaustion:
         self._per_metre, self._idle = fault.battery.per_metre, fault.battery.idle
         self._farthest, self._period = fault.setting.robots.speed * fault.setting.period, fault.setting.period
         self._take_out = bodies.remove if fault.battery.empty == "remove" else bodies.crash
-        self._reported = np.zeros(fault.setting.robots.count, np.bool_)
+        self._reported = np.zeros(fault.setting.swarm, np.bool_)
 
     def advance(self, now: Now) -> Sequence[Event]:
         """Charge everybody for the last iteration, and take out those that it has left empty."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -12,7 +12,7 @@ import numpy as np
 from swarmsim.core import registry
 from swarmsim.core.errors import PartError
 from swarmsim.core.messages import Said
-from swarmsim.core.parts import Computation
+from swarmsim.core.parts import Computation, Parts
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
@@ -23,11 +23,17 @@ ITERATIONS: Final = 25  # of a run that is checked, unless told otherwise
 SLACK: Final = 1e-9  # m/s that wheels may be too fast by rounding
 
 
-def opened(scenario: Path | str, overrides: Sequence[str], strict: bool = False, allow_code: bool = False) -> Run:
-    """The run of a scenario file with `key=value` overrides. Raises InputError."""
+def opened(
+    scenario: Path | str,
+    overrides: Sequence[str],
+    strict: bool = False,
+    allow_code: bool = False,
+    watch: Callable[[Parts], Parts] | None = None,
+) -> Run:
+    """The run of a scenario file with `key=value` overrides; `watch` as in `build`. Raises InputError."""
     with registry.own_code(allow_code):
         path = Path(scenario)
-        return build(load(path, overrides), str(path), strict=strict)
+        return build(load(path, overrides), str(path), strict=strict, watch=watch)
 
 
 def limited(overrides: Sequence[str], iterations: int) -> tuple[str, ...]:
