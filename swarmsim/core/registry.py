@@ -21,7 +21,7 @@ import msgspec
 from swarmsim.core.errors import InputError
 from swarmsim.core.errors import nearest as nearest  # which is also looked for here
 from swarmsim.core.forms import adapted
-from swarmsim.core.own import told
+from swarmsim.core.own import is_failure, not_ending, told
 from swarmsim.core.seams import SEAMS
 
 T = TypeVar("T", bound=msgspec.Struct)
@@ -90,7 +90,9 @@ def _own(seam: str, use: str) -> type[msgspec.Struct]:
     try:
         module = _loaded(Path(place)) if place.endswith(".py") else importlib.import_module(place)
         found = getattr(module, name, None)
-    except (Exception, SystemExit) as problem:  # whatever a file of somebody's own does while it is read
+    except BaseException as problem:  # whatever a file of somebody's own does while it is read
+        if not is_failure(problem):
+            raise
         why = told(problem) if not isinstance(problem, ImportError | OSError) else problem
         raise InputError(f"use: {use!r} cannot be imported; expected './file.py:Name' or 'module:Name': {why}") from (
             problem
@@ -191,7 +193,8 @@ def convert(given: Mapping[str, Any], kind: type[T]) -> T:
     if missing:
         raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing")
     try:
-        return msgspec.convert(given, kind)
+        with not_ending():
+            return msgspec.convert(given, kind)
     except msgspec.ValidationError as problem:
         what, _, where = str(problem).partition(" - at `$")
         key = where.strip(".`")

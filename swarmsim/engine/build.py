@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
+from swarmsim.core.lending import lent
+from swarmsim.core.own import not_ending
 from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import Scenario, World, lists
@@ -29,7 +31,7 @@ from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
-from swarmsim.engine.guard import guarded, held_field
+from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
@@ -118,7 +120,7 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
     Raises InputError for whatever cannot work.
     """
     try:
-        with budget.of(scenario.budget):
+        with budget.of(scenario.budget), not_ending():
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
             return _built(scenario, name, world, strict)
@@ -148,8 +150,12 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
     setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
     setting = replace(setting, start=_start(setting, arena.name))
+    clock = Clock()
     if "field" in tables:
-        setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting), scenario.period))
+        field = _make("field", tables["field"], setting)
+        setting = replace(
+            setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
+        )
 
     def make(seam: str) -> Any:
         return _make(seam, tables[seam], setting)
@@ -174,11 +180,11 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
-    parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
+    parts = guarded(parts, setting, HELD if strict else theirs, theirs, clock)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
-            parts = installed(fault, parts, table)
+            parts = with_fault(fault, parts, partial(installed, fault, table), clock)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     listed = [(seam, table) for seam, _, table in lists(scenario)]
@@ -187,7 +193,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
-        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
+        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
     return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
 
@@ -289,7 +295,8 @@ def _survey(text: str, place: bytes, cell: float, kinds: str, sensor: bytes, box
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
         shared.flags.writeable = False
-    return Survey(arena.segments, arena.occupied, domain, entrance)
+    walls = lent(arena.segments)  # kernels get copies, of which others know nothing
+    return Survey(walls, arena.occupied, domain, entrance)
 
 
 def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[np.float64], tuple[str, ...]]:

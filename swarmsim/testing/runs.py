@@ -79,7 +79,7 @@ def _weighed(computation: Computation[Any, Knowledge], problems: list[str]) -> I
     try:
         yield
     finally:
-        del computation.say
+        computation.say = say  # type: ignore[method-assign]
 
 
 def check_determinism(
