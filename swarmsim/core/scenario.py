@@ -125,12 +125,15 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     motion: Table = of(default_factory=dict)
     task: Table = of(default_factory=dict)
     faults: tuple[Table, ...] = ()
+    probes: tuple[Table, ...] = ()
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
 HALVES: Final = ("computation", "strategy")  # of a mind
 
+#: Keys that are not written out where there is nothing at them.
+LATER: Final = ("probes",)
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -158,6 +161,11 @@ def lists(scenario: Scenario) -> list[tuple[str, str, Table]]:
         if seam.many
         for i, table in enumerate(_at(scenario, seam.place))
     ]
+
+
+def without_later(table: Table) -> Table:
+    """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
+    return {key: value for key, value in table.items() if value or key not in LATER}
 
 
 def _at(whole: Any, place: tuple[str, ...]) -> Any:

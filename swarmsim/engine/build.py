@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -20,21 +20,25 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import lent
 from swarmsim.core.own import not_ending
-from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
+from swarmsim.core.parts import Calendar, Computation, Fault, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.probes import Row
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
+from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
+from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
@@ -76,18 +80,23 @@ class Run:
     setting: Setting  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    probes: tuple[Watching, ...]
 
     def recorder(self, path: Path) -> Recorder:
-        """A probe that records the run in a new file."""
+        """An observer that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
+        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, self.probes)
 
-    def simulate(self, probes: Sequence[Probe] = ()) -> bool:
+    def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
+        """What the probes sample in an iteration: rows by the names of their tables in a recording."""
+        return {name: row for probe in self.probes for name, row in probe.rows(moment).items()}
+
+    def simulate(self, observers: Sequence[Observer] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
 
         Raises InputError if a body has ended in or beyond a wall, for then nothing that was measured means anything.
         """
-        finished = self.simulation.run(probes)
+        finished = self.simulation.run(observers)
         if astray := self.astray():
             raise InputError(
                 f"{self.simulation.name}: physics.substep: robot{'s' if len(astray) > 1 else ''} "
@@ -112,23 +121,30 @@ class Run:
         return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
 
 
-def build(scenario: Scenario, name: str, world: str | None = None, strict: bool = False) -> Run:
+def build(
+    scenario: Scenario,
+    name: str,
+    world: str | None = None,
+    strict: bool = False,
+    watch: Callable[[Parts], Parts] | None = None,
+) -> Run:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
-    holds our own parts to their contracts too.
+    holds our own parts to their contracts too. What `watch` gives takes the place of the parts before any fault wraps
+    them.
     Raises InputError for whatever cannot work.
     """
     try:
         with budget.of(scenario.budget), not_ending():
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
-            return _built(scenario, name, world, strict)
+            return _built(scenario, name, world, strict, watch)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
     alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
@@ -148,8 +164,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
-    setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
-    setting = replace(setting, start=_start(setting, arena.name))
+    streams = Streams(scenario.seed)
+    start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
+    setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
     clock = Clock()
     if "field" in tables:
         field = _make("field", tables["field"], setting)
@@ -181,12 +198,14 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
     parts = guarded(parts, setting, HELD if strict else theirs, theirs, clock)
+    parts = parts if watch is None else watch(parts)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = with_fault(fault, parts, partial(installed, fault, table), clock)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
+    probes = watching(scenario, setting, parts, clock)
     listed = [(seam, table) for seam, _, table in lists(scenario)]
     used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
     files = {file: name for each in used for file, name in each.items()}
@@ -195,7 +214,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
-    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
+    return Run(
+        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes
+    )  # fmt: skip
 
 
 def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
@@ -349,7 +370,7 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
-    setting = Setting(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     part = registry.part("sensor", table)
     if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
         table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
@@ -377,17 +398,18 @@ def _beams(table: Table, cell: float) -> tuple[int, float, int]:
     return part.beams, part.reach / cell if part.ranges else min(part.reach / cell, length), tile
 
 
-def _start(setting: Setting, world: str) -> NDArray[np.float64]:
-    """Start poses (n, 3): each robot at the centre of a free cell of the spawn area, heading anywhere.
+def _start(
+    robots: Robots, lattice: Lattice, streams: Streams, centres: NDArray[np.float64], world: str
+) -> NDArray[np.float64]:
+    """Start poses (n, 3): each robot at one of the `centres` (c, 2) of free cells of the spawn area, heading anywhere.
 
     Every robot draws from its own stream, after those with lower ids have taken their places, so that one
     more robot moves none of the others. Raises InputError if the area holds fewer robots.
     """
-    robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
     left, apart = len(centres), 2.0 * robots.radius
-    cells, width = setting.lattice.cells(centres), math.ceil(apart / setting.lattice.cell)
-    places = np.full(np.array(setting.lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
+    cells, width = lattice.cells(centres), math.ceil(apart / lattice.cell)
+    places = np.full(np.array(lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
     places[tuple(cells.T + width)] = np.arange(len(centres))
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
@@ -396,7 +418,7 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
                 f"robots.count: spawn area {robots.spawn!r} of {world} holds {robot} robots of radius "
                 f"{robots.radius:g} m, not {robots.count}; expected fewer robots or a larger area"
             )
-        stream = setting.streams.open("spawn", robot)
+        stream = streams.open("spawn", robot)
         choice = _drawn(stream, open_)
         pose[robot] = *centres[choice], stream.uniform(-np.pi, np.pi)
         row, column = cells[choice]

@@ -45,11 +45,13 @@ class Guard:
     All else that it has is the part's own.
     """
 
-    def __init__(self, seam: str, part: Any, author: Any, checks: Checks, clock: Clock, is_foreign: bool) -> None:
+    def __init__(
+        self, seam: str, part: Any, author: Any, checks: Checks, clock: Clock, is_foreign: bool, lends: bool = True
+    ) -> None:
         """The `checks` are by verb. The `author` is the class or function to blame.
 
         A part that `is_foreign` cannot write to what it is given, nor to what it has given. Ours does not, which
-        kernels need not be compiled anew for.
+        kernels need not be compiled anew for: that is checked in strict runs, or not at all if nothing is to be lent.
         """
         file = getattr(sys.modules[author.__module__], "__file__", None) if registry.is_own(author) else None
         place = f"{Path(file).name}:" if file else f"{author.__module__}."
@@ -62,7 +64,7 @@ class Guard:
                 taken = _same
             elif is_foreign:
                 taken = self._known if verb == "hear" else clock.lender.taken
-            setattr(self, verb, self._held(verb, check, given, taken))
+            setattr(self, verb, self._held(verb, check, given if lends else _same, taken if lends else _same))
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):

@@ -23,7 +23,7 @@ def nothing(found: Any, *given: Any) -> None:
 
 
 def _of_computation(part: Any, setting: Setting) -> Checks:
-    auditor, form, count = part.knows.auditor(setting), _Form("computation"), setting.robots.count
+    auditor, form, count = part.knows.auditor(setting), _Form("computation"), setting.swarm
 
     def heard(found: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
         wrong = contracts.knowledge(found, part.knows)
@@ -39,7 +39,7 @@ def _of_computation(part: Any, setting: Setting) -> Checks:
 
 
 def _of_task(part: Any, setting: Setting) -> Checks:
-    form, count = _Form("task"), setting.robots.count
+    form, count = _Form("task"), setting.swarm
 
     def measures(found: Any, done: Done[Knowledge]) -> str | None:
         wrong = contracts.measured(found, count, part.curve)
@@ -83,7 +83,7 @@ CHECKS: Final[Mapping[str, Callable[[Any, Setting], Checks]]] = {
     },
     "motion": lambda part, setting: {
         "follow": nothing,
-        "command": lambda found, pose: contracts.array("command", found, np.float64, setting.robots.count, 2),
+        "command": lambda found, pose: contracts.array("command", found, np.float64, setting.swarm, 2),
     },
     "task": _of_task,
 }
