@@ -88,7 +88,7 @@ class Gathering:
         """How many frames of reference there are."""
         return len(np.unique(self._roots))
 
-    def _drawn_at(self, robot: int, moment: Moment) -> tuple[float, NDArray[np.float64]]:
+    def _drawn_at(self, robot: int, moment: Moment[Any]) -> tuple[float, NDArray[np.float64]]:
         """How a robot's map is to be turned, and where its start is to be drawn."""
         root = int(self._roots[robot])
         error = Transform(*moment.knowledge.frames.errors[root, robot])
