@@ -21,7 +21,7 @@ from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline
 from swarmsim.network.channel import but_lost, in_order, letters
 
-Group = Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)]
+Group = Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)]
 
 
 class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -39,13 +39,13 @@ class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     loss: Share | None = None  # for loss: probability
     delay: Duration | None = None  # for delay: iterations
     area: Box | None = None  # for jam: left, lower, right, upper in m
-    groups: list[Group] | None = None  # for partition: ids
+    groups: tuple[Group, ...] | None = None  # for partition: ids
     x: float | None = None  # for partition: m
     y: float | None = None  # for partition: m
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for keys that contradict each other, its failure or the swarm."""
-        _check(self, setting.robots.count)
+        _check(self, setting.swarm)
         of_robots = self.failure not in ("jam", "partition")
         course = Timeline(self, setting) if of_robots else Occasions(self, setting)
         return TimedFault(course, _disturbance(self, setting), setting.number)
@@ -76,7 +76,7 @@ def _default(key: str) -> object:
     return next(field.default for field in msgspec.structs.fields(Timed) if field.name == key)
 
 
-def _check_groups(groups: list[Group], robots: int) -> None:
+def _check_groups(groups: tuple[Group, ...], robots: int) -> None:
     ids = [robot for group in groups for robot in group]
     for place, robot in enumerate(ids):
         if robot >= robots:
@@ -96,7 +96,7 @@ def _disturbance(fault: Radio, setting: Setting) -> Disturbance:
     if fault.area is not None:
         return Jam(fault.area)
     if fault.failure == "partition":
-        return Partition(fault, setting.robots.count)
+        return Partition(fault, setting.swarm)
     return Silence(fault.failure)
 
 
@@ -105,10 +105,10 @@ class Occasions:
 
     def __init__(self, fault: Timed, setting: Setting) -> None:
         # The network takes the part of the only robot that there is to strike.
-        alone = replace(setting, robots=msgspec.structs.replace(setting.robots, count=1))
+        alone = replace(setting, swarm=1)
         self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone)
         #: Who has the fault (n,): everybody or nobody; a live view.
-        self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
+        self.active: NDArray[np.bool_] = np.zeros(setting.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives [-1] for a beginning and for an end, else nothing."""
@@ -230,7 +230,7 @@ class Partition(Disturbance):
         self._x, self._y = fault.x, fault.y
         self._part = np.zeros(robots, np.int64)  # 0 for those whom no group names
         for number, group in enumerate(fault.groups or (), 1):
-            self._part[group] = number
+            self._part[list(group)] = number
 
     def begin(self, robots: Robots, state: State) -> None:
         """Whoever is on one side of the line now belongs to it until the end."""

@@ -30,6 +30,11 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     delay: Annotated[float, Meta(ge=0.0, le=1e6)]  # iterations
     law: Literal["fixed", "geometric"] = "fixed"
 
+    @property
+    def delays(self) -> bool:
+        """They do."""
+        return True
+
     def build(self, setting: Setting) -> LatentChannel:
         """The channel. Raises InputError for a fixed delay that is no whole number."""
         below = self.below(setting)
@@ -78,9 +83,14 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     queue: Annotated[int, Meta(ge=0)] | None = None  # messages that can wait from one iteration to the next
     expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations since it was said after which none is sent
 
+    @property
+    def delays(self) -> bool:
+        """They do."""
+        return True
+
     def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
-        robots = setting.robots.count
+        robots = setting.swarm
         income = np.full(robots, self.bytes_per_second * setting.period)
         queues = TransmitQueues(robots, self.queue, self.expiry)
         return QueueingChannel(self.below(setting), queues, lambda iteration: income)
@@ -99,9 +109,14 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s since it was said after which none is sent
     bytes: Annotated[float, Meta(gt=0.0)] | None = None  # that fit into a slot; default: any number
 
+    @property
+    def delays(self) -> bool:
+        """They do."""
+        return True
+
     def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
-        robots, period = setting.robots.count, setting.period
+        robots, period = setting.swarm, setting.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
         capacity = np.inf if self.bytes is None else self.bytes
 

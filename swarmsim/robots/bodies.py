@@ -15,7 +15,7 @@ from pymunk._chipmunk_cffi import ffi, lib
 from swarmsim.core.building import Building, Crowd
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion
-from swarmsim.core.robots import Robots
+from swarmsim.core.robots import Crew
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
@@ -35,6 +35,11 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; shorter for fast robots, which might pass walls
     friction: Annotated[float, Meta(ge=0.0)] = 0.09  # coefficient between robots, and of robots on walls
+
+    @property
+    def walled(self) -> bool:
+        """Whether walls stop bodies."""
+        return True
 
     def build(self, setting: Setting) -> DifferentialDrive:
         """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
@@ -57,7 +62,7 @@ class DifferentialDrive:
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
     """
 
-    def __init__(self, robots: Robots, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
+    def __init__(self, robots: Crew, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
         self._substep = longest_stride(robots, physics)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
@@ -234,7 +239,7 @@ class DifferentialDrive:
         return self.state()
 
 
-def longest_stride(robots: Robots, physics: Pymunk) -> float:
+def longest_stride(robots: Crew, physics: Pymunk) -> float:
     """The longest sub-step (s) in which no robot drives farther than STRIDE of its radius, if `substep` is not less."""
     return min(physics.substep, STRIDE * float((robots.each("radius") / robots.each("speed")).min()))
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from swarmsim.testing.locality import check_locality
+from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
 from swarmsim.testing.runs import ITERATIONS, check_alone, check_determinism, check_silence, check_strictly
 
 
 def check_contracts(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """All checks of this package but that of permutation, which minds that draw by number need not pass."""
-    for check in (check_strictly, check_determinism, check_alone, check_silence, check_locality):
+    """All checks of this package."""
+    whole = check_strictly, check_determinism, check_alone, check_silence
+    for check in (*whole, check_locality, check_one_robot, check_permutation):
         check(scenario, overrides, iterations, allow_code)

@@ -32,9 +32,9 @@ T = TypeVar("T")
 class Gathering:
     """Draws what robots have mapped themselves, in the frames of reference that they have in common.
 
-    It is a probe of the run, which gives it all that it draws. The maps of robots that know how their frames lie are
-    drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it is
-    turned about the place where its first robot started, so that this one looked to the right.
+    It is an observer of the run, which gives it all that it draws. The maps of robots that know how their frames lie
+    are drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it
+    is turned about the place where its first robot started, so that this one looked to the right.
     """
 
     def __init__(self, scene: Scene, start: NDArray[np.float64], film: Film) -> None:

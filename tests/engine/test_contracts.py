@@ -12,7 +12,7 @@ from swarmsim import testing
 from swarmsim.cli import app
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load, tables
+from swarmsim.core.scenario import load, parts_of
 from swarmsim.engine.build import build
 from swarmsim.operations.mapping.exploring import Exploring
 
@@ -494,9 +494,9 @@ def path_of(scenario: str) -> Path:
 
 
 def test_every_computation_strategy_and_task_is_tried() -> None:
-    tried = [tables(load(path_of(scenario), [key])) for scenario, key in MINDS]
+    tried = [parts_of(load(path_of(scenario), [key])) for scenario, key in MINDS]
     for seam in ("computation", "strategy", "task"):
-        assert {parts[seam]["use"] for parts in tried} == registry.known(seam).keys()
+        assert {parts[seam].use for parts in tried} == registry.known(seam).keys()
 
 
 @pytest.mark.parametrize(("scenario", "key"), MINDS)
@@ -508,12 +508,13 @@ def test_every_computation_strategy_and_task_is_tried() -> None:
         testing.check_alone,
         testing.check_silence,
         testing.check_locality,
+        testing.check_one_robot,
         testing.check_permutation,
     ],
 )
 def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check) -> None:
     keys = [key] if check is testing.check_alone else [key, FAULTS]
-    keys += {testing.check_alone: ALONE, testing.check_permutation: UNNAMED}.get(check, {}).get(scenario, [])
+    keys += ALONE.get(scenario, []) if check is testing.check_alone else []
     check(path_of(scenario), keys)
 
 
@@ -521,13 +522,6 @@ def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check)
 ALONE = {
     "operations/turn": ["mind.computation.leaders=[0]"],
     "operations/formation": ["mind.strategy.places=[[1.0, 0.0]]", "task.places=[[1.0, 0.0]]"],
-}
-#: What names robots, or draws by their number.
-UNNAMED = {
-    "operations/formation": [f"mind.strategy.places={[[0.0, 0.0]] * 9}"],
-    "operations/turn": ["mind.computation.leaders=[]"],
-    "operations/heading-consensus": ["mind.computation.noise=0.0"],
-    "operations/moving-field": ['mind.strategy={use="most-uncertain"}'],
 }
 
 NOSY = """
