@@ -160,6 +160,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     if "field" in tables:
         setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting), scenario.period))
 
+    setting = replace(setting, tile=_tile(_sensors(robots, tables["sensor"], setting), setting))
+
     def make(seam: str) -> Any:
         return _make(seam, tables[seam], setting)
 
@@ -217,6 +219,13 @@ def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
             for i, group in enumerate(robots.groups)
         ]
     )
+
+
+def _tile(sensor: Sensor, setting: Setting) -> tuple[int, int] | None:
+    """Rows and columns of the tiles that a sensor gives; it is asked for that, and is of no use afterwards."""
+    pose, alive = setting.start, np.ones(setting.swarm, np.bool_)
+    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), np.zeros((setting.swarm, 2)), alive)).tiles
+    return None if tiles is None else (tiles.values.shape[1], tiles.values.shape[2])
 
 
 def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
