@@ -236,7 +236,7 @@ class FunctionTask(FunctionForm):
 
 
 class Last:
-    """A probe that keeps what was measured last."""
+    """An observer that keeps what was measured last."""
 
     def __init__(self) -> None:
         self._values: dict[str, float] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.messages import C, Codec, Columns, Delivery, Inbox, Said
+from swarmsim.core.probes import ProbeTable
+from swarmsim.core.setting import Gauge
 from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Readings, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
@@ -128,7 +130,7 @@ class Curve:
 
 
 class Summary(Protocol[K]):
-    """A probe that has the run in numbers at its end."""
+    """An observer that has the run in numbers at its end."""
 
     def sample(self, moment: Moment[K]) -> None:
         """Take note of one iteration."""
@@ -287,6 +289,7 @@ class Parts:
     task: Task[Any]
     building: Building
     calendar: Calendar
+    gauges: tuple[Gauge, ...] = ()  # what can be read off them
 
 
 class Fault(Protocol):
@@ -298,7 +301,20 @@ class Fault(Protocol):
 
 
 class Probe(Protocol):
-    """Something that looks at every iteration."""
+    """Records tables of numbers of its own: measured, never fed back."""
+
+    @property
+    def tables(self) -> tuple[ProbeTable, ...]:
+        """What it records, known before the run."""
+        ...
+
+    def sample(self, moment: Moment[Any]) -> Mapping[str, object]:
+        """A row of each of its tables, by the table's name, in an iteration in which it is asked."""
+        ...
+
+
+class Observer(Protocol):
+    """Looks at every iteration: what records, digests or sums up a run."""
 
     def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
@@ -20,6 +21,15 @@ class Field(Protocol):
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The values (k,) at a time (s) and at points (k, 2): x, y in m."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class Gauge:
+    """A number of every robot that a part keeps for itself, for probes to read, such as the energy left."""
+
+    name: str  # what is measured: those of several parts that measure the same have the same
+    unit: str
+    read: Callable[[], NDArray[np.float64]]  # a copy (n,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +55,7 @@ class Setting:
     scalar_field: Field | None = None  # what there is to measure besides walls
     number: int = 0  # a fault's place among the scenario's
     tile: tuple[int, int] | None = None  # rows and columns of the tiles that robots sense; None: they sense none
+    gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
 
     @classmethod
     def of(

@@ -45,7 +45,7 @@ def share_of(part: float, whole: float) -> float | None:
 
 
 class RunMeasures:
-    """A probe that keeps what is measured of every run, whatever its task, so that studies need no recording."""
+    """An observer that keeps what is measured of every run, whatever its task, so that studies need no recording."""
 
     def __init__(self, robots: Robots | Crew, period: float, curve: Curve) -> None:
         """`period` in s; `curve` is that of the task."""

@@ -47,13 +47,14 @@ def check_strictly(
     """Every part keeps its contract in every iteration, messages are as long as they say, wheels within their limits.
 
     What is checked of each part's output is what a run checks of parts that are not ours, and that messages come out
-    of their codec as they went in.
+    of their codec as they went in. Probes are sampled as for a recording.
     """
     run = opened(scenario, limited(overrides, iterations), True, allow_code)
     parts, problems = run.simulation.parts, []
 
     class Check:
         def sample(self, moment: Moment[Knowledge]) -> None:
+            run.sampled(moment)
             fastest = float(np.abs(moment.state.wheels).max(initial=0.0))
             if fastest > run.scenario.robots.speed + SLACK:
                 problems.append(f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}")
@@ -94,9 +95,9 @@ def check_determinism(
     """Two runs with the same seed are the same in every field of every iteration."""
     digests = []
     for _ in range(2):
-        probe = Digests()
-        opened(scenario, limited(overrides, iterations), False, allow_code).simulation.run([probe])
-        digests.append(probe)
+        observer = Digests()
+        opened(scenario, limited(overrides, iterations), False, allow_code).simulation.run([observer])
+        digests.append(observer)
     for iteration, (first, second) in enumerate(zip(digests[0].rows, digests[1].rows, strict=True)):
         assert first == second, f"{scenario}: two runs with the same seed differ in iteration {iteration}"
 
@@ -114,14 +115,3 @@ def check_silence(
 ) -> None:
     """Robots that hear nobody do what they can."""
     check_strictly(scenario, (*overrides, 'network.topology={use="none"}'), iterations, allow_code)
-
-
-def check_contracts(
-    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
-) -> None:
-    """All checks of this package."""
-    from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
-
-    whole = check_strictly, check_determinism, check_alone, check_silence
-    for check in (*whole, check_locality, check_one_robot, check_permutation):
-        check(scenario, overrides, iterations, allow_code)

@@ -41,6 +41,7 @@ PARTS = {
     "showers": '[network.channel]\nuse = "showers"\n',
     "ice": '[motion]\nuse = "against-ice"\n',
     "lightning": '[[faults]]\nuse = "lightning"\nat = 5\n',
+    "thermometers": '[field]\nuse = "day"\n[[probes]]\nuse = "thermometers"\nevery = 2\n',
     "warmth": WARM,
 }
 
@@ -98,3 +99,10 @@ def test_showers_lose_all_or_nothing_and_lightning_strikes_once(write) -> None:
 def test_ice_makes_slow(write) -> None:
     moments = sw.simulate(write("ice"), overrides={"stop.iterations": 30})
     assert 0.05 < max(np.abs(moment.state.wheels).max() for moment in moments) <= 0.075 + 1e-9
+
+
+def test_thermometers_are_read_back(write) -> None:
+    run = sw.run(write("thermometers"), overrides={"stop.iterations": 5})
+    assert run.recording["warmth.there"].shape == (3, 5)
+    np.testing.assert_allclose(run.recording["warmth.mean"], run.recording["warmth.there"].mean(axis=1))
+    assert "there (degrees)" in run.frame("warmth").columns
