@@ -15,6 +15,7 @@ from drawn import read_floor_plan
 from numpy.typing import NDArray
 
 from swarmsim.cli.worlds import CELL
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.part import plain
 from swarmsim.core.scenario import World, load
@@ -71,10 +72,10 @@ POCKET[6:8, 30:34] = FREE
 def opened(folder: Path, content: str | NDArray[np.uint8], **keys: object) -> World:
     if isinstance(content, str):
         (folder / "w.svg").write_text(content, encoding="utf-8")
-        return World(file=str(folder / "w.svg"), **keys)
+        return convert({"file": str(folder / "w.svg"), **keys}, World)
     (folder / "w.pgm").write_bytes(pgm(content))
     (folder / "w.yaml").write_text(yaml("w.pgm", resolution=0.1), encoding="utf-8")
-    return World(file=str(folder / "w.yaml"), **keys)
+    return convert({"file": str(folder / "w.yaml"), **keys}, World)
 
 
 def checked(folder: Path, world: World) -> tuple[Inspection, str]:
