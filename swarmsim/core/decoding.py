@@ -11,6 +11,7 @@ from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.own import not_ending
 from swarmsim.core.part import NONE, Part
 from swarmsim.core.seams import SEAMS
 
@@ -59,7 +60,8 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) 
         choices = _choices(kind, missing[0]) if len(missing) == 1 else ""
         raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing{choices}")
     try:
-        return msgspec.convert(given, kind, dec_hook=hook)
+        with not_ending():
+            return msgspec.convert(given, kind, dec_hook=hook)
     except msgspec.ValidationError as problem:
         what, _, where = str(problem).rpartition(" - at `$")
         what, key = (what, where.strip(".`")) if what else (where, "")

@@ -19,7 +19,7 @@ import msgspec
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.forms import adapted
-from swarmsim.core.own import told
+from swarmsim.core.own import is_failure, told
 from swarmsim.core.seams import SEAMS
 
 _OWN: Final = "swarmsim_own_"  # what the modules of scenarios' own files are called first
@@ -86,7 +86,9 @@ def _own(seam: str, use: str) -> type[msgspec.Struct]:
     try:
         module = _loaded(Path(place)) if place.endswith(".py") else importlib.import_module(place)
         found = getattr(module, name, None)
-    except (Exception, SystemExit) as problem:  # whatever a file of somebody's own does while it is read
+    except BaseException as problem:  # whatever a file of somebody's own does while it is read
+        if not is_failure(problem):
+            raise
         why = told(problem) if not isinstance(problem, ImportError | OSError) else problem
         raise InputError(f"use: {use!r} cannot be imported; expected './file.py:Name' or 'module:Name': {why}") from (
             problem

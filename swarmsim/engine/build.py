@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,11 +15,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from swarmsim.core import budget
+from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.lending import lent
+from swarmsim.core.own import not_ending
 from swarmsim.core.part import Buildable, Part
 from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
 from swarmsim.core.probes import Row
@@ -30,7 +32,7 @@ from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
-from swarmsim.engine.guard import guarded, held_field
+from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
@@ -137,7 +139,7 @@ def build(
     Raises InputError for whatever cannot work.
     """
     try:
-        with budget.of(scenario.budget):
+        with budget.of(scenario.budget), not_ending():
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
             return _built(scenario, name, world, strict, watch)
@@ -167,8 +169,12 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     streams = Streams(scenario.seed)
     start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
     setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
+    clock = Clock()
     if scenario.field:
-        setting = replace(setting, scalar_field=held_field(_make(scenario.field, setting), scenario.period))
+        field = _make(scenario.field, setting)
+        setting = replace(
+            setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
+        )
     setting = replace(setting, tile=_tile(_sensors(robots, sensors, setting), setting))
     mind, network = scenario.mind, scenario.network
     bodies, localisation = _make(scenario.physics, setting), _make(scenario.localisation, setting)
@@ -189,21 +195,21 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
     _check_names(parts, asked)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    parts = guarded(parts, setting, SEAMS if strict else theirs, theirs)
+    parts = guarded(parts, setting, HELD if strict else theirs, theirs, clock)
     parts = parts if watch is None else watch(parts)
     for number, one in enumerate(scenario.faults):
         fault = _make(one, replace(setting, number=number), f"faults[{number}]")
         try:
-            parts = installed(fault, parts, one.use)
+            parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    probes = watching(scenario, setting, parts)
+    probes = watching(scenario, setting, parts, clock)
     used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(one, arena.lattice.cell)[:2] for _, one in sensors)
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
-        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
+        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
     return Run(
         scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes
@@ -300,7 +306,8 @@ def _survey(text: str, world: World, cell: float, robots: Robots, sensors: Senso
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
         shared.flags.writeable = False
-    return Survey(arena.segments, arena.occupied, domain, entrance)
+    walls = lent(arena.segments)  # kernels get copies, of which others know nothing
+    return Survey(walls, arena.occupied, domain, entrance)
 
 
 def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[np.float64], tuple[str, ...]]:

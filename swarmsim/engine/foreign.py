@@ -5,18 +5,15 @@ from __future__ import annotations
 import inspect
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
-from functools import lru_cache
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from typing import Any, Final, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.lending import lent
 from swarmsim.core.minds import OwnMinds
-from swarmsim.core.own import line_of, told
+from swarmsim.core.own import is_failure, line_of, told
 from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault, Parts, Sensor
 from swarmsim.core.seams import SEAMS
@@ -41,7 +38,9 @@ def built(asked: Part[P], setting: Setting) -> P:
         part = asked.build(lent(setting))
     except InputError:
         raise
-    except (Exception, SystemExit) as problem:
+    except BaseException as problem:
+        if not is_failure(problem):
+            raise
         raise InputError(f"use: {asked.use!r} cannot be built: {told(problem)}") from problem
     if missing := SEAMS[asked.seam].missing(part):
         kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
@@ -86,14 +85,14 @@ def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
         yield field.name, f"gives {part.knows.__name__} with a field {field.name!r}", line_of(part.knows, field.name)
 
 
-def installed(fault: Fault, parts: Parts, use: str) -> Parts:
+def installed(fault: Fault, use: str, parts: Parts) -> Parts:
     """The parts with a fault in them. Raises InputError, also for what somebody else's `install` raises or gives."""
     try:
         found = fault.install(parts)
     except InputError:
         raise
-    except (Exception, SystemExit) as problem:
-        if registry.is_ours(fault):
+    except BaseException as problem:
+        if registry.is_ours(fault) or not is_failure(problem):
             raise
         raise InputError(f"use: {use!r} cannot be installed: {told(problem)}") from problem
     if not isinstance(found, Parts):
@@ -102,48 +101,6 @@ def installed(fault: Fault, parts: Parts, use: str) -> Parts:
         if getattr(found, seam) is not getattr(parts, seam):
             _check_arguments(seam, getattr(found, seam), f"use: what {use!r} installs")
     return found
-
-
-def lent(value: Any) -> Any:
-    """The same to look at: with views in the place of its arrays that cannot be written to."""
-    return _anew(value, _read_only)
-
-
-def copied(value: Any) -> Any:
-    """The same with copies of its arrays, for what kernels are asked often: they take read-only arrays slowly."""
-    return _anew(value, np.copy)
-
-
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
-    view = array.view()
-    view.setflags(write=False)
-    return view
-
-
-def _anew(value: Any, array: Callable[[NDArray[Any]], NDArray[Any]]) -> Any:
-    """Frozen dataclasses and tuples anew, at any depth, with something else for each plain array in them."""
-    kind = type(value)
-    if kind is np.ndarray:
-        return array(value)
-    if kind is tuple:
-        return tuple([_anew(one, array) for one in value])
-    names = _fields_of(kind)  # type: ignore[arg-type]  # classes can be hashed
-    if not names:
-        return value
-    made = object.__new__(kind)
-    if kind.__dictoffset__:  # what else it holds
-        vars(made).update(vars(value))
-    for name in names:
-        object.__setattr__(made, name, _anew(getattr(value, name), array))
-    return made
-
-
-@lru_cache(maxsize=256)
-def _fields_of(kind: type) -> tuple[str, ...]:
-    """The names of all that instances of a frozen dataclass hold; none for other classes, lent as they are."""
-    if not is_dataclass(kind) or not kind.__dataclass_params__.frozen:  # type: ignore[attr-defined]
-        return ()
-    return tuple(field.name for field in fields(kind))
 
 
 def foreign(part: Part[Any]) -> dict[str, str]:

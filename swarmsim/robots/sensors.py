@@ -180,7 +180,7 @@ class IrRingSensor:
 
     def _prepare(self) -> None:
         """Sort the walls of this moment by place."""
-        self._walls, self._version = self._building.walls, self._building.version
+        self._walls, self._version = self._building.walls.copy(), self._building.version
         self._near = rays.bins(self._walls, self._reach, *self._coarse)
 
     def sense(self, state: State) -> Readings:

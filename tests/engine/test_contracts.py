@@ -303,7 +303,7 @@ class Faults(Base, frozen=True):
             ["field={use='./failing.py:Fields', wrong=true}"],
             r"field failing\.py:Fields, .*value: float64 of shape",
         ),
-        (["motion={use='./failing.py:Motions'}"], r"motion failing\.py:Motion, iteration 3: ZeroDivisionError"),
+        (["motion={use='./failing.py:Motions'}"], r"motion failing\.py:Motion, iteration 2: ZeroDivisionError"),
         (["motion={use='./failing.py:Motions', wrong=true}"], r"motion .*command: \[0, 0\] is not finite"),
         (["physics={use='./failing.py:Physics'}"], r"iteration 2, physics .*failing\.py:Physics: ZeroDivisionError"),
         (["mind.computation.share={use='./failing.py:Shares'}"], r"computation .*, iteration 2: ZeroDivisionError"),
@@ -311,7 +311,7 @@ class Faults(Base, frozen=True):
             ["mind.computation.share={use='./failing.py:Shares', wrong=true}"],
             r"computation .*2: sizes: float64",
         ),
-        (["faults=[{use='./failing.py:Faults'}]"], r"iteration 2, fault .*failing\.py:Faults: ZeroDivisionError"),
+        (["faults=[{use='./failing.py:Faults'}]"], r"fault failing\.py:Faults, iteration 2: ZeroDivisionError"),
     ],
 )
 def test_whatever_part_of_somebody_elses_fails_is_named_with_its_own_lines(own, keys, words: str) -> None:

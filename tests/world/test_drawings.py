@@ -72,8 +72,8 @@ def test_a_rasteriser_sees_the_same_cells(name: str) -> None:
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_drawing_is_refused_with_the_reason(name: str) -> None:
+    world = convert({"file": str(WORLDS / "broken" / name), **BROKEN[name].get("world", {})}, World)
     with pytest.raises(InputError) as caught:
-        world = convert({"file": str(WORLDS / "broken" / name), **BROKEN[name].get("world", {})}, World)
         floor_plan(read_world(world, 0.15), world)
     for words in BROKEN[name]["says"]:
         assert words in str(caught.value)

@@ -14,8 +14,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core import memory
+from swarmsim.core import memory, registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.lending import lent
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.part import Part
 from swarmsim.core.setting import Setting
@@ -120,7 +121,7 @@ class MapComputation:
 
     def say(self, senses: Senses) -> Said[Any]:
         """What the sharing policy tells."""
-        return self._sharing.say(senses, self.maps)
+        return self._sharing.say(senses, self.maps if registry.is_ours(self._sharing) else lent(self.maps))
 
     def hear(self, senses: Senses, inbox: Inbox[Any]) -> Maps:
         """Map what was sensed, then what was heard."""
