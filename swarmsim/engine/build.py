@@ -175,6 +175,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         setting = replace(
             setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
         )
+    setting = replace(setting, tile=_tile(_sensors(robots, sensors, setting), setting))
     mind, network = scenario.mind, scenario.network
     bodies, localisation = _make(scenario.physics, setting), _make(scenario.localisation, setting)
     parts = Parts(
@@ -226,6 +227,13 @@ def _sensors(robots: Robots, sensors: Sensors, setting: Setting) -> Sensor:
             for (place, part), group, end in zip(sensors, robots.groups, ends, strict=True)
         ]
     )
+
+
+def _tile(sensor: Sensor, setting: Setting) -> tuple[int, int] | None:
+    """Rows and columns of the tiles that a sensor gives; it is asked for that, and is of no use afterwards."""
+    pose, alive = setting.start, np.ones(setting.swarm, np.bool_)
+    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), np.zeros((setting.swarm, 2)), alive)).tiles
+    return None if tiles is None else (tiles.values.shape[1], tiles.values.shape[2])
 
 
 def _check_knowledge(
