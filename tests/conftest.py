@@ -15,10 +15,11 @@ from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
+from swarmsim.core.readings import Channels, Readings, Tiles, tile_channels
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Observations, Readings
+from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Observations
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
@@ -111,9 +112,17 @@ def worded_of(moments, run: Run) -> list[Worded]:
     return worded([event for moment in moments for event in moment.events], run.scenario)
 
 
+def readings_of(tiles: Tiles | None = None) -> Readings:
+    """What robots measure that have tiles, or no sensor."""
+    if tiles is None:
+        return Readings()
+    said = () if tiles.evidence is None else (tiles.evidence,)
+    return Readings(Channels(*tile_channels(tiles.values.shape[1:], bool(said))), (tiles.values, tiles.origins, *said))
+
+
 def seen_as(iteration, pose, alive, tiles, inbox=None) -> Observations:
     """What robots observe that sense tiles."""
-    return Observations(iteration, pose, np.zeros_like(pose), alive, Readings(tiles), inbox)
+    return Observations(iteration, pose, np.zeros_like(pose), alive, readings_of(tiles), inbox)
 
 
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:

@@ -117,8 +117,6 @@ class Channel:
 SENSOR: Final = '''
 """A sensor: what robots measure of the world around them."""
 
-from dataclasses import replace
-
 from msgspec import Struct
 from swarmsim.robots.sensors import IrRing
 
@@ -135,12 +133,11 @@ class $Name(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Sensor:
     def __init__(self, inner):
         self._inner = inner
+        self.channels = inner.channels
 
     def sense(self, state):
         readings = self._inner.sense(state)
-        if state.iteration % 2:
-            readings = replace(readings, tiles=replace(readings.tiles, values=0 * readings.tiles.values))
-        return readings
+        return readings.blanked(state.alive) if state.iteration % 2 else readings
 '''
 
 FAULT: Final = '''

@@ -6,15 +6,17 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Delivery, Said
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
+from swarmsim.core.readings import Channels, Readings
+from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
@@ -31,16 +33,35 @@ class Generator(Protocol):
 class Sensor(Protocol):
     """Measures the world around each robot."""
 
+    @property
+    def channels(self) -> Channels:
+        """What it gives, which does not change."""
+        ...
+
     def sense(self, state: State) -> Readings:
         """The readings of all robots; of a dead robot all is unknown."""
         ...
 
 
 class Localisation(Protocol):
-    """Tells each robot where it is."""
+    """Tells each robot where it is; taken to err, by as much until the next iteration, unless it is Tracking."""
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
-        """Each robot's estimate (n, 3) of its pose, and its readings where that estimate puts them."""
+    def locate(self, state: State) -> NDArray[np.float64]:
+        """Each robot's estimate (n, 3) of its pose; to be asked once in each iteration."""
+        ...
+
+
+@runtime_checkable
+class Tracking(Localisation, Protocol):
+    """A localisation that tells as well where robots believe they are on their way to the next iteration."""
+
+    @property
+    def exact(self) -> bool:
+        """Whether estimates are the true poses in the whole run; else recordings keep them."""
+        ...
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where robots at `pose` (n, 3) believe they are, until they are located again."""
         ...
 
 
@@ -261,7 +282,7 @@ class Parts:
     """The parts of a swarm, one per seam, in their building."""
 
     sensor: Sensor
-    localisation: Localisation
+    localisation: Tracking
     computation: Computation
     strategy: Strategy
     topology: Topology
@@ -271,6 +292,7 @@ class Parts:
     task: Task
     building: Building
     calendar: Calendar
+    lattice: Lattice  # of tiles and maps
 
 
 class Fault(Protocol):

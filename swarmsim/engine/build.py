@@ -33,8 +33,9 @@ from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
 from swarmsim.recording.recorder import Recorder
-from swarmsim.robots.localisation import misled
-from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
+from swarmsim.robots.localisation import tracked
+from swarmsim.robots.sensors import IrRing, with_field
+from swarmsim.robots.suites import MixedSensor
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
@@ -77,7 +78,8 @@ class Run:
     def recorder(self, path: Path) -> Recorder:
         """A probe that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
+        errs = not self.simulation.parts.localisation.exact
+        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, errs)
 
     def simulate(self, probes: Sequence[Probe] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
@@ -153,21 +155,22 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     def make(seam: str) -> Any:
         return _make(seam, tables[seam], setting)
 
-    bodies, localisation = make("physics"), make("localisation")
+    bodies = make("physics")
     parts = Parts(
         sensor=with_field(
             _sensors(robots, tables["sensor"], setting), setting, float(tables.get("field", {}).get("noise", 0.0))
         ),
-        localisation=localisation,
+        localisation=tracked(make("localisation"), setting),
         computation=make("computation"),
         strategy=make("strategy"),
         topology=make("topology"),
         channel=make("channel"),
-        motion=misled(make("motion"), localisation),
+        motion=make("motion"),
         bodies=bodies,
         task=make("task"),
         building=building,
         calendar=Calendar(bodies.state()),
+        lattice=arena.lattice,
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
         _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
@@ -178,6 +181,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = installed(fault, parts, table)
+            parts = replace(parts, localisation=tracked(parts.localisation, setting))
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     used = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
@@ -343,6 +347,8 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
         table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
     sensor: Sensor = _make("sensor", table, setting)
+    if "tiles" not in sensor.channels:
+        return None
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
     work = budget.survey(len(places), *_beams(table, lattice.cell))
@@ -350,9 +356,7 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
         none = np.zeros((len(cells), 2))
-        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
-        if tiles is None:
-            return None
+        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiled
         occupancy.note_observed(tiles.values, tiles.origins, observed)
     return observed
 

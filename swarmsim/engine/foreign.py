@@ -26,7 +26,7 @@ MARGIN: Final = 12  # cells around a building for a sensor that does not say how
 VERBS: Final = {
     "generator": ("draw",),
     "physics": ("drive", "state", "solid", "remove", "crash", "place", "push", "retire"),
-    "sensor": ("sense",),
+    "sensor": ("channels", "sense"),
     "field": ("value",),
     "localisation": ("locate",),
     "computation": ("knows", "say", "hear", "forget", "adopt"),

@@ -20,7 +20,6 @@ from swarmsim.core.parts import (
     Computation,
     Curve,
     Links,
-    Localisation,
     Motion,
     Parts,
     Sensor,
@@ -28,10 +27,12 @@ from swarmsim.core.parts import (
     Summary,
     Task,
     Topology,
+    Tracking,
     WheelSpeeds,
 )
+from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.setting import Field, Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
+from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, State
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import copied, lent
 from swarmsim.recording.measures import RunMeasures
@@ -81,29 +82,43 @@ class GuardedSensor(Guard):
 
     _part: Sensor
 
+    @property
+    def channels(self) -> Channels:
+        """What it declares."""
+        return self._part.channels
+
     def sense(self, state: State) -> Readings:
         """The readings, checked."""
         return self._call(
-            state.iteration, self._part.sense, state, check=lambda found: contracts.readings(found, state)
+            state.iteration,
+            self._part.sense,
+            state,
+            check=lambda found: contracts.readings(found, state, self._part.channels),
         )
 
 
 class GuardedLocalisation(Guard):
-    """Poses and readings with a row for each robot."""
+    """Poses with a row for each robot."""
 
-    _part: Localisation
+    _part: Tracking
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
+    @property
+    def exact(self) -> bool:
+        """Whether it says that it never errs."""
+        return self._part.exact
+
+    def locate(self, state: State) -> NDArray[np.float64]:
         """The estimates, checked."""
 
-        def locate(given: State, measured: Readings) -> tuple[NDArray[np.float64], Readings]:
-            found = self._part.locate(given, measured)
-            if not isinstance(found, tuple) or len(found) != 2:
-                return found
-            pose, put = found  # what is only passed on is given back, not lent
-            return state.pose if pose is given.pose else pose, readings if put is measured else put
+        def locate(given: State) -> NDArray[np.float64]:
+            found = self._part.locate(given)
+            return state.pose if found is given.pose else found  # what is only passed on is given back, not lent
 
-        return self._call(state.iteration, locate, state, readings, check=lambda found: contracts.located(found, state))
+        return self._call(state.iteration, locate, state, check=lambda found: contracts.located(found, state))
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The estimates, as they are."""
+        return self._part.track(pose)
 
 
 class GuardedTopology(Guard):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import Delivery, PostOffice
-from swarmsim.core.parts import Now, Parts, Probe
+from swarmsim.core.parts import Motion, Now, Parts, Probe, Tracking, WheelSpeeds
 from swarmsim.core.state import Intents, Moment, Observations, State
 
 
@@ -26,6 +26,21 @@ class Perceived:
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
     observations: Observations  # all that minds may know, knowledge included
+
+
+class Steered:
+    """Motion that steers by where robots believe they are."""
+
+    def __init__(self, inner: Motion, localisation: Tracking) -> None:
+        self._inner, self._localisation = inner, localisation
+
+    def follow(self, intents: Intents) -> None:
+        """Take up new intents."""
+        self._inner.follow(intents)
+
+    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
+        """The wheel speeds wanted at the poses that are believed of these."""
+        return self._inner.command(self._localisation.track(pose))
 
 
 class Simulation:
@@ -109,7 +124,9 @@ class Simulation:
         parts = self.parts
         events = parts.calendar.advance(self._now)
         state = parts.bodies.state() if parts.calendar else self.state
-        pose, readings = parts.localisation.locate(state, parts.sensor.sense(state))
+        sensed = parts.sensor.sense(state)
+        pose = parts.localisation.locate(state)
+        readings = sensed.put(state.pose, pose, parts.lattice)
         observations = Observations(state.iteration, pose, state.velocity, state.alive, readings, decided=self._decided)
         said = parts.computation.say(observations)
         self._post.post(state.iteration, said)
@@ -125,7 +142,8 @@ class Simulation:
         self._decided = intents
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
-        self.state = parts.bodies.drive(parts.motion, self._period)
+        motion = parts.motion if parts.localisation.exact else Steered(parts.motion, parts.localisation)
+        self.state = parts.bodies.drive(motion, self._period)
         assert seen.inbox is not None
         all_of_it = (
             parts.building, seen.readings, perceived.links, perceived.delivery, seen.inbox, seen.knowledge, intents,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Observations, State
+from swarmsim.core.state import Intents, Knowledge, Observations, State
 from swarmsim.faults.body import check_maps
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import TimedFault
@@ -116,11 +116,7 @@ class BlankComputation(WrappedComputation):
         blank = self._active & observations.alive
         if not blank.any():
             return self._inner.hear(observations)
-        readings, inbox = observations.readings, observations.inbox
-        if readings.tiles is not None:
-            values = readings.tiles.values.copy()
-            values[blank] = UNKNOWN
-            readings = replace(readings, tiles=replace(readings.tiles, values=values))
+        readings, inbox = observations.readings.blanked(blank), observations.inbox
         inbox = None if inbox is None else inbox.take(~blank[inbox.receivers])
         alive = observations.alive & ~blank
         return self._inner.hear(replace(observations, alive=alive, readings=readings, inbox=inbox))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
@@ -14,17 +14,17 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
 from swarmsim.core.parts import Sensor as SensorPart
+from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Readings, State, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
-from swarmsim.robots.rangefinders import RangefinderSensor
-from swarmsim.robots.sensors import FieldSensor, IrRingSensor, MixedSensor
+from swarmsim.robots.suites import maimed
 
 Cells = Annotated[int, Meta(ge=-1000, le=1000)]
 
-#: Changes the tiles of these robots in place: state, robots (r,), values (n, rows, columns), origins (n, 2).
-Spoil = Callable[[State, Robots, NDArray[np.uint8], NDArray[np.int32]], None]
+#: What the readings of these robots (r,) become.
+Spoil = Callable[[State, Robots, Readings], Readings]
 
 
 class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,13 +50,15 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             if not given and self.failure == failure:
                 raise InputError(f"{key}: required key is missing; expected it with failure = {failure!r}")
         effect = (
-            DeadBeams(self.beams) if self.beams else SensorFailure(_spoil(self, setting), blind=self.failure == "off")
+            DeadBeams(self.beams)
+            if self.beams
+            else SensorFailure(_spoil(self, setting), of_tiles=self.failure != "off")
         )
         return TimedFault(Timeline(self, setting), effect, setting.number)
 
 
 def _spoil(fault: Sensor, setting: Setting) -> Spoil:
-    """What the failure does to tiles."""
+    """What the failure does to readings."""
     if fault.failure == "stuck":
         return _filled(OCCUPIED if fault.value == "occupied" else FREE)
     if fault.range is not None:
@@ -67,50 +69,72 @@ def _spoil(fault: Sensor, setting: Setting) -> Spoil:
         return _garbage(
             [setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.robots.count)]
         )
-    return _filled(UNKNOWN)
+    return _blank
+
+
+def _blank(state: State, robots: Robots, readings: Readings) -> Readings:
+    return readings.blanked(robots)
+
+
+def _made_up(readings: Readings, robots: Robots, values: NDArray[np.uint8]) -> Readings:
+    """The same with other values of tiles; what is made up is believed as any tile is."""
+    evidence = readings.channels.groups["tiles"][2:]
+    return readings.having({"tiles.values": values}).blanked(robots, evidence)
 
 
 def _filled(value: int) -> Spoil:
-    def fill(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def fill(state: State, robots: Robots, readings: Readings) -> Readings:
+        values = readings.tiled.values.copy()
         values[robots] = value
+        return _made_up(readings, robots, values)
 
     return fill
 
 
 def _garbage(streams: list[np.random.Generator]) -> Spoil:
-    def draw(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def draw(state: State, robots: Robots, readings: Readings) -> Readings:
+        values = readings.tiled.values.copy()
         for robot in robots:
             values[robot] = streams[robot].integers(UNKNOWN, OCCUPIED, values.shape[1:], np.uint8, endpoint=True)
+        return _made_up(readings, robots, values)
 
     return draw
 
 
 def _cut(reach: float, lattice: Lattice) -> Spoil:
-    def cut(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def cut(state: State, robots: Robots, readings: Readings) -> Readings:
+        values, origins = readings.tiled.values.copy(), readings.tiled.origins
         within = np.moveaxis(np.indices(values.shape[1:]), 0, -1)  # (rows, columns, 2)
         centres = lattice.centres(origins[robots, None, None] + within)
         apart = centres - state.pose[robots, None, None, :2]
         values[robots] = np.where(np.hypot(apart[..., 0], apart[..., 1]) > reach, UNKNOWN, values[robots])
+        return _made_up(readings, robots, values)
 
     return cut
 
 
 def _aside(offset: tuple[int, int]) -> Spoil:
-    def move(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def move(state: State, robots: Robots, readings: Readings) -> Readings:
+        tiles = readings.tiled
+        origins = tiles.origins.copy()
         origins[robots] += np.array(offset, np.int32)
+        return _made_up(readings.having({"tiles.origins": origins}), robots, tiles.values)
 
     return move
 
 
 class SensorFailure(Lasting):
-    """Wraps the sensor: its tiles are spoilt."""
+    """Wraps the sensor: its readings are spoilt."""
 
-    def __init__(self, spoil: Spoil, *, blind: bool) -> None:
-        self._spoil, self._blind = spoil, blind
+    def __init__(self, spoil: Spoil, *, of_tiles: bool) -> None:
+        """`of_tiles` says whether it is tiles that are spoilt."""
+        self._spoil, self._of_tiles = spoil, of_tiles
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with the sensor wrapped."""
-        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, self._blind))
+        """The parts with the sensor wrapped; one without tiles has none that could be spoilt."""
+        if self._of_tiles and "tiles" not in parts.sensor.channels:
+            return parts
+        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,28 +144,21 @@ class FailingSensor:
     inner: SensorPart
     active: NDArray[np.bool_]  # (n,): a live view
     spoil: Spoil
-    blind: bool  # whether nothing at all is measured
+
+    @property
+    def channels(self) -> Channels:
+        """What the sensor inside gives."""
+        return self.inner.channels
+
+    def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> FailingSensor:
+        """The same around a sensor that lacks beams: these die beneath all that spoils tiles."""
+        return replace(self, inner=maimed(self.inner, beams, active))
 
     def sense(self, state: State) -> Readings:
         """The readings, but for those that fail."""
         readings = self.inner.sense(state)
         failing = np.flatnonzero(self.active & state.alive)
-        if len(failing) == 0:
-            return readings
-        tiles, beams, field = readings.tiles, readings.beams, readings.field
-        if tiles is not None:
-            evidence = None if tiles.evidence is None else tiles.evidence.copy()
-            if evidence is not None:
-                evidence[failing] = np.nan  # what is made up is believed as any tile is
-            tiles = Tiles(tiles.values.copy(), tiles.origins.copy(), evidence)
-            self.spoil(state, failing, tiles.values, tiles.origins)
-        if self.blind and beams is not None:
-            beams = replace(beams, ranges=beams.ranges.copy())
-            beams.ranges[failing] = np.inf
-        if self.blind and field is not None:
-            field = field.copy()
-            field[failing] = np.nan
-        return Readings(tiles, beams, field)
+        return self.spoil(state, failing, readings) if len(failing) else readings
 
 
 class DeadBeams(Lasting):
@@ -152,41 +169,4 @@ class DeadBeams(Lasting):
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the sensor wrapped. Raises InputError for a sensor without a ring, or without these beams."""
-        return replace(parts, sensor=self._wrapped(parts.sensor, active))
-
-    def _wrapped(self, sensor: SensorPart, active: NDArray[np.bool_]) -> SensorPart:
-        if isinstance(sensor, FailingSensor):
-            return replace(sensor, inner=self._wrapped(sensor.inner, active))
-        if isinstance(sensor, FieldSensor | MixedSensor):
-            return sensor.wrapped(lambda inner: self._wrapped(inner, active))
-        if isinstance(sensor, IrRingSensor | RangefinderSensor | MaimedRing):
-            return MaimedRing(sensor, sensor.without(self._beams), active)
-        raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MaimedRing:
-    """A ring of beams of which some robots lack some."""
-
-    whole: IrRingSensor | RangefinderSensor | MaimedRing
-    maimed: IrRingSensor | RangefinderSensor | MaimedRing
-    active: NDArray[np.bool_]  # (n,): a live view of who senses with the maimed ring
-
-    def without(self, beams: list[int]) -> MaimedRing:
-        """The same with these beams dead for everybody. Raises InputError for one not there."""
-        return MaimedRing(self.whole.without(beams), self.maimed.without(beams), self.active)
-
-    def sense(self, state: State) -> Readings:
-        """The readings, those of robots that lack beams sensed without these."""
-        whole = self.whole.sense(state)
-        if not self.active.any():
-            return whole
-        fewer, tiles = self.maimed.sense(state).tiles, whole.tiles
-        assert fewer is not None
-        assert tiles is not None
-        lacking = self.active[:, None, None]
-        values = np.where(lacking, fewer.values, tiles.values)
-        evidence = None
-        if tiles.evidence is not None and fewer.evidence is not None:
-            evidence = np.where(lacking, fewer.evidence, tiles.evidence)
-        return replace(whole, tiles=Tiles(values, tiles.origins, evidence))
+        return replace(parts, sensor=maimed(parts.sensor, self._beams, active))

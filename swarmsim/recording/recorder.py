@@ -56,8 +56,11 @@ class Recorder:
         domain: NDArray[np.bool_],
         truth: NDArray[np.bool_],
         curve: Curve,
+        errs: bool,
     ) -> None:
         """`world` is the floor plan's text, `curve` what is drawn of the task's measures.
+
+        `errs` says whether robots may err about their poses, so that their estimates are kept.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
@@ -67,8 +70,7 @@ class Recorder:
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
-        astray = any(fault.get("use") == "localisation" for fault in scenario.faults)
-        self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
+        self._errs = errs
         #: The HDF5 file, which the same process may read while it grows.
         self.file = self._growing.file
         place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
@@ -230,7 +232,7 @@ def _check_names(moment: Moment, path: Path) -> None:
 def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
     """What the parts give to be recorded, and what of theirs it is."""
     return (
-        ("the readings", moment.readings.record()), ("the knowledge", moment.knowledge.record()),
+        ("the readings", Record(moment.readings.rows())), ("the knowledge", moment.knowledge.record()),
         ("the intents", moment.intents.record()), ("the task", moment.measured.record()),
     )  # fmt: skip
 

@@ -14,7 +14,7 @@ from swarmsim.core import registry
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.parts import Computation, Strategy
 from swarmsim.core.scenario import tables
-from swarmsim.core.state import Beams, Intents, Observations, Readings, Tiles
+from swarmsim.core.state import Intents, Observations
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
@@ -59,17 +59,13 @@ def _copied(observations: Observations) -> Observations:
 
 def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations:
     """The same with the rows of arrays in this order."""
-    readings = observations.readings
-    tiles = readings.tiles and Tiles(readings.tiles.values[rows], readings.tiles.origins[rows])
-    beams = readings.beams and Beams(readings.beams.bearings, readings.beams.ranges[rows])
-    field = None if readings.field is None else readings.field[rows]
     decided = observations.decided
     if decided is not None:
         columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
         decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
     return replace(
         observations, pose=observations.pose[rows], velocity=observations.velocity[rows],
-        alive=observations.alive[rows], readings=Readings(tiles, beams, field), decided=decided,
+        alive=observations.alive[rows], readings=observations.readings.take(rows), decided=decided,
     )  # fmt: skip
 
 

@@ -119,16 +119,14 @@ class FieldComputation:
 
     def say(self, observations: Observations) -> Said[Sample]:
         """Every robot's sample."""
-        field = observations.readings.field
-        assert field is not None
+        field = observations.readings["field"]
         place = observations.pose
         return Said.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)
 
     def hear(self, observations: Observations) -> Reconstruction:
         """Take in the own sample and all that were heard."""
-        inbox, field = observations.inbox, observations.readings.field
+        inbox, field = observations.inbox, observations.readings["field"]
         assert inbox is not None
-        assert field is not None
         heard = inbox.content
         starts = np.searchsorted(inbox.receivers, np.arange(len(field) + 1))
         if self._kept < 1.0:

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from swarmsim.core import memory, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Observations, Tiles
+from swarmsim.core.state import Knowledge, Observations
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 from swarmsim.operations.mapping.maps import Maps

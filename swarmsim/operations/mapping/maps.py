@@ -95,8 +95,7 @@ class MapAuditor(Auditor):
 
     def _learn(self, knowledge: Any, observations: Observations) -> str | None:
         """Note what was shown; robots that place what they hear by an estimate are shown it there."""
-        tiles, inbox = observations.readings.tiles, observations.inbox
-        assert tiles is not None
+        tiles, inbox = observations.readings.tiled, observations.inbox
         assert inbox is not None
         if knowledge.frames is not None:
             heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))

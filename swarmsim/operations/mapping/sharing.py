@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (

@@ -21,8 +21,7 @@ class Sightings:
 
     def add(self, moment: Moment) -> None:
         """Take in the tiles of one iteration; those of robots that err about their place go back where they belong."""
-        tiles, state = moment.readings.tiles, moment.state
-        assert tiles is not None
+        tiles, state = moment.readings.tiled, moment.state
         origins = tiles.origins
         if moment.believed is not None and moment.believed is not state.pose:
             cells = self._lattice.cells

@@ -13,9 +13,10 @@ from numpy.testing import assert_array_equal
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Calendar, Parts
+from swarmsim.core.readings import Tiles
 from swarmsim.core.robots import Robots
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents
 from swarmsim.core.streams import Streams
 from swarmsim.engine.simulation import Simulation
 from swarmsim.network.channel import Perfect
@@ -645,7 +646,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
         sensor=IrRing().build(place), localisation=PerfectLocalisation(), computation=mind.computation,
         strategy=mind.strategy, topology=Isolated().build(place), channel=Perfect().build(place),
         motion=PurePursuit().build(place), bodies=bodies, task=Coverage().build(place), building=hall,
-        calendar=Calendar(bodies.state()),
+        calendar=Calendar(bodies.state()), lattice=lattice,
     )  # fmt: skip
     simulation = Simulation(parts, 1.0, 10**6, "go-on")
     blocked = 0
