@@ -15,7 +15,8 @@ import msgspec
 from msgspec import inspect as types
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.seams import SEAMS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,23 +44,25 @@ class Description:
 
 def parts(seam: str | None = None) -> Iterator[Description]:
     """Every installed part, or those of a seam, in the order of seams and names. Raises InputError for no such seam."""
-    if seam is not None and seam not in registry.SEAMS:
-        raise InputError(f"{seam}: no such seam; {registry.nearest(seam, registry.SEAMS)}")
-    for each in registry.SEAMS if seam is None else (seam,):
+    for each in SEAMS if seam is None else (_known(seam),):
         for name in registry.entries(each):
             yield part(each, name)
 
 
+def _known(seam: str) -> str:
+    if seam not in SEAMS:
+        raise InputError(f"{seam}: no such seam; {nearest(seam, SEAMS)}")
+    return seam
+
+
 def part(seam: str, name: str) -> Description:
     """One installed part. Raises InputError if there is none of that name."""
-    if seam not in registry.SEAMS:
-        raise InputError(f"{seam}: no such seam; {registry.nearest(seam, registry.SEAMS)}")
-    kind, entry = registry.find(seam, name), registry.entries(seam)[name]
+    kind, entry = registry.find(_known(seam), name), registry.entries(seam)[name]
     text = inspect.cleandoc(kind.__doc__ or "")
     return Description(
         seam=seam,
         name=name,
-        default=registry.SEAMS[seam] == name,
+        default=SEAMS[seam].default == name,
         origin=f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown",
         first=_first_sentence(text),
         text=text,

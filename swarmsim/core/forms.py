@@ -13,30 +13,30 @@ from numpy.typing import NDArray
 
 from swarmsim.core import own
 from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import MisfitError
 from swarmsim.core.parts import Curve, Links, Summary
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates, Intents, Knowledge, Measured, Moment, Observations, State
 
+OfFunction = Callable[[Callable[..., Any], dict[str, Any], Setting], object]  # from the function and its keys
+OfMind = Callable[[type, Callable[[], Any], Setting], object]  # from the class and what makes one robot's mind
 
-def adapted(seam: str, found: Any) -> type[msgspec.Struct] | None:
-    """The parameter struct of a part in a simpler form, or None if it has none that this seam knows.
+
+def adapted(found: Any, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
+    """The parameter struct of a part in a simpler form, or None if it has none of those that its seam takes.
 
     Its keys are a function's keyword-only parameters, or those of a class's constructor.
     """
     if isinstance(found, type):
-        if not callable(getattr(found, "step", None)) or seam not in ("computation", "strategy"):
+        if mind is None or not callable(getattr(found, "step", None)):
             return None
-        kind = MindComputation if seam == "computation" else MindStrategy
         parameters = [p for p in inspect.signature(found).parameters.values() if p.kind is not p.VAR_KEYWORD]
         make = vars(found).get("__init__", found)  # where its parameters have their types
-        return _struct(found, make, parameters, lambda keys, setting: kind(found, lambda: found(**keys), setting))
-    form = FUNCTIONS.get(seam)
-    if form is None or not inspect.isfunction(found):
+        return _struct(found, make, parameters, lambda keys, setting: mind(found, lambda: found(**keys), setting))
+    if function is None or not inspect.isfunction(found):
         return None
     parameters = [p for p in inspect.signature(found).parameters.values() if p.kind is p.KEYWORD_ONLY]
-    return _struct(found, found, parameters, lambda keys, setting: form(found, keys, setting))
+    return _struct(found, found, parameters, lambda keys, setting: function(found, keys, setting))
 
 
 def _struct(
@@ -220,11 +220,3 @@ class Last:
     def summary(self) -> dict[str, float | int | None]:
         """Each measure at the end, as NAME_end."""
         return {f"{name}_end": float(value) for name, value in self._values.items()}
-
-
-FUNCTIONS: dict[str, Callable[[Callable[..., Any], dict[str, Any], Setting], Any]] = {
-    "strategy": FunctionStrategy,
-    "computation": FunctionComputation,
-    "topology": FunctionTopology,
-    "task": FunctionTask,
-}

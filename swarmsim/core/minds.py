@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core import own
+from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
-from swarmsim.core.registry import nearest
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Observations, Record
 

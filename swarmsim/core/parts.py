@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Codec, Delivery, Said
+from swarmsim.core.messages import Codec, Delivery, Inbox, Said
 from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
+Known = TypeVar("Known", contravariant=True)  # what a computation's robots know, as its own parts see it
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
 
 
@@ -95,6 +96,18 @@ class Computation(Protocol):
 
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) what another one knows."""
+        ...
+
+
+class Sharing(Protocol[Known]):
+    """What robots of one computation say of what they know, and what they take in of what they hear."""
+
+    def say(self, observations: Observations, known: Known, /) -> Said[Any]:
+        """The message of every robot, from what it senses now and what it knew before this iteration."""
+        ...
+
+    def taken(self, observations: Observations) -> Inbox[Any]:
+        """The items of the inbox that are taken in."""
         ...
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib
 import importlib.util
@@ -20,26 +19,12 @@ from typing import Any, Final, TypeVar
 import msgspec
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.errors import nearest as nearest  # which is also looked for here
+from swarmsim.core.forms import adapted
 from swarmsim.core.own import told
+from swarmsim.core.seams import SEAMS
 
 T = TypeVar("T", bound=msgspec.Struct)
-
-#: The seams of a scenario, each with the part that is used where the file names none.
-SEAMS: Final = {
-    "generator": None,
-    "physics": "pymunk",
-    "sensor": "ir-ring",
-    "field": None,
-    "localisation": "perfect",
-    "computation": "occupancy-grid",
-    "sharing": "current-tile",
-    "strategy": "nearest-frontier",
-    "topology": None,
-    "channel": "perfect",
-    "motion": "pure-pursuit",
-    "task": "coverage",
-    "fault": None,
-}
 
 _OWN: Final = "swarmsim_own_"  # what the modules of scenarios' own files are called first
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
@@ -67,20 +52,13 @@ def _installed_entries() -> Any:  # what it is differs between versions of Pytho
 
 def entries(seam: str) -> dict[str, EntryPoint]:
     """The entry points of all installed parts for a seam, by name."""
-    found = sorted(_installed_entries().select(group=f"swarmsim.{seam}"), key=lambda entry: entry.name)
+    found = sorted(_installed_entries().select(group=SEAMS[seam].group), key=lambda entry: entry.name)
     return {entry.name: entry for entry in found}
 
 
 def known(seam: str) -> dict[str, type[msgspec.Struct]]:
     """The parameter structs of all installed parts for a seam, by name."""
     return {name: find(seam, name) for name in entries(seam)}
-
-
-def nearest(word: str, words: Mapping[str, object]) -> str:
-    """A clause that suggests the known word most like `word`, or lists all of them."""
-    similar = difflib.get_close_matches(word, words, n=1)
-    listed = ", ".join(sorted(words)) or "none"
-    return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"
 
 
 def find(seam: str, use: str) -> type[msgspec.Struct]:
@@ -101,7 +79,7 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
 
 @lru_cache(maxsize=256)
 def _installed(seam: str, use: str) -> type[msgspec.Struct]:
-    for entry in _installed_entries().select(group=f"swarmsim.{seam}", name=use):
+    for entry in _installed_entries().select(group=SEAMS[seam].group, name=use):
         return _part(seam, use, entry.load())
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 
@@ -145,9 +123,7 @@ def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
     """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
     if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
-    from swarmsim.core.forms import adapted  # simpler forms know the seams, which know the registry
-
-    simpler = adapted(seam, found)
+    simpler = adapted(found, SEAMS[seam].function, SEAMS[seam].mind)
     if simpler is None:
         raise InputError(
             f"use: {use!r} is not a {seam}: expected a msgspec.Struct with a method 'build', or one of the simpler "
@@ -225,7 +201,7 @@ def convert(given: Mapping[str, Any], kind: type[T]) -> T:
 
 def part(seam: str, table: Mapping[str, Any]) -> Any:
     """The parameter struct that `table` (`use` and the part's own keys) describes, checked and complete."""
-    use = table.get("use", SEAMS[seam])
+    use = table.get("use", SEAMS[seam].default)
     if not isinstance(use, str):
         raise InputError(f"use: required key is missing or not a string; {nearest('', entries(seam))}")
     parameters = {key: value for key, value in table.items() if key != "use"}
@@ -235,4 +211,7 @@ def part(seam: str, table: Mapping[str, Any]) -> Any:
 def complete(seam: str, table: Mapping[str, Any]) -> dict[str, Any]:
     """The same table with every default written out, as far as TOML can: it has no null."""
     plain = msgspec.json.decode(msgspec.json.encode(part(seam, table)))
-    return {"use": table.get("use", SEAMS[seam]), **{key: value for key, value in plain.items() if value is not None}}
+    return {
+        "use": table.get("use", SEAMS[seam].default),
+        **{key: value for key, value in plain.items() if value is not None},
+    }

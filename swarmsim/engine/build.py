@@ -22,8 +22,9 @@ from swarmsim.core.events import Box
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import PLACES, Scenario, World
+from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
@@ -173,10 +174,10 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         lattice=arena.lattice,
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
+        _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
-    parts = guarded(parts, setting, list(registry.SEAMS) if strict else theirs, theirs)
+    parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
@@ -184,7 +185,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
             parts = replace(parts, localisation=tracked(parts.localisation, setting))
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    used = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
+    listed = [(seam, table) for seam, _, table in lists(scenario)]
+    used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
@@ -231,7 +233,7 @@ def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used: dict[str, str] = {}  # which seam's part gives each name
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{'.'.join(PLACES[seam])}.use: {tables[seam]['use']!r}"
+        place = f"{SEAMS[seam].at}.use: {tables[seam]['use']!r}"
         for name, says, at in announced(seam, part):
             wrong = layout.wrong_name(name, seam)
             if wrong is None and name in used:
@@ -322,7 +324,7 @@ def _walls_alone(arena: Arena) -> Building:
 
 def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
     """The part that a table describes. Raises InputError that starts with its place in the scenario."""
-    place = place or ".".join(PLACES[seam])
+    place = place or SEAMS[seam].at
     try:
         return built(seam, table, setting)
     except InputError as problem:

@@ -18,26 +18,11 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import line_of, told
 from swarmsim.core.parts import Fault, Parts
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-#: What the part of each seam has to have, besides what is found out when it is used.
-VERBS: Final = {
-    "generator": ("draw",),
-    "physics": ("drive", "state", "solid", "remove", "crash", "place", "push", "retire"),
-    "sensor": ("channels", "sense"),
-    "field": ("value",),
-    "localisation": ("locate",),
-    "computation": ("knows", "say", "hear", "forget", "adopt"),
-    "sharing": ("say", "taken"),
-    "strategy": ("reads", "step"),
-    "topology": ("links",),
-    "channel": ("deliver",),
-    "motion": ("follow", "command"),
-    "task": ("reads", "curve", "measure", "summaries"),
-    "fault": ("install",),
-}
 
 
 def margin_of(sensor: msgspec.Struct) -> int:
@@ -57,8 +42,7 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
         raise
     except (Exception, SystemExit) as problem:
         raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
-    missing = [verb for verb in VERBS[seam] if not hasattr(part, verb)]
-    if missing:
+    if missing := SEAMS[seam].missing(part):
         kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
         raise InputError(f"use: what {table['use']!r} builds, {kind}, lacks {', '.join(missing)}; expected a {seam}")
     return part

@@ -18,7 +18,7 @@ from swarmsim.core import budget, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, tables
+from swarmsim.core.scenario import Scenario, assign, decode, files_outside, lists, tables
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -97,7 +97,8 @@ class Plan:
         hashed.update(self.world_of(condition).encode())
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
         hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
-        parts = [*tables(condition.scenario).items(), *(("fault", fault) for fault in condition.scenario.faults)]
+        listed = [(seam, table) for seam, _, table in lists(condition.scenario)]
+        parts = [*tables(condition.scenario).items(), *listed]
         for seam, table in parts:
             hashed.update(registry.source_of(seam, table["use"]))
         return hashed.hexdigest()

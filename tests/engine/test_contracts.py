@@ -381,7 +381,7 @@ def test_parts_that_lack_what_their_seam_asks_for_are_bad_input(own) -> None:
         ),
         (
             "mind.computation={use='./lacking.py:Lacks'}",
-            r"lacks knows, say, hear, forget, adopt; expected",
+            r"lacks knows, codec, say, hear, forget, adopt; expected",
         ),
         ("task={use='./lacking.py:Lacks'}", r"task\.use: .*lacks reads, curve, measure, summaries; expected a task"),
         ("network.topology={use='./lacking.py:Lacks'}", r"network\.topology\.use: .*lacks links"),

@@ -13,6 +13,7 @@ from generated.scenarios import scenario
 from generated.trials import survives, tried, tried_all
 
 from swarmsim.core import registry
+from swarmsim.core.seams import SEAMS
 
 SCENARIOS, BATCH = 300, 25
 MANY, LARGE_BATCH = 10_000, 500
@@ -48,8 +49,8 @@ def test_every_part_of_every_seam_takes_part_and_every_key_of_it() -> None:
     drawn: defaultdict[tuple[str, str], set[str]] = defaultdict(set)
     for number in range(1500):
         for seam, table in tables_of(scenario(number).table):
-            drawn[seam, table.get("use", registry.SEAMS[seam])] |= table.keys()
-    for seam in registry.SEAMS:
+            drawn[seam, table.get("use", SEAMS[seam].default)] |= table.keys()
+    for seam in SEAMS:
         for use, kind in registry.known(seam).items():
             assert (seam, use) in drawn, f"no scenario has the {seam} {use}"
             lacking = set(kind.__struct_fields__) - drawn[seam, use]

@@ -8,6 +8,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from swarmsim.core import parts
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.readings import Tiles
@@ -28,18 +29,10 @@ from swarmsim.operations.mapping.message import (
 )
 
 
-class Sharing(Protocol):
-    """What mapping robots say, and what they take in of what they hear."""
+class Sharing(parts.Sharing[Maps], Protocol):
+    """What mapping robots say; the items that they take in have the columns of TileItems at least."""
 
     codec: Codec[Any]
-
-    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
-        """The message of every robot: from its tile now, and from its map before this iteration."""
-        ...
-
-    def taken(self, observations: Observations) -> Inbox[Any]:
-        """The items of the inbox that are taken in, with the columns of TileItems at least."""
-        ...
 
 
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
