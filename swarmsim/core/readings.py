@@ -71,6 +71,13 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         table = "" if not self.table else f"{name.rpartition(self.name)[0]}{self.table}{name.rpartition(self.name)[2]}"
         return msgspec.structs.replace(self, name=name, table=table, **changes)
 
+    def prefixed(self, name: str) -> Channel:
+        """The same as a sensor gives it that has a name."""
+        if not name:
+            return self
+        group, count = (f"{name}_{one}" if one else "" for one in (self.group, self.count))
+        return self.called(f"{name}_{self.name}", group=group, count=count)
+
     def blanks(self, robots: int) -> NDArray[Any]:
         """The column (n, ...) of robots that measure nothing."""
         return np.full((robots, *self.shape), self.empty, self.dtype)

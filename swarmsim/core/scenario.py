@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 from msgspec import field as of
 from msgspec import inspect as types
 
@@ -19,8 +19,9 @@ from swarmsim.core.budget import BUDGET
 from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table, outside, with_files
+from swarmsim.core.fitting import named
 from swarmsim.core.platforms import with_platforms
-from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.robots import Count, Group, Positive, Robots
 from swarmsim.core.seams import SEAMS, at_place
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 
@@ -118,6 +119,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     robots: Robots
     physics: Table = of(default_factory=dict)
     sensor: Table = of(default_factory=dict)
+    sensors: tuple[Table, ...] | UnsetType = UNSET  # more of them
     field: Table = of(default_factory=dict)  # none unless it has a `use`
     localisation: Table = of(default_factory=dict)
     network: Network
@@ -145,6 +147,8 @@ def tables(scenario: Scenario) -> dict[str, Table]:
     found: dict[str, Table] = {}
     for seam in SEAMS.values():
         table = _at(scenario, seam.place) if seam.place and not seam.many else None
+        if seam.name == "sensor" and not table and scenario.sensors:  # then these are all
+            continue
         if isinstance(table, dict) and (seam.default is not None or seam.required or table):
             found[seam.name] = table
     return found
@@ -221,8 +225,21 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
+    def fitted(owner: Scenario | Group, place: str) -> Any:
+        """The tables of more sensors, completed."""
+        found = []
+        for i, table in enumerate(() if owner.sensors is UNSET else owner.sensors):
+            try:
+                called, bare = named(table)
+            except InputError as problem:
+                raise InputError(f"{name}: {place}sensors[{i}].{problem}") from problem
+            found.append({**complete("sensor", f"{place}sensors[{i}]", bare), **({"name": called} if called else {})})
+        return tuple(found) or UNSET
+
+    scenario = msgspec.structs.replace(scenario, sensors=fitted(scenario, ""))
     groups = list(scenario.robots.groups)
     for i, group in enumerate(groups):
+        groups[i] = msgspec.structs.replace(group, sensors=fitted(group, f"robots[{i}]."))
         for seam in SEAMS.values():
             if seam.of_groups and (table := getattr(group, seam.name)):
                 whole = complete(seam.name, f"robots[{i}].{seam.name}", table)

@@ -18,6 +18,8 @@ def schema() -> dict[str, Any]:
     defs: dict[str, Any] = dict(parts)
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
     own = {seam.name: {"type": "object"} for seam in SEAMS.values() if seam.of_groups}
+    for described in (root, defs["Group"]):
+        described["properties"]["sensors"] = {"type": "array", "items": {"type": "object"}}
     group = {key: value for key, value in defs["Group"]["properties"].items() if key not in own}
     of_a_kind = {**defs["Group"], "properties": {**group, "spawn": {"type": "string"}, **own}}
     root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}

@@ -36,7 +36,7 @@ class Setting:
     building: Building
     start: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))  # (n, 3): poses at the start
     scalar_field: Field | None = None  # what there is to measure besides walls
-    number: int = 0  # a fault's place among the scenario's
+    number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,10 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
+from swarmsim.core.fitting import Fitted, sensors_of
+from swarmsim.core.minds import OF_ME
 from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
+from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
@@ -28,15 +31,16 @@ from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
+from swarmsim.engine import contracts
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
-from swarmsim.engine.guard import guarded, held_field
+from swarmsim.engine.guard import guarded, held_field, held_sensor
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import tracked
 from swarmsim.robots.sensors import IrRing, with_field
-from swarmsim.robots.suites import MixedSensor
+from swarmsim.robots.suites import MixedSensor, Suite, TwiceError
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
@@ -80,7 +84,10 @@ class Run:
         """A probe that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
         errs = not self.simulation.parts.localisation.exact
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, errs)
+        channels = self.simulation.parts.sensor.channels
+        return Recorder(
+            path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, errs, channels
+        )
 
     def simulate(self, probes: Sequence[Probe] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
@@ -130,7 +137,7 @@ def build(scenario: Scenario, name: str, world: str | None = None, strict: bool 
 
 def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
-    place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
+    place, sensor = msgspec.json.encode(scenario.world), _tables_of_sensors(scenario)
     alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
@@ -159,7 +166,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     bodies = make("physics")
     parts = Parts(
         sensor=with_field(
-            _sensors(robots, tables["sensor"], setting), setting, float(tables.get("field", {}).get("noise", 0.0))
+            _sensors(scenario, setting, strict), setting, float(tables.get("field", {}).get("noise", 0.0))
         ),
         localisation=tracked(make("localisation"), setting),
         computation=make("computation"),
@@ -175,6 +182,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
         _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
+    _check_channels(parts, tables)
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
     parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
@@ -186,9 +194,10 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     listed = [(seam, table) for seam, _, table in lists(scenario)]
+    listed += [("sensor", one.table) for fitted in sensors_of(scenario) for one in fitted]
     used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
     files = {file: name for each in used for file, name in each.items()}
-    beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
+    beams, length = _most_beams(msgspec.json.decode(sensor), arena.lattice.cell)
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
@@ -196,27 +205,77 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
 
 
-def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
-    """The sensor that a table describes or, of a mixed swarm, those of its groups."""
-    if not any(group.sensor for group in robots.groups):
-        sensor: Sensor = _make("sensor", table, setting)
-        return sensor
-    ends = np.cumsum([group.count for group in robots.groups])
+def _sensors(scenario: Scenario, setting: Setting, strict: bool) -> Sensor:
+    """The sensors of a swarm as one; of a mixed swarm, those of its groups. Raises InputError."""
+    suites = [_suite(fitted, setting, strict) for fitted in sensors_of(scenario)]
+    if len(suites) == 1:
+        return suites[0]
+    counts = [group.count for group in setting.robots.groups]
+    ends = np.cumsum(counts)
     return MixedSensor(
-        [
-            (
-                _make("sensor", group.sensor or table, setting, f"robots[{i}].sensor"),
-                np.arange(ends[i] - group.count, ends[i]),
-            )
-            for i, group in enumerate(robots.groups)
-        ]
+        [(suite, np.arange(end - n, end)) for suite, end, n in zip(suites, ends.tolist(), counts, strict=True)]
     )
 
 
-def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
-    """The tables of all sensors that a swarm has."""
-    own: Table = msgspec.json.decode(table)
-    return [group.sensor or own for group in robots.groups] or [own]
+def _suite(fitted: Sequence[Fitted], setting: Setting, strict: bool) -> Sensor:
+    """The sensors of the same robots as one. Raises InputError that starts with the place in the scenario."""
+    sensors: list[Sensor] = []
+    for number, one in enumerate(fitted):
+        part = _make("sensor", one.table, replace(setting, number=number), one.place)
+        if not isinstance(part, Suite | MixedSensor) and (strict or not registry.is_ours(part)):
+            part = held_sensor(part)
+        wrong = contracts.declared(part.channels, setting.robots.count) or _wrong_names(part.channels)
+        if wrong is not None:
+            raise InputError(f"{one.place}.use: {one.table.get('use')!r} declares {wrong}")
+        sensors.append(part)
+    names = [one.name for one in fitted]
+    try:
+        return sensors[0] if len(sensors) == 1 and not names[0] else Suite(sensors, names)
+    except TwiceError as problem:
+        raise InputError(problem.told([one.place for one in fitted])) from problem
+
+
+def _wrong_names(channels: Channels) -> str | None:
+    """Why a channel of a sensor cannot be called so, or None: minds find it under that name, and recordings a table."""
+    for channel in channels:
+        if channel.name in OF_ME:
+            return f"{channel.name!r}: a mind finds something else as me.{channel.name}; expected 'my_{channel.name}'"
+        table = channel.recorded_as
+        wrong = table and (
+            layout.wrong_name(table, "sensor")
+            or layout.wrong_form(table, np.empty((1, *channel.shape), channel.dtype), layout.EACH, 1)
+        )
+        if wrong:
+            return f"{channel.name!r}: {wrong}"
+    return None
+
+
+def _tables_of_sensors(scenario: Scenario) -> bytes:
+    """The tables of all sensors that a swarm has, in JSON."""
+    return msgspec.json.encode([one.table for fitted in sensors_of(scenario) for one in fitted])
+
+
+def _check_channels(parts: Parts, tables: dict[str, Table]) -> None:
+    """Raise InputError for a part that needs a channel which no sensor of these robots gives."""
+    channels = parts.sensor.channels
+    for seam, part in (("computation", parts.computation), ("strategy", parts.strategy), ("task", parts.task)):
+        for name in getattr(part, "requires", ()):
+            if name in channels:
+                continue
+            parted = [one.name for one in channels if one.name.partition(".")[0] == name]
+            if parted:
+                why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
+            else:
+                why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
+            use = tables[seam]["use"]
+            raise InputError(f"{SEAMS[seam].at}.use: {use!r} needs {name!r} from the sensors of robots: {why}")
+
+
+def _giving(name: str) -> str:
+    """The sensors that give a channel, as far as they tell before they are built."""
+    known = {use: getattr(kind, "gives", {}) for use, kind in registry.known("sensor").items()}
+    found = [f"{use!r}{gives[name] and f' with {gives[name]}'}" for use, gives in known.items() if name in gives]
+    return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
 
 
 def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
@@ -231,7 +290,7 @@ def _check_knowledge(place: str, part: Strategy | Task, computation: Computation
 
 def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
-    used: dict[str, str] = {}  # which seam's part gives each name
+    used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
         place = f"{SEAMS[seam].at}.use: {tables[seam]['use']!r}"
         for name, says, at in announced(seam, part):
@@ -256,7 +315,7 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
     robots = msgspec.json.decode(kinds, type=Robots)
     world = msgspec.json.decode(place, type=World)
-    sensors = _tables_of_sensors(robots, sensor)
+    sensors: list[Table] = msgspec.json.decode(sensor)
     plan = floor_plan(text, world)
     with told_to_scale(plan, world):
         margin = max(margin_of(registry.part("sensor", one)) for one in sensors) + 1
@@ -286,7 +345,7 @@ def _survey(text: str, place: bytes, cell: float, kinds: str, sensor: bytes, box
     if boxes:
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
-        observed = _observed(_tables_of_sensors(robots, sensor), arena, robots, reachable)
+        observed = _observed(msgspec.json.decode(sensor), arena, robots, reachable)
         domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
@@ -299,7 +358,7 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
 
     Raises InputError for a building in which the robots cannot run.
     """
-    place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
+    place, sensor = msgspec.json.encode(scenario.world), _tables_of_sensors(scenario)
     key = text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor
     with budget.of(scenario.budget):
         found = _survey(*key, ())
@@ -361,6 +420,11 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
         tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiled
         occupancy.note_observed(tiles.values, tiles.origins, observed)
     return observed
+
+
+def _most_beams(tables: Sequence[Table], cell: float) -> tuple[int, float]:
+    """The beams of all sensors of a robot, and how many cells the farthest of them reaches; about."""
+    return max(_beams(table, cell)[:2] for table in tables)
 
 
 def _beams(table: Table, cell: float) -> tuple[int, float, int]:

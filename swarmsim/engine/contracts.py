@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.declarations import wrong_channels
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Columns, Delivery, Said
 from swarmsim.core.own import brief
@@ -89,6 +90,13 @@ def delivery(found: Any, state: State, sent: int) -> str | None:
     if (found.heard[:, 2] > state.iteration).any():
         return "heard: a message that has not been sent yet"
     return "heard: letters have to be sorted by receiver, sender and iteration sent"
+
+
+def declared(found: Any, robots: int) -> str | None:
+    """What is wrong with what a sensor says it gives, or None."""
+    if not isinstance(found, Channels):
+        return f"channels: {brief(found)}; expected Channels"
+    return wrong_channels(found, robots)
 
 
 def readings(found: Any, state: State, channels: Channels) -> str | None:

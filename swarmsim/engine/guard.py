@@ -328,6 +328,14 @@ class GuardedField(Guard):
         )
 
 
+def held_sensor(sensor: Sensor) -> Sensor:
+    """The sensor held to its contract; code of others cannot write to what it is given."""
+    guard = GuardedSensor("sensor", sensor)
+    if registry.is_ours(sensor):
+        guard.given = as_it_is
+    return guard
+
+
 def held_field(field: Field, period: float) -> Field:
     """The field; one that is not ours is held to its contract. `period` of an iteration in s."""
     return field if registry.is_ours(field) else GuardedField(field, period)
@@ -339,7 +347,6 @@ def guarded(parts: Parts, setting: Setting, held: Collection[str], theirs: Colle
     Code of others cannot write to what it is given. Ours does not, which kernels need not be compiled anew for.
     """
     kinds: dict[str, Callable[[Any], Guard]] = {
-        "sensor": lambda part: GuardedSensor("sensor", part),
         "localisation": lambda part: GuardedLocalisation("localisation", part),
         "topology": lambda part: GuardedTopology("topology", part),
         "motion": lambda part: GuardedMotion(part, setting),

@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.fitting import sensors_of
 from swarmsim.core.scenario import Scenario
 from swarmsim.engine.build import build, explored, told_to_scale
 from swarmsim.engine.foreign import margin_of
@@ -71,8 +72,7 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
 
     `name` is the scenario's in messages. Raises InputError for what cannot be read at all.
     """
-    tables = [group.sensor or scenario.sensor for group in scenario.robots.groups] or [scenario.sensor]
-    margin = max(margin_of(registry.part("sensor", table)) for table in tables)
+    margin = max(margin_of(registry.part("sensor", one.table)) for fitted in sensors_of(scenario) for one in fitted)
     plan = floor_plan(text, scenario.world)
     arena = Arena.open(plan, scenario.grid.cell, margin + 1, scenario.world.title)
     floor = domain = seconds = problem = None

@@ -1,15 +1,17 @@
-"""Faults of sensors: tiles that are blind, stuck, random, short-sighted, out of place, or lack beams."""
+"""Faults of sensors: readings that are missing, stuck, noisy, random, short-sighted, out of place, or lack beams."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
@@ -17,63 +19,119 @@ from swarmsim.core.parts import Sensor as SensorPart
 from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.effect import Effect, Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.robots.suites import maimed
 
 Cells = Annotated[int, Meta(ge=-1000, le=1000)]
 
-#: What the readings of these robots (r,) become.
-Spoil = Callable[[State, Robots, Readings], Readings]
+Places = tuple[int, ...]  # of columns
+#: What the readings of these robots (r,) become, in these columns.
+Spoil = Callable[[State, Robots, Readings, Places], Readings]
 
 
 class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The tiles are wrong, and the robot maps and tells them as if they were right.
+    """Readings are wrong, and the robot uses and tells them as if they were right.
 
-    `off`: all cells are unknown. `stuck`: all cells have one `value`. `garbage`: each cell is unknown, free or
+    `off`: nothing is measured. `stuck`: all cells have one `value` or, of other `channels`, readings stay what they
+    were. `noisy`: normal errors of the standard deviation `sigma` are added. `garbage`: each cell is unknown, free or
     occupied, drawn anew in every iteration. `range`: cells with centres farther than `range` from the robot are
     unknown. `offset`: the tile is taken to lie so many cells aside. `beams`: these beams of a ring are dead.
+
+    `channels` are those that are off, stuck or noisy: all of them that can be, unless some are named.
     """
 
-    failure: Literal["off", "stuck", "garbage", "range", "offset", "beams"]
+    failure: Literal["off", "stuck", "noisy", "garbage", "range", "offset", "beams"]
+    channels: Annotated[list[str], Meta(min_length=1)] | None = None  # for off, stuck, noisy: names of channels
     value: Literal["free", "occupied"] | None = None  # for stuck
+    sigma: Annotated[float, Meta(gt=0.0, le=1e6)] | None = None  # for noisy: in the channel's unit
     range: Annotated[float, Meta(gt=0.0)] | None = None  # for range: m
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
     beams: Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
-        for key, failure in (("value", "stuck"), ("range", "range"), ("offset", "offset"), ("beams", "beams")):
+        keys = (
+            ("value", "stuck"), ("sigma", "noisy"), ("range", "range"), ("offset", "offset"), ("beams", "beams")
+        )  # fmt: skip
+        for key, failure in keys:
             given = getattr(self, key) is not None
             if given and self.failure != failure:
                 raise InputError(f"{key}: a sensor that is {self.failure!r} has none; expected failure = {failure!r}")
-            if not given and self.failure == failure:
+            if not given and self.failure == failure and not (key == "value" and self.channels):
                 raise InputError(f"{key}: required key is missing; expected it with failure = {failure!r}")
-        effect = (
-            DeadBeams(self.beams)
-            if self.beams
-            else SensorFailure(_spoil(self, setting), of_tiles=self.failure != "off")
-        )
-        return TimedFault(Timeline(self, setting), effect, setting.number)
+        if self.channels and (self.failure not in ("off", "stuck", "noisy") or self.value):
+            what = "has a value" if self.value else f"is {self.failure!r}"
+            raise InputError(f"channels: a sensor that {what} has none; expected failure = 'off', 'stuck' or 'noisy'")
+        return TimedFault(Timeline(self, setting), _effect(self, setting), setting.number)
+
+
+def _effect(fault: Sensor, setting: Setting) -> Effect:
+    """What the fault does to parts."""
+    if fault.beams:
+        return DeadBeams(fault.beams)
+    if fault.failure == "off":
+        return ChannelFailure(fault.channels, None, lambda active: _blank)
+    if fault.failure == "noisy":
+        salt = int(setting.streams.open(f"fault sensor {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        return ChannelFailure(fault.channels, "noisy", lambda active: _noisy(salt, fault.sigma or 0.0))
+    if fault.channels:
+        return ChannelFailure(fault.channels, "stuck", lambda active: Stuck(len(active)))
+    return TileFailure(_spoil(fault, setting))
 
 
 def _spoil(fault: Sensor, setting: Setting) -> Spoil:
-    """What the failure does to readings."""
+    """What the failure does to tiles."""
     if fault.failure == "stuck":
         return _filled(OCCUPIED if fault.value == "occupied" else FREE)
     if fault.range is not None:
         return _cut(fault.range, setting.lattice)
     if fault.offset is not None:
         return _aside(fault.offset)
-    if fault.failure == "garbage":
-        return _garbage(
-            [setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.robots.count)]
-        )
-    return _blank
+    return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.robots.count)])
 
 
-def _blank(state: State, robots: Robots, readings: Readings) -> Readings:
-    return readings.blanked(robots)
+def _blank(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+    return readings.blanked(robots, places)
+
+
+def _noisy(salt: int, sigma: float) -> Spoil:
+    def err(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        changed = {}
+        for place in places:
+            channel, column = tuple(readings.channels)[place], readings.columns[place].copy()
+            keys = (state.iteration, robots[:, None], np.arange(max(math.prod(channel.shape), 1)), place)
+            drawn = sigma * chance.normal(salt, *keys).reshape(len(robots), *channel.shape)
+            given = column[robots]
+            measured = (given >= channel.low) & (given <= channel.high)  # which what is blank or NaN is not, mostly
+            told = np.clip(given + drawn, channel.low, channel.high)
+            column[robots] = np.where(measured, np.rint(told) if column.dtype.kind == "i" else told, given)
+            changed[channel.name] = column
+        return readings.having(changed)
+
+    return err
+
+
+class Stuck:
+    """Readings that stay what they were when the fault began."""
+
+    def __init__(self, robots: int) -> None:
+        self._since = np.full(robots, -2)  # the last iteration in which each was stuck
+        self._held: dict[int, NDArray[Any]] = {}
+
+    def __call__(self, state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        """The readings with those of before in these columns."""
+        changed, names = {}, tuple(readings.channels)
+        counted = {readings.channels.place(names[place].count) for place in places if names[place].count}
+        new = robots[self._since[robots] < state.iteration - 1]
+        self._since[robots] = state.iteration
+        for place in {*places, *counted}:
+            held = self._held.setdefault(place, readings.columns[place].copy())
+            held[new] = readings.columns[place][new]
+            column = readings.columns[place].copy()
+            column[robots] = held[robots]
+            changed[names[place].name] = column
+        return readings.having(changed)
 
 
 def _made_up(readings: Readings, robots: Robots, values: NDArray[np.uint8]) -> Readings:
@@ -83,7 +141,7 @@ def _made_up(readings: Readings, robots: Robots, values: NDArray[np.uint8]) -> R
 
 
 def _filled(value: int) -> Spoil:
-    def fill(state: State, robots: Robots, readings: Readings) -> Readings:
+    def fill(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
         values = readings.tiled.values.copy()
         values[robots] = value
         return _made_up(readings, robots, values)
@@ -92,7 +150,7 @@ def _filled(value: int) -> Spoil:
 
 
 def _garbage(streams: list[np.random.Generator]) -> Spoil:
-    def draw(state: State, robots: Robots, readings: Readings) -> Readings:
+    def draw(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
         values = readings.tiled.values.copy()
         for robot in robots:
             values[robot] = streams[robot].integers(UNKNOWN, OCCUPIED, values.shape[1:], np.uint8, endpoint=True)
@@ -102,7 +160,7 @@ def _garbage(streams: list[np.random.Generator]) -> Spoil:
 
 
 def _cut(reach: float, lattice: Lattice) -> Spoil:
-    def cut(state: State, robots: Robots, readings: Readings) -> Readings:
+    def cut(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
         values, origins = readings.tiled.values.copy(), readings.tiled.origins
         within = np.moveaxis(np.indices(values.shape[1:]), 0, -1)  # (rows, columns, 2)
         centres = lattice.centres(origins[robots, None, None] + within)
@@ -114,7 +172,7 @@ def _cut(reach: float, lattice: Lattice) -> Spoil:
 
 
 def _aside(offset: tuple[int, int]) -> Spoil:
-    def move(state: State, robots: Robots, readings: Readings) -> Readings:
+    def move(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
         tiles = readings.tiled
         origins = tiles.origins.copy()
         origins[robots] += np.array(offset, np.int32)
@@ -123,27 +181,54 @@ def _aside(offset: tuple[int, int]) -> Spoil:
     return move
 
 
-class SensorFailure(Lasting):
-    """Wraps the sensor: its readings are spoilt."""
+class TileFailure(Lasting):
+    """Wraps the sensor: its tiles are spoilt."""
 
-    def __init__(self, spoil: Spoil, *, of_tiles: bool) -> None:
-        """`of_tiles` says whether it is tiles that are spoilt."""
-        self._spoil, self._of_tiles = spoil, of_tiles
+    def __init__(self, spoil: Spoil) -> None:
+        self._spoil = spoil
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the sensor wrapped; one without tiles has none that could be spoilt."""
-        if self._of_tiles and "tiles" not in parts.sensor.channels:
-            return parts
-        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil))
+        places = parts.sensor.channels.groups.get("tiles")
+        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, places)) if places else parts
+
+
+class ChannelFailure(Lasting):
+    """Wraps the sensor: some of its channels are spoilt."""
+
+    def __init__(
+        self, names: list[str] | None, failure: str | None, spoil: Callable[[NDArray[np.bool_]], Spoil]
+    ) -> None:
+        """`failure` is what numbers alone can be; None: any channel can."""
+        self._names, self._failure, self._spoil = names, failure, spoil
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The parts with the sensor wrapped. Raises InputError for a channel that is not there or cannot fail so."""
+        channels = tuple(parts.sensor.channels)
+        try:
+            named = [place for name in self._names or () for place in parts.sensor.channels.chosen(name)]
+        except InputError as problem:
+            raise InputError(f"channels: {problem}") from problem
+        can = [place for place, one in enumerate(channels) if one.is_number or self._failure is None]
+        for place in named:
+            if place not in can or (channels[place].structure and not channels[place].group):
+                numbers = ", ".join(channels[one].name for one in can) or "none"
+                raise InputError(
+                    f"channels: {channels[place].group or channels[place].name!r} cannot be {self._failure or 'off'}; "
+                    f"expected channels of what is measured: {numbers}"
+                )
+        chosen = tuple(named if self._names else can)
+        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil(active), chosen))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FailingSensor:
-    """A sensor of which some tiles are spoilt; those of dead robots stay UNKNOWN."""
+    """A sensor of which some readings are spoilt; those of dead robots stay blank."""
 
     inner: SensorPart
     active: NDArray[np.bool_]  # (n,): a live view
     spoil: Spoil
+    places: Places
 
     @property
     def channels(self) -> Channels:
@@ -158,7 +243,7 @@ class FailingSensor:
         """The readings, but for those that fail."""
         readings = self.inner.sense(state)
         failing = np.flatnonzero(self.active & state.alive)
-        return self.spoil(state, failing, readings) if len(failing) else readings
+        return self.spoil(state, failing, readings, self.places) if len(failing) else readings
 
 
 class DeadBeams(Lasting):

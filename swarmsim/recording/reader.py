@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import files, hdf5
+from swarmsim.core import declarations, files, hdf5
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
@@ -109,7 +109,12 @@ class Recording:
             "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,
             "last cell": int(rows) * int(columns) - 1,
         }  # fmt: skip
-        layout.check(file, self._sizes, self.measures, self._rows)
+        #: What the robots' sensors gave; nothing in recordings that are older than declarations.
+        self.channels = declarations.read(
+            layout.attribute(file, "channels", "S").decode() if "channels" in file.attrs else "[]", robots
+        )
+        self._declared = layout.tables_of(self.channels)
+        layout.check(file, self._sizes, self.measures, self._rows, self._declared)
         self._sizes |= {name: len(file[name]) for name in ("waypoints",) if name in file}
         self._sizes["last fate"] = len(file["fates"]) - 1 if "fates" in file else 0
         self.iterations = len(file["digests"])
@@ -133,7 +138,7 @@ class Recording:
             try:
                 with self._file() as file:
                     rows = file[name][()]
-                layout.check_values(name, rows, self._sizes)
+                layout.check_values(name, rows, self._sizes, self._declared)
             except READING as problem:
                 raise self._damaged(problem) from problem
             self._arrays[name] = rows
@@ -148,7 +153,7 @@ class Recording:
                     rows = file[name][first : max(last, first + READ_AHEAD)]
                 if len(rows) < last - first:
                     raise ValueError(f"table {name!r} ends before row {last}")
-                layout.check_values(name, rows, self._sizes)
+                layout.check_values(name, rows, self._sizes, self._declared)
             except READING as problem:
                 raise self._damaged(problem) from problem
             start, self._near[name] = first, (first, rows)

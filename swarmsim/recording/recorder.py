@@ -13,12 +13,14 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from swarmsim.core import declarations
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import encoded
 from swarmsim.core.hdf5 import Growing, to_the_end
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
+from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import Scenario
 from swarmsim.core.state import Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
@@ -57,10 +59,12 @@ class Recorder:
         truth: NDArray[np.bool_],
         curve: Curve,
         errs: bool,
+        channels: Channels,
     ) -> None:
         """`world` is the floor plan's text, `curve` what is drawn of the task's measures.
 
-        `errs` says whether robots may err about their poses, so that their estimates are kept.
+        `errs` says whether robots may err about their poses, so that their estimates are kept,
+        `channels` what they measure.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
@@ -79,6 +83,7 @@ class Recorder:
             "versions": json.dumps(versions()),
             "digested": " ".join(DIGESTED),
             "curve": msgspec.json.encode(curve).decode(),
+            "channels": declarations.text_of(channels),
             "measures": "[]",
             "rows": "[]",
         }

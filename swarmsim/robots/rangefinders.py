@@ -49,7 +49,8 @@ class RangefinderSensor:
         spread = (parameters.error or 0.0, parameters.error_share or 0.0, parameters.error_square or 0.0)
         self._noise = np.array([math.hypot(spread[0], rounding), *spread[1:]])
         self._drawn = np.array(spread)
-        self._salt = int(setting.streams.open("sensor").integers(0, 2**64, dtype=np.uint64))
+        purpose = f"sensor {setting.number}" if setting.number else "sensor"  # two on one robot err differently
+        self._salt = int(setting.streams.open(purpose).integers(0, 2**64, dtype=np.uint64))
         self.channels = parameters.channels(evidence=True)
         self._building, self._radii = setting.building, setting.robots.each("radius")
         self._prepare()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -54,6 +54,8 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     `frame` says how the tile lies: along the rows and columns of the map, or turning with the robot, so that its
     columns run ahead; then it is told in the cells of the map whose centres it holds.
     """
+
+    gives: ClassVar[dict[str, str]] = {"tiles": "", "ranges": "ranges = true"}
 
     preset: Literal["ideal", "sharp-gp2y0a21", "gternal", "ebot"] = "ideal"
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns

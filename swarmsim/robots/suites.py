@@ -72,22 +72,34 @@ class MaimedRing:
         return whole.joined(self._lacking.sense(state), self._active) if self._active.any() else whole
 
 
+class TwiceError(InputError):
+    """Two sensors of the same robots give channels of one name."""
+
+    def __init__(self, name: str, first: int, second: int) -> None:
+        super().__init__(f"two sensors give {name!r}")
+        self._name, self._first, self._second = name, first, second
+
+    def told(self, places: Sequence[str]) -> str:
+        """The message, with the sensors' places in the scenario."""
+        return (
+            f"{places[self._second]}.name: gives {self._name!r}, as {places[self._first]} does; expected a name to "
+            "tell them apart, as in name = 'second'"
+        )
+
+
 class Suite:
     """Several sensors of the same robots."""
 
     def __init__(self, sensors: Sequence[Sensor], names: Sequence[str] = ()) -> None:
-        """What sensors that have a name give is called NAME_CHANNEL. Raises InputError for channels of one name."""
+        """What sensors that have a name give is called NAME_CHANNEL. Raises TwiceError for channels of one name."""
         self._sensors, self._names = sensors, names or [""] * len(sensors)
         found: dict[str, int] = {}
         channels: list[Channel] = []
         for number, (sensor, name) in enumerate(zip(sensors, self._names, strict=True)):
             for channel in sensor.channels:
-                mine = prefixed(channel, name)
+                mine = channel.prefixed(name)
                 if mine.name in found:
-                    raise InputError(
-                        f"sensors[{number}]: gives {mine.name!r}, as sensors[{found[mine.name]}] does; expected a name "
-                        f"to tell them apart, as in name = 'second'"
-                    )
+                    raise TwiceError(mine.group or mine.name, found[mine.name], number)
                 found[mine.name] = number
                 channels.append(mine)
         self.channels = Channels(*channels)
@@ -101,14 +113,6 @@ class Suite:
     def sense(self, state: State) -> Readings:
         """What all of them measure."""
         return Readings(self.channels, tuple([one for sensor in self._sensors for one in sensor.sense(state).columns]))
-
-
-def prefixed(channel: Channel, name: str) -> Channel:
-    """A channel of a sensor that has a name."""
-    if not name:
-        return channel
-    group, count = (f"{name}_{one}" if one else "" for one in (channel.group, channel.count))
-    return channel.called(f"{name}_{channel.name}", group=group, count=count)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +154,7 @@ class MixedSensor:
         rows, columns = np.max(shapes, axis=0).tolist()
         plan = []
         for channel in tile_channels((rows, columns), any(len(one.groups[group]) > 2 for _, _, one in having)):
-            mine, members = prefixed(channel, group.removesuffix("tiles").rstrip("_")), []
+            mine, members = channel.prefixed(group.removesuffix("tiles").rstrip("_")), []
             for (number, robots, channels), (height, width) in zip(having, shapes, strict=True):
                 if mine.name in channels:
                     low, left = (rows - height) // 2, (columns - width) // 2

@@ -17,6 +17,7 @@ from msgspec import Meta, Struct
 from swarmsim.core import budget, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
+from swarmsim.core.fitting import sensors_of
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import Scenario, assign, decode, files_outside, lists, tables
 from swarmsim.core.toml import read_toml
@@ -98,6 +99,7 @@ class Plan:
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
         hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
         listed = [(seam, table) for seam, _, table in lists(condition.scenario)]
+        listed += [("sensor", one.table) for fitted in sensors_of(condition.scenario) for one in fitted]
         parts = [*tables(condition.scenario).items(), *listed]
         for seam, table in parts:
             hashed.update(registry.source_of(seam, table["use"]))
@@ -108,7 +110,8 @@ def asked(scenario: Scenario) -> bytes:
     """All that a scenario asks for, in JSON: whatever it is called, wherever its floor plan's file is."""
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    return msgspec.json.encode({**msgspec.structs.asdict(scenario), "world": unnamed}, order="deterministic")
+    given = {key: value for key, value in msgspec.structs.asdict(scenario).items() if value is not msgspec.UNSET}
+    return msgspec.json.encode({**given, "world": unnamed}, order="deterministic")
 
 
 def _world_key(scenario: Scenario) -> bytes:

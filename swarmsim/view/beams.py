@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.fitting import Fitted, sensors_of
 from swarmsim.kernels import rays
 from swarmsim.recording.reader import Recording
 from swarmsim.robots.sensors import IrRing
@@ -26,9 +28,9 @@ class BeamReplay:
         scenario = recording.scenario
         self._arena = Arena.open(plan, scenario.grid.cell, 1, scenario.title)
         self._cell = scenario.grid.cell
-        groups = scenario.robots.groups
-        tables = [group.sensor or scenario.sensor for group in groups for _ in range(group.count)]
-        self._rings = [_ring(table) for table in tables or [scenario.sensor] * scenario.robots.count]
+        groups, fitted = scenario.robots.groups, sensors_of(scenario)
+        counts = [group.count for group in groups] if len(fitted) > 1 else [scenario.robots.count]
+        self._rings = [ring for of, n in zip(fitted, counts, strict=True) for ring in [_ring(of)] * n]
         self._boxes: tuple[Box, ...] = ()
         self._walls = self._arena.segments
 
@@ -64,9 +66,13 @@ class BeamReplay:
         return min(float(ring.reach or 0.0), self._cell * math.hypot((ring.tile[0] + 1) / 2, (ring.tile[1] + 1) / 2))
 
 
-def _ring(table: dict[str, object]) -> IrRing | None:
-    try:
-        part = registry.part("sensor", table)
-    except InputError:  # code of somebody's own, which pictures do not run
-        return None
-    return part if isinstance(part, IrRing) else None
+def _ring(fitted: Sequence[Fitted]) -> IrRing | None:
+    """The first ring among the sensors of a robot."""
+    for one in fitted:
+        try:
+            part = registry.part("sensor", one.table)
+        except InputError:  # code of somebody's own, which pictures do not run
+            continue
+        if isinstance(part, IrRing):
+            return part
+    return None

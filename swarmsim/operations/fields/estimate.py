@@ -105,6 +105,7 @@ MOST = 1000  # bells: with more, an iteration takes seconds
 class FieldComputation:
     """One information matrix a robot."""
 
+    requires = ("field",)
     knows: type[Knowledge] = Reconstruction
 
     def __init__(self, parameters: FieldEstimate, count: int, basis: Basis) -> None:

@@ -93,6 +93,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class MapComputation:
     """One occupancy grid per robot, of which nobody else can write a cell."""
 
+    requires = ("tiles",)
     knows: type[Knowledge] = Maps
 
     def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing) -> None:

@@ -9,7 +9,6 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import parts
-from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
@@ -129,11 +128,8 @@ class TileAndGoalSharing(CurrentTileSharing):
 
 
 def tiles_of(observations: Observations) -> Tiles:
-    """The tiles that robots sense. Raises InputError if their sensor gives none."""
-    tiles = observations.readings.tiles
-    if tiles is None:
-        raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
-    return tiles
+    """The tiles that robots sense."""
+    return observations.readings.tiled
 
 
 def inbox_of(observations: Observations) -> Inbox[Any]:
