@@ -4,7 +4,7 @@ import io
 import signal
 import subprocess
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from swarmsim.core.readings import Channels, Readings, Tiles, tile_channels
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Observations
+from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Senses
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
@@ -120,9 +120,9 @@ def readings_of(tiles: Tiles | None = None) -> Readings:
     return Readings(Channels(*tile_channels(tiles.values.shape[1:], bool(said))), (tiles.values, tiles.origins, *said))
 
 
-def seen_as(iteration, pose, alive, tiles, inbox=None) -> Observations:
-    """What robots observe that sense tiles."""
-    return Observations(iteration, pose, np.zeros_like(pose), alive, readings_of(tiles), inbox)
+def seen_as(iteration, pose, alive, tiles) -> Senses:
+    """What robots know that sense tiles."""
+    return Senses(iteration, pose, np.zeros_like(pose), alive, readings_of(tiles))
 
 
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
@@ -159,9 +159,8 @@ class Mapping:
         self.computation, self.strategy = computation, strategy
         self.observed, self.log_odds = computation._grids.observed, computation._grids.log_odds  # for tests to write
 
-    def step(self, observations: Observations) -> Intents:
-        knowledge = self.computation.hear(observations)
-        return self.strategy.step(replace(observations, knowledge=knowledge))
+    def step(self, senses: Senses, inbox: Inbox) -> Intents:
+        return self.strategy.step(senses, inbox, self.computation.hear(senses, inbox))
 
 
 def called(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -11,7 +11,7 @@ from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,17 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
-from swarmsim.recording.reader import Recording
+from swarmsim.recording.reader import Recording, Summary
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-Overrides = Mapping[str, Any]  # dotted key: value, as in {"robots.count": 20}
+    from swarmsim.view.look import LookKeys
+
+Overrides = Mapping[str, object]  # dotted key: value, as in {"robots.count": 20}
 
 
 def run(
@@ -78,7 +80,7 @@ def simulate(
     seed: int | None = None,
     overrides: Overrides | None = None,
     allow_code: bool = False,
-) -> Iterator[Moment]:
+) -> Iterator[Moment[Knowledge]]:
     """Step a scenario to its end: everything that happened in each iteration, and nothing is recorded.
 
     Parameters and errors are those of `run`. The swarm is made before the first step is asked for.
@@ -86,7 +88,7 @@ def simulate(
     with registry.own_code(allow_code):
         simulation = _made(scenario, seed, overrides).simulation
 
-    def steps() -> Iterator[Moment]:
+    def steps() -> Iterator[Moment[Knowledge]]:
         while not simulation.over:
             yield simulation.tick()
 
@@ -111,7 +113,7 @@ class Run:
         self.recording = recording
 
     @cached_property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Summary:
         """The run in a few numbers, as in its `summary.json`."""
         return self.recording.summary()
 
@@ -143,7 +145,7 @@ class Run:
             raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
         recording, curve = self.recording, self.recording.curve
         iteration = np.arange(1, self.iterations + 1)
-        columns: dict[str, Any] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
+        columns: dict[str, object] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
         for name, values in self.measures.items():
             columns |= {named(curve): self.curve()} if name == curve.name else {name: values}
         columns |= {
@@ -171,7 +173,7 @@ class Run:
         size: tuple[int, int] = (1280, 720),
         cards: bool = True,
         beside: Run | None = None,
-        **look: Any,
+        **look: Unpack[LookKeys],
     ) -> Path:
         """Write a film, .mp4, .gif or numbered .png, and give its path.
 
@@ -186,7 +188,7 @@ class Run:
         return Path(path)
 
     def picture(
-        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Any
+        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Unpack[LookKeys]
     ) -> NDArray[np.uint8]:
         """The picture (height, width, 3) after so many iterations, by default at the end. Raises InputError.
 
@@ -203,7 +205,8 @@ class Run:
         return f"<Run {self.recording.scenario.title!r}: {status} after {self.iterations} iterations{last}>"
 
     def _repr_html_(self) -> str:
-        rows = {name: self.summary[name] for name in ("status", "iterations", "robots", "alive", "messages", "seed")}
+        shown = ("status", "iterations", "robots", "alive", "messages", "seed")
+        rows = {name: value for name, value in self.summary.items() if name in shown}
         rows |= {name: f"{value:.4g}" for name, value in self.summary["measures"].items()}
         table = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(str(v))}</td></tr>" for k, v in rows.items())
         title = html.escape(self.recording.scenario.title)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import msgspec
 
 
 def set_keys(incomplete: str) -> list[str]:
@@ -51,7 +54,7 @@ def _settings() -> Iterator[str]:
 
     places = {seam.at: seam for seam in SEAMS.values()}
 
-    def keys(kind: Any, place: str) -> Iterator[str]:
+    def keys(kind: type[msgspec.Struct], place: str) -> Iterator[str]:
         for field in msgspec.structs.fields(kind):
             path = f"{place}{field.encode_name}"
             inner = field.type

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -229,9 +229,9 @@ def _table(recording: Recording, folder: Path) -> Table:
     table = Table(title=summary["title"], show_header=False)
     lines = [noted(event, recording.scenario).text for event in recording.events()]
     hidden = len(lines) - EVENT_LINES
-    shown: dict[str, Any] = {}
+    shown: dict[str, object] = {}
     for name, value in summary.items():
-        shown |= _measures(value, recording) if name == "measures" else {name: value}
+        shown |= _measures(summary["measures"], recording) if name == "measures" else {name: value}
     times = summary["reached"].items()
     shown["reached"] = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in times) or "-"
     shown["lost"] = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items()) or "none"

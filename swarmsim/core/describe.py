@@ -9,7 +9,7 @@ import textwrap
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 from msgspec import inspect as types
@@ -147,7 +147,18 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
     return low + high
 
 
-def plain(description: Description) -> dict[str, Any]:
+def seams_in_markdown() -> str:
+    """The table of all seams, as the page about parts has it."""
+    rows = [("seam", "in a scenario", "default", "what a part does", "what it has"), ("---",) * 5]
+    for seam in SEAMS.values():
+        place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else "in another part's table"
+        default = "must be named" if seam.required else f"`{seam.default}`" if seam.default else "none"
+        does = _first_sentence(inspect.cleandoc(seam.protocol.__doc__ or "")).rstrip(".")
+        rows.append((seam.name, place, default, does, ", ".join(f"`{verb}`" for verb in seam.verbs)))
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def plain(description: Description) -> dict[str, object]:
     """A description as what JSON holds."""
-    found: dict[str, Any] = msgspec.to_builtins(description)
+    found: dict[str, object] = msgspec.to_builtins(description)
     return found

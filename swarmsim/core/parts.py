@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Codec, Delivery, Inbox, Said
+from swarmsim.core.messages import C, Codec, Columns, Delivery, Inbox, Said
 from swarmsim.core.readings import Channels, Readings
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, State
+from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
-Known = TypeVar("Known", contravariant=True)  # what a computation's robots know, as its own parts see it
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
+K = TypeVar("K", bound=Knowledge, contravariant=True)  # what a part reads
 
 
 class Generator(Protocol):
@@ -66,7 +66,7 @@ class Tracking(Localisation, Protocol):
         ...
 
 
-class Computation(Protocol):
+class Computation(Protocol[C, K_co]):
     """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know."""
 
     @property
@@ -75,18 +75,18 @@ class Computation(Protocol):
         ...
 
     @property
-    def codec(self) -> Codec[Any]:
+    def codec(self) -> Codec[C]:
         """What its messages look like on the air."""
         ...
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[C]:
         """The message of every robot in this iteration, before it has heard anything; nobody hears the dead."""
         ...
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[C]) -> K_co:
         """What every robot knows once it has taken in its readings and its inbox; views, which cannot be written to.
 
-        Row i follows from row i of the observations and from robot i's inbox alone.
+        Row i follows from row i of what is sensed and from robot i's inbox alone.
         """
         ...
 
@@ -99,19 +99,19 @@ class Computation(Protocol):
         ...
 
 
-class Sharing(Protocol[Known]):
+class Sharing(Protocol[K]):
     """What robots of one computation say of what they know, and what they take in of what they hear."""
 
-    def say(self, observations: Observations, known: Known, /) -> Said[Any]:
+    def say(self, senses: Senses, known: K, /) -> Said[Any]:
         """The message of every robot, from what it senses now and what it knew before this iteration."""
         ...
 
-    def taken(self, observations: Observations) -> Inbox[Any]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[Any]:
         """The items of the inbox that are taken in."""
         ...
 
 
-class Strategy(Protocol):
+class Strategy(Protocol[K]):
     """What robots do with what they know."""
 
     @property
@@ -119,7 +119,7 @@ class Strategy(Protocol):
         """What kind of knowledge it needs; `Knowledge` itself if any will do."""
         ...
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: K) -> Intents:
         """The intents of all robots, of which row i follows from row i of what is given alone."""
         ...
 
@@ -145,10 +145,10 @@ class Curve:
             raise ValueError("a curve's scale or end that is not finite")
 
 
-class Summary(Protocol):
+class Summary(Protocol[K]):
     """A probe that has the run in numbers at its end."""
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[K]) -> None:
         """Take note of one iteration."""
         ...
 
@@ -157,7 +157,7 @@ class Summary(Protocol):
         ...
 
 
-class Task(Protocol):
+class Task(Protocol[K]):
     """What is measured of the swarm, and when it has done what it was asked."""
 
     @property
@@ -170,11 +170,11 @@ class Task(Protocol):
         """What is drawn of it."""
         ...
 
-    def measure(self, moment: Moment) -> Measured:
-        """What is measured in an iteration, of which `measured` is not there yet."""
+    def measure(self, done: Done[K]) -> Measured:
+        """What is measured in an iteration."""
         ...
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[K]]:
         """New probes, which sum a whole run up."""
         ...
 
@@ -296,13 +296,13 @@ class Parts:
 
     sensor: Sensor
     localisation: Tracking
-    computation: Computation
-    strategy: Strategy
+    computation: Computation[Any, Knowledge]
+    strategy: Strategy[Any]
     topology: Topology
     channel: Channel
     motion: Motion
     bodies: Bodies
-    task: Task
+    task: Task[Any]
     building: Building
     calendar: Calendar
     lattice: Lattice  # of tiles and maps
@@ -319,6 +319,6 @@ class Fault(Protocol):
 class Probe(Protocol):
     """Something that looks at every iteration."""
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""
         ...

@@ -29,7 +29,7 @@ from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State
+from swarmsim.core.state import Knowledge, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
@@ -278,7 +278,9 @@ def _giving(name: str) -> str:
     return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
 
 
-def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
+def _check_knowledge(
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Record, State
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import wander
 
 Positive = Annotated[float, Meta(gt=0.0)]
@@ -52,15 +52,15 @@ class Wandering:
         self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
         self._block, self._turns = -1, np.empty((0, 0))
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """On, away from what is near."""
-        readings = observations.readings
-        block, within = divmod(observations.iteration, AHEAD)
+        readings = senses.readings
+        block, within = divmod(senses.iteration, AHEAD)
         if block != self._block:
             when = np.arange(block * AHEAD, (block + 1) * AHEAD)[:, None]
             self._block, self._turns = block, self._bend * chance.normal(0, self._salts, when)
         twists: NDArray[np.float64] = wander.steer_clear(
-            readings.channels.axis("ranges"), readings["ranges"], observations.alive, self._turns[within],
+            readings.channels.axis("ranges"), readings["ranges"], senses.alive, self._turns[within],
             self._clearance, self._speed, self._period,
         )  # fmt: skip
         return Intents.twisting(twists)
@@ -103,11 +103,11 @@ class Reacting:
         self.codec = PlainCodec(Nothing(np.zeros(0, np.uint8)))
         self._said = Said.each(Nothing(np.zeros(robots, np.uint8)), self.codec.size)
 
-    def say(self, observations: Observations) -> Said[Nothing]:
+    def say(self, senses: Senses) -> Said[Nothing]:
         """That they are there."""
         return self._said
 
-    def hear(self, observations: Observations) -> Oblivion:
+    def hear(self, senses: Senses, inbox: Inbox[Nothing]) -> Oblivion:
         """Nothing."""
         return Oblivion()
 
@@ -139,9 +139,9 @@ class TravelTask:
         self._leap = 2.0 * setting.robots.speed * setting.period  # m; whoever is that far was carried there
         self._last: State | None = None
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """The mean way so far, in m."""
-        state, last = moment.state, self._last
+        state, last = done.state, self._last
         if last is not None:
             step = state.pose[:, :2] - last.pose[:, :2]
             length = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2)
@@ -149,6 +149,6 @@ class TravelTask:
         self._last = state
         return Measured({"travelled": self._way}, {}, min(1.0, self._way / self._distance), self._way >= self._distance)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last value."""
         return (Last(),)

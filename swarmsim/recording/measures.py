@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swarmsim.core.events import Ended
 from swarmsim.core.parts import Curve
 from swarmsim.core.robots import Robots
-from swarmsim.core.state import Moment, State
+from swarmsim.core.state import Knowledge, Moment, State
 
 EDITION: Final = 2  # of what measures mean; raised when that changes, so that studies do not mix old rows with new ones
 SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of what a curve can reach, whose times are measured
@@ -57,7 +57,7 @@ class RunMeasures:
         self._finished = False
         self._links = self._messages = self._bytes = self._lost = 0
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Take note of one iteration."""
         state, last = moment.state, self._last
         if last is not None:

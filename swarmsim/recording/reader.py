@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import h5py
 import msgspec
@@ -40,6 +40,30 @@ READING: Final = (
 )
 READ_AHEAD: Final = 1 << 20  # rows of large tables
 PENDING: Final = {True: "under way", False: "interrupted", None: "under way or interrupted"}
+Column = NDArray[Any]  # a table as it is in the file: `layout` says of which kind
+
+#: A run in a few numbers.
+Summary = TypedDict(
+    "Summary",
+    {
+        "title": str,
+        "status": str,
+        "iterations": int,
+        "measures": dict[str, float],
+        "progress": float,
+        "reached": dict[str, int | None],
+        "robots": int,
+        "alive": int,
+        "domain cells": int,
+        "messages": int,
+        "bytes": int,
+        "lost": dict[str, int],
+        "events": list[dict[str, object]],
+        "seed": int,
+        "digest": str,
+        "versions": dict[str, str],
+    },
+)
 
 
 class Recording:
@@ -55,8 +79,8 @@ class Recording:
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
         files.check_plain(self.path, "a run's folder or its recording.h5", None)
         self._growing = file
-        self._arrays: dict[str, NDArray[Any]] = {}  # what has been read
-        self._near: dict[str, tuple[int, NDArray[Any]]] = {}  # of large tables: some rows, and the first one's number
+        self._arrays: dict[str, Column] = {}  # what has been read
+        self._near: dict[str, tuple[int, Column]] = {}  # of large tables: some rows, and the first one's number
         try:
             with self._file() as opened:
                 self._read(opened)
@@ -132,7 +156,7 @@ class Recording:
         self._sizes |= {"waypoints": len(self._growing["waypoints"]), "last fate": len(self._growing["fates"]) - 1}
         self.iterations = len(self._growing["digests"])
 
-    def _loaded(self, name: str) -> NDArray[Any]:
+    def _loaded(self, name: str) -> Column:
         """A whole table, read when it is first asked for. Raises InputError for one with numbers that cannot be."""
         if name not in self._arrays:
             try:
@@ -144,7 +168,7 @@ class Recording:
             self._arrays[name] = rows
         return self._arrays[name]
 
-    def _some(self, name: str, first: int, last: int) -> NDArray[Any]:
+    def _some(self, name: str, first: int, last: int) -> Column:
         """Rows `first` to `last` of a table, and READ_AHEAD more are read with them. Raises InputError as `_loaded`."""
         start, rows = self._near.get(name, (last + 1, np.empty(0)))  # nothing that would do
         if first < start or last > start + len(rows):
@@ -159,12 +183,12 @@ class Recording:
             start, self._near[name] = first, (first, rows)
         return rows[first - start : last - start]
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Column:
         """A table of the file by its name, cut to whole iterations where it has one row for each."""
         array = self._loaded(name)
         return array[: self.iterations] if name in self._rows else array
 
-    def rows(self, name: str, *shape: int) -> NDArray[Any]:
+    def rows(self, name: str, *shape: int) -> Column:
         """A table with one row of this shape for each iteration. Raises InputError unless the file has it."""
         if name not in self._names or name not in self._rows or self[name].shape[1:] != shape:
             raise self._damaged(ValueError(f"no table {name!r} with rows of shape {shape}"))
@@ -204,7 +228,7 @@ class Recording:
         """What the numbers of fates mean: 0 is heard, all others why a message was lost."""
         return [name.decode(errors="replace") for name in self._loaded("fates")]
 
-    def _of(self, name: str, iteration: int) -> NDArray[Any]:
+    def _of(self, name: str, iteration: int) -> Column:
         ends = self._loaded(f"{name}_end")
         return self._some(name, int(ends[iteration - 1]) if iteration else 0, int(ends[iteration]))
 
@@ -258,7 +282,7 @@ class Recording:
             heard += int(size.sum(where=fate == 0, dtype=np.int64))
         return counts, heard
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Summary:
         """The run in a few numbers, for tables and JSON."""
         events = self.events()
         ends = ["finished" if event.finished else "not finished" for event in events if isinstance(event, Ended)]

@@ -22,7 +22,7 @@ from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
 from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import Scenario
-from swarmsim.core.state import Moment, Record
+from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
 from swarmsim.recording.reader import FORMAT, FORMAT_NAME
 
@@ -124,7 +124,7 @@ class Recorder:
         self._tell("measures", json.dumps(measures))
         self.file.swmr_mode = True
 
-    def _rows(self, moment: Moment) -> dict[str, Any]:
+    def _rows(self, moment: Moment[Knowledge]) -> dict[str, Any]:
         """What has one row of the same shape in every iteration, by the name of its table."""
         return {
             "pose": moment.state.pose,
@@ -142,7 +142,7 @@ class Recorder:
             shuffle=True,
         )  # fmt: skip
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Keep one iteration; every BLOCK iterations they are written and flushed."""
         rows, lists, letters = self._rows(moment), _lists(moment), self._with_fates(moment.delivery)
         if len(self._tables) == 1:
@@ -226,7 +226,7 @@ class Recorder:
         self.close()
 
 
-def _check_names(moment: Moment, path: Path) -> None:
+def _check_names(moment: Moment[Knowledge], path: Path) -> None:
     """Raise InputError if two parts record something under one name: one of the two would be lost."""
     names = [name for _, record in _records(moment) for name in (*record.rows, *record.lists)]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
@@ -234,7 +234,7 @@ def _check_names(moment: Moment, path: Path) -> None:
         raise InputError(f"{path}: {twice[0]!r} is given by {parts}; expected different names")
 
 
-def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
+def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     """What the parts give to be recorded, and what of theirs it is."""
     return (
         ("the readings", Record(moment.readings.rows())), ("the knowledge", moment.knowledge.record()),
@@ -242,12 +242,12 @@ def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
     )  # fmt: skip
 
 
-def _lists(moment: Moment) -> dict[str, NDArray[Any]]:
+def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[Any]]:
     """What has as many rows as there happen to be, by the name of its table."""
     return {"links": moment.links, **moment.knowledge.record().lists}
 
 
-def _new_ways(moment: Moment) -> list[tuple[int, int, NDArray[np.float64]]]:
+def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.float64]]]:
     """The iteration, the robot and the waypoints (w, 2) of every path that is new."""
     intents = moment.intents
     return [

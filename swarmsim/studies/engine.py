@@ -21,7 +21,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.parts import Probe
 from swarmsim.core.scenario import Scenario
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.measures import RunMeasures
@@ -53,7 +53,7 @@ class CurveKeeper:
         self._name = name
         self.values: list[float] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Take note of one iteration."""
         self.values.append(moment.measured.values[self._name])
 

@@ -14,7 +14,7 @@ from swarmsim.core import registry
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.parts import Computation, Strategy
 from swarmsim.core.scenario import tables
-from swarmsim.core.state import Intents, Observations
+from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
@@ -25,8 +25,8 @@ from swarmsim.testing.runs import ITERATIONS, limited, opened
 class Heard:
     """What a mind was given in one iteration, and what it did with that."""
 
-    before: Observations  # when it spoke
-    after: Observations  # with its inbox
+    senses: Senses
+    inbox: Inbox[Any]
     said: Said[Any]
     intents: Intents
 
@@ -34,18 +34,17 @@ class Heard:
 def _followed(run: Run) -> list[Heard]:
     """Everything that the minds of a run were given, in its order."""
     parts, heard = run.simulation.parts, []
-    spoken: list[tuple[Observations, Said[Any]]] = []
+    spoken: list[tuple[Senses, Said[Any]]] = []
     say, step = parts.computation.say, parts.strategy.step
 
-    def saying(observations: Observations) -> Said[Any]:
-        said = say(observations)
-        spoken.append((_copied(observations), said))
+    def saying(senses: Senses) -> Said[Any]:
+        said = say(senses)
+        spoken.append((_chosen(senses, np.arange(len(senses.alive))), said))
         return said
 
-    def stepping(observations: Observations) -> Intents:
-        intents = step(observations)
-        before, said = spoken[-1]
-        heard.append(Heard(before, _copied(replace(observations, knowledge=None)), said, intents))
+    def stepping(senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
+        intents = step(senses, inbox, knowledge)
+        heard.append(Heard(spoken[-1][0], inbox, spoken[-1][1], intents))
         return intents
 
     parts.computation.say, parts.strategy.step = saying, stepping  # type: ignore[method-assign]
@@ -53,23 +52,19 @@ def _followed(run: Run) -> list[Heard]:
     return heard
 
 
-def _copied(observations: Observations) -> Observations:
-    return _chosen(observations, np.arange(len(observations.alive)))
-
-
-def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations:
+def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
     """The same with the rows of arrays in this order."""
-    decided = observations.decided
+    decided = senses.decided
     if decided is not None:
         columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
         decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
     return replace(
-        observations, pose=observations.pose[rows], velocity=observations.velocity[rows],
-        alive=observations.alive[rows], readings=observations.readings.take(rows), decided=decided,
+        senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
+        readings=senses.readings.take(rows), decided=decided,
     )  # fmt: skip
 
 
-def _mind(run: Run, streams: Streams | None = None) -> tuple[Computation, Strategy]:
+def _mind(run: Run, streams: Streams | None = None) -> tuple[Computation[Any, Knowledge], Strategy[Any]]:
     """A new mind, as built for a run."""
     setting = run.setting if streams is None else replace(run.setting, streams=streams)
     parts = tables(run.scenario)
@@ -77,11 +72,11 @@ def _mind(run: Run, streams: Streams | None = None) -> tuple[Computation, Strate
 
 
 def _repeated(
-    mind: tuple[Computation, Strategy], before: Observations, after: Observations
+    mind: tuple[Computation[Any, Knowledge], Strategy[Any]], senses: Senses, inbox: Inbox[Any]
 ) -> tuple[Said[Any], Intents]:
     computation, strategy = mind
-    said = computation.say(before)
-    return said, strategy.step(replace(after, knowledge=computation.hear(after)))
+    said = computation.say(senses)
+    return said, strategy.step(senses, inbox, computation.hear(senses, inbox))
 
 
 def check_locality(
@@ -98,10 +93,10 @@ def check_locality(
         with registry.own_code(allow_code):
             mind = _mind(run)
         for heard in followed:
-            other = [_scrambled(given, robot) for given in (heard.before, heard.after)]
-            said, intents = _repeated(mind, *other)
-            where = f"{scenario}, iteration {heard.before.iteration}, robot {robot}"
-            if not heard.before.alive[robot]:
+            hears = np.flatnonzero(heard.inbox.receivers == robot)
+            said, intents = _repeated(mind, _scrambled(heard.senses, robot), heard.inbox.take(hears))
+            where = f"{scenario}, iteration {heard.senses.iteration}, robot {robot}"
+            if not heard.senses.alive[robot]:
                 continue
             for mine, first in zip(said.of(robot).arrays(), heard.said.of(robot).arrays(), strict=True):
                 assert np.array_equal(mine, first, equal_nan=mine.dtype.kind == "f"), (
@@ -119,17 +114,15 @@ def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist
 
 
-def _scrambled(observations: Observations, robot: int) -> Observations:
-    """The same for one robot alone: all others are where the next one was, facing about, and hear nothing."""
-    count = len(observations.alive)
+def _scrambled(senses: Senses, robot: int) -> Senses:
+    """The same for one robot alone: all others are where the next one was, facing about."""
+    count = len(senses.alive)
     rows = np.roll(np.arange(count), 1)
     rows[robot] = robot
-    other = _chosen(observations, rows)
+    other = _chosen(senses, rows)
     turned = other.pose.copy()
     turned[np.arange(count) != robot, 2] += 1.0
-    inbox = observations.inbox
-    mine = None if inbox is None else inbox.take(np.flatnonzero(inbox.receivers == robot))
-    return replace(other, pose=turned, inbox=mine)
+    return replace(other, pose=turned)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,15 +149,15 @@ def check_permutation(
     with registry.own_code(allow_code):
         mind = _mind(run, Renamed(run.scenario.seed, tuple(rows.tolist())))
     for heard in followed:
-        before, after = (_chosen(given, rows) for given in (heard.before, heard.after))
-        said, intents = _repeated(mind, before, replace(after, inbox=_renamed(heard.after.inbox, rows)))
-        where = f"{scenario}, iteration {heard.before.iteration}"
-        for robot in np.flatnonzero(before.alive).tolist():
+        senses = _chosen(heard.senses, rows)
+        said, intents = _repeated(mind, senses, _renamed(heard.inbox, rows))
+        where = f"{scenario}, iteration {heard.senses.iteration}"
+        for robot in np.flatnonzero(senses.alive).tolist():
             pairs = zip(said.of(robot).arrays(), heard.said.of(int(rows[robot])).arrays(), strict=True)
             assert all(_close(mine, first) for mine, first in pairs), f"{where}: robot {robot} says something else"
         for name in ("goals", "counts", "planned"):
             mine, first = getattr(intents, name), getattr(heard.intents, name)[rows]
-            assert np.array_equal(mine[before.alive], first[before.alive]), f"{where}: other {name}"
+            assert np.array_equal(mine[senses.alive], first[senses.alive]), f"{where}: other {name}"
         if intents.twists is not None and heard.intents.twists is not None:
             assert _close(intents.twists, heard.intents.twists[rows]), f"{where}: other twists"
 
@@ -173,10 +166,8 @@ def _close(mine: NDArray[Any], first: NDArray[Any]) -> bool:
     return bool(np.allclose(mine, first, rtol=1e-9, atol=1e-9, equal_nan=mine.dtype.kind == "f"))
 
 
-def _renamed(inbox: Inbox[Any] | None, rows: NDArray[np.int64]) -> Inbox[Any] | None:
+def _renamed(inbox: Inbox[Any], rows: NDArray[np.int64]) -> Inbox[Any]:
     """The inbox of robots with other numbers, in the order of those."""
-    if inbox is None:
-        return None
     names = np.argsort(rows).astype(np.int32)
     renamed = replace(inbox, receivers=names[inbox.receivers], senders=names[inbox.senders])
     return renamed.take(np.lexsort((renamed.sent, renamed.senders, renamed.receivers)))

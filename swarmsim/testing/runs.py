@@ -14,7 +14,7 @@ from swarmsim.core.errors import PartError
 from swarmsim.core.messages import Said
 from swarmsim.core.parts import Computation
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Moment, Observations
+from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.digests import Digests
@@ -47,7 +47,7 @@ def check_strictly(
     parts, problems = run.simulation.parts, []
 
     class Check:
-        def sample(self, moment: Moment) -> None:
+        def sample(self, moment: Moment[Knowledge]) -> None:
             fastest = float(np.abs(moment.state.wheels).max(initial=0.0))
             if fastest > run.scenario.robots.speed + SLACK:
                 problems.append(f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}")
@@ -64,13 +64,13 @@ def check_strictly(
 
 
 @contextmanager
-def _weighed(computation: Computation, problems: list[str]) -> Iterator[None]:
+def _weighed(computation: Computation[Any, Knowledge], problems: list[str]) -> Iterator[None]:
     """For as long as this lasts, every message is packed and unpacked."""
     say = computation.say
 
-    def weighed(observations: Observations) -> Said[Any]:
-        said = say(observations)
-        wrong = contracts.message_sizes(said, computation.codec, observations.iteration)
+    def weighed(senses: Senses) -> Said[Any]:
+        said = say(senses)
+        wrong = contracts.message_sizes(said, computation.codec, senses.iteration)
         if wrong is not None:
             problems.append(wrong)
         return said

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import pygame
@@ -56,7 +56,7 @@ class Gathering:
         self._roots = np.arange(len(start))
         self._place = self._cells(start[:, :2])  # where each robot's start is drawn, in cells ...
         self._turn = -start[:, 2]  # ... and how its map is turned, rad
-        self._moment: Moment | None = None
+        self._moment: Moment[Any] | None = None
 
     def _building(self, surface: pygame.Surface) -> pygame.Surface:
         """The floor plan in faint lines, as a help for those who watch."""
@@ -73,7 +73,7 @@ class Gathering:
         lattice = self._scene.lattice
         return np.asarray((points - (lattice.x0, lattice.y0))[:, ::-1] / lattice.cell)
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""
         tiles, frames = moment.readings.tiled, moment.knowledge.frames
         self._moment = moment
@@ -163,7 +163,7 @@ class Gathering:
         yaw = float(pose[2] + self._turn[robot])
         self._pen.robot(self._surface, (float(at[0]), float(at[1])), yaw, size, colour, label)
 
-    def _tell(self, moment: Moment) -> None:
+    def _tell(self, moment: Moment[Any]) -> None:
         """The column at the right: what is shown, and whose frame each robot is in."""
         theme, width, height = self._theme, self._film.size[0] - self._left, self._film.size[1]
         pygame.draw.rect(self._surface, theme.background, (self._left, 0, width, height))

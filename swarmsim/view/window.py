@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import pygame
@@ -28,7 +28,7 @@ RENEWED: Final = 0.5  # s from one drawing of the panel to the next, of a run th
 SPEEDS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # iterations a second
 PUSH: Final = 0.5  # m/s
 #: What strikes the picked robot, by key: a name and the fault's table.
-STRIKES: Final[dict[int, tuple[str, dict[str, Any]]]] = {
+STRIKES: Final[dict[int, tuple[str, dict[str, object]]]] = {
     pygame.K_k: ("killed", {"use": "crash"}),
     pygame.K_r: ("removed", {"use": "remove"}),
     pygame.K_b: ("blinded", {"use": "sensor", "failure": "off"}),
@@ -67,7 +67,7 @@ class Show(Protocol):
         """Do one more iteration."""
         ...
 
-    def strike(self, fault: dict[str, Any], iteration: int) -> None:
+    def strike(self, fault: dict[str, object], iteration: int) -> None:
         """Let a fault strike at an iteration. Raises InputError."""
         ...
 
@@ -265,7 +265,7 @@ class Window:
             self._canvas.renew()
             self._renewed = now
 
-    def _strike(self, word: str, fault: dict[str, Any]) -> None:
+    def _strike(self, word: str, fault: dict[str, object]) -> None:
         """Let a fault strike the picked robot, from the iteration that comes next."""
         if self.picked is None:
             self.words = "pick a robot first: click on it"
@@ -291,7 +291,7 @@ class Window:
         box = [round(edge, 2) for edge in (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))]
         self._try({"use": "door", "box": box}, "door closed")
 
-    def _try(self, fault: dict[str, Any], word: str) -> None:
+    def _try(self, fault: dict[str, object], word: str) -> None:
         iteration = int(self.time) + 1  # after the one that is seen, however far the run has come
         try:
             self._show.strike(fault, iteration)

@@ -58,9 +58,9 @@ class Liar:
         self.inner, self.says_so, self.codec = inner, says_so, None
         self.forget, self.adopt, self.say = inner.forget, inner.adopt, inner.say
 
-    def hear(self, observations):
-        maps = self.inner.hear(observations)
-        if observations.iteration < 3:
+    def hear(self, senses, inbox):
+        maps = self.inner.hear(senses, inbox)
+        if senses.iteration < 3:
             return maps
         everything = np.ones_like(maps.observed)
         if not self.says_so:
@@ -90,8 +90,8 @@ class Brief:
         self.inner, self.less = inner, less
         self.hear, self.forget, self.adopt = inner.hear, inner.forget, inner.adopt
 
-    def say(self, observations):
-        said = self.inner.say(observations)
+    def say(self, senses):
+        said = self.inner.say(senses)
         return replace(said, sizes=said.sizes - np.int32(self.less))
 
 
@@ -108,14 +108,14 @@ class Walker:
     def __init__(self, does, inner):
         self.does, self.inner = does, inner
 
-    def step(self, observations):
-        intents = self.inner.step(observations)
-        if observations.iteration < 2:
+    def step(self, senses, inbox, knowledge):
+        intents = self.inner.step(senses, inbox, knowledge)
+        if senses.iteration < 2:
             return intents
         if self.does == "nan":
             return replace(intents, waypoints=np.full_like(intents.waypoints, np.nan))
         if self.does == "write":
-            observations.knowledge.observed[:] = True
+            knowledge.observed[:] = True
         if self.does == "raise":
             return {}["nothing"]
         return "somewhere"
@@ -276,9 +276,9 @@ class Sharing:
         self.inner, self.wrong = inner, wrong
         self.taken = inner.taken
 
-    def say(self, observations, maps):
-        said = self.inner.say(observations, maps)
-        if observations.iteration < 2:
+    def say(self, senses, maps):
+        said = self.inner.say(senses, maps)
+        if senses.iteration < 2:
             return said
         return replace(said, sizes=said.sizes.astype(float)) if self.wrong else 1 // 0
 
@@ -393,6 +393,56 @@ def test_parts_that_lack_what_their_seam_asks_for_are_bad_input(own) -> None:
     ):
         with pytest.raises(InputError, match=words):
             own(keys)
+
+
+PHASES = """
+from dataclasses import replace
+
+from msgspec import Struct
+
+
+class Old(Struct, frozen=True):
+    knows = reads = codec = property(lambda self: None)
+
+    def build(self, setting):
+        return self
+
+    def install(self, parts):
+        return replace(parts, strategy=self)
+
+    def say(self, observations):
+        pass
+
+    def hear(self, observations):
+        pass
+
+    def step(self, observations):
+        pass
+
+    def forget(self, robots):
+        pass
+
+    def adopt(self, robots, source):
+        pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("mind.computation={{{}}}", "def hear(self, senses, inbox):"),
+        ("mind.strategy={{{}}}", "def step(self, senses, inbox, knowledge):"),
+        ("faults=[{{{}}}]", "def step(self, senses, inbox, knowledge):"),
+    ],
+)
+def test_a_mind_that_takes_other_phases_is_told_the_line_to_write(own, key: str, line: str) -> None:
+    (own.path.parent / "old.py").write_text(PHASES)
+    with pytest.raises(InputError) as refused:
+        own(key.format("use='./old.py:Old'"))
+    told = str(refused.value)
+    assert f"expected '{line}'\n" in told
+    assert "(observations) takes" in told
+    assert f"in {line.split('(')[0][4:]}: {line.split('(')[0]}(self, observations):" in told  # its own line
 
 
 def test_a_strangers_scenario_runs_no_code_unless_it_is_allowed(own, tmp_path: Path) -> None:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Estimates, Knowledge, Observations
+from swarmsim.core.state import Estimates, Knowledge, Senses
 from swarmsim.operations.steering import wrapped
 
 TURN: Final = 2.0 * np.pi  # rad
@@ -82,31 +82,30 @@ class HeadingComputation:
         self._leads[parameters.leaders] = True
         self._course = np.zeros(count)  # where leaders headed when they began to turn
 
-    def say(self, observations: Observations) -> Said[Heading]:
+    def say(self, senses: Senses) -> Said[Heading]:
         """Every robot's heading; whoever has none yet has that of its body."""
-        new = observations.alive | ~self._known if self._parameters.body else ~self._known
+        new = senses.alive | ~self._known if self._parameters.body else ~self._known
         first = ~self._known
-        self._heading[new] = observations.pose[new, 2]
+        self._heading[new] = senses.pose[new, 2]
         self._heading[first] *= self._parameters.spread / TURN
         self._known[:] = True
         return Said.each(Heading(self._heading.copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Headings:
+    def hear(self, senses: Senses, inbox: Inbox[Heading]) -> Headings:
         """Turn towards those heard."""
-        inbox, heading, parameters = observations.inbox, self._heading, self._parameters
-        assert inbox is not None
+        heading, parameters = self._heading, self._parameters
         count = len(heading)
         apart = wrapped(inbox.content.heading - heading[inbox.receivers])
         total = np.bincount(inbox.receivers, apart, minlength=count)
         heard = np.bincount(inbox.receivers, minlength=count)
         turned = heading + self._dt * total / np.maximum(heard, 1)
         if parameters.noise > 0.0:
-            draw = chance.uniform(self._salt, observations.iteration, np.arange(count), 0)
+            draw = chance.uniform(self._salt, senses.iteration, np.arange(count), 0)
             turned = turned + parameters.noise * np.pi * (2.0 * draw - 1.0)
-        leads = self._leads if observations.iteration >= parameters.at else np.zeros_like(self._leads)
+        leads = self._leads if senses.iteration >= parameters.at else np.zeros_like(self._leads)
         if leads.any():
-            turned = np.where(leads, self._led(observations.iteration - parameters.at), turned)
-        heading[observations.alive] = wrapped(turned[observations.alive])
+            turned = np.where(leads, self._led(senses.iteration - parameters.at), turned)
+        heading[senses.alive] = wrapped(turned[senses.alive])
         return Headings(heading.copy(), leads)
 
     def _led(self, since: int) -> NDArray[np.float64]:

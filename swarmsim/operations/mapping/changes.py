@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.state import Moment
+from swarmsim.operations.mapping.maps import Maps
 
 Cells = NDArray[np.bool_]  # (rows, columns)
 
@@ -40,7 +41,7 @@ class ChangeMeasures:
         self._robots = 0
         self.changes: list[Change] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         observed, log_odds = moment.knowledge.observed, moment.knowledge.log_odds
         self._robots = len(observed)

@@ -20,7 +20,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Observations
+from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 from swarmsim.operations.mapping.maps import Maps
@@ -125,19 +125,19 @@ class MapComputation:
         """That of what is shared."""
         return self._sharing.codec
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """What the sharing policy tells."""
-        return self._sharing.say(observations, self.maps)
+        return self._sharing.say(senses, self.maps)
 
-    def hear(self, observations: Observations) -> Maps:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Maps:
         """Map what was sensed, then what was heard."""
-        tiles, alive = tiles_of(observations), observations.alive
-        taken = self._sharing.taken(observations)
+        tiles, alive = tiles_of(senses), senses.alive
+        taken = self._sharing.taken(senses, inbox)
         if self._forgets:
             known, log_odds = (grid.reshape(len(alive), -1) for grid in (self._grids.observed, self._grids.log_odds))
             occupancy.fade(log_odds, known, alive, self._kept, self._least)
         if self._spared:
-            tiles, taken = self._without_robots(tiles, taken, observations.iteration)
+            tiles, taken = self._without_robots(tiles, taken, senses.iteration)
         fresh = self._grids.update(alive, tiles, taken)
         news = fresh[: len(alive)].copy()
         np.add.at(news, taken.receivers, fresh[len(news) :])

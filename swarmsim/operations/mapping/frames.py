@@ -20,12 +20,12 @@ from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Observations
+from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Senses
 from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.message import MapCodec, TileItems, assembled, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.registration import Cells, Meetings, Transform, register
-from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, inbox_of, mark_sensed, tiles_of
+from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, mark_sensed, tiles_of
 
 #: Whose frame it is and how well founded (2 bytes each), then how it lies in the sender's: a turn (rad), rows and
 #: columns (cells), 4 bytes each.
@@ -111,15 +111,15 @@ class MergeSharing(GossipSharing):
         super()._cut(rows, columns)
         self.codec = MergeCodec((rows, columns), self._grid)
 
-    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
+    def say(self, senses: Senses, maps: Maps) -> Said[Any]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
-        said = super().say(observations, maps)
-        self._maps, now, robots, tile = maps, observations.iteration, self._robots, self._tile
-        mark_sensed(self._sensed, observations.alive, tiles_of(observations))
+        said = super().say(senses, maps)
+        self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
+        mark_sensed(self._sensed, senses.alive, tiles_of(senses))
         speakers = [np.repeat(robots, np.diff(said.ends, prepend=0))]
         items = [MergeItems.of(said.content, TILE)]
-        sizes = said.sizes + observations.alive.astype(np.int32)
-        tellers, whose = self._next_frames(observations.alive)
+        sizes = said.sizes + senses.alive.astype(np.int32)
+        tellers, whose = self._next_frames(senses.alive)
         if len(tellers):
             self._told_at[tellers, whose] = now + 1
             nothing = _tiles(np.zeros((len(tellers), *tile), np.uint8), np.zeros((len(tellers), 2), np.int32), now)
@@ -127,7 +127,7 @@ class MergeSharing(GossipSharing):
             items.append(MergeItems.of(nothing, PLACE, whose, weight, place))
             speakers.append(tellers)
             sizes[tellers] += np.int32(FRAME.size)
-        offering = np.flatnonzero(self._offers & observations.alive).astype(np.int32)
+        offering = np.flatnonzero(self._offers & senses.alive).astype(np.int32)
         if len(offering):
             self._offered[offering] = now
             known = self._sensed_by_itself(maps)[offering]
@@ -151,24 +151,23 @@ class MergeSharing(GossipSharing):
         tellers = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
 
-    def taken(self, observations: Observations) -> Inbox[Any]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[Any]:
         """What those said whose frames are known, put where the hearer believes it to be."""
-        inbox = inbox_of(observations)
-        self._find_frames(observations, inbox)
+        self._find_frames(senses, inbox)
         self._hear_of_frames(inbox)
-        self._meet(observations, inbox)
+        self._meet(senses, inbox)
         known, part = self.frames.known[inbox.receivers, inbox.senders], inbox.content.part
         heard = inbox.take(np.flatnonzero(known & (part != PLACE)))
         errors = self.frames.errors[heard.receivers, heard.senders]
         values, origins = moved(heard.content.values, heard.content.origins, errors)
         return replace(heard, content=replace(heard.content, values=values, origins=origins))
 
-    def _meet(self, observations: Observations, inbox: Inbox[Any]) -> None:
+    def _meet(self, senses: Senses, inbox: Inbox[Any]) -> None:
         """Note who hears whom nearby; those who have met in places far enough apart will tell their maps."""
         self._offers[:] = False
-        content, now = inbox.content, observations.iteration
+        content, now = inbox.content, senses.iteration
         own = np.flatnonzero((content.part == TILE) & (content.sources == inbox.senders))  # where their senders are
-        here = _cells_at(observations.pose[inbox.receivers[own]], self._lattice)
+        here = _cells_at(senses.pose[inbox.receivers[own]], self._lattice)
         there = content.origins[own] + np.array(self._tile) / 2.0
         near = np.hypot(*(here - there).T) * self._lattice.cell <= self._parameters.within
         near &= self._wanted(now)[inbox.receivers[own], inbox.senders[own]]
@@ -191,20 +190,20 @@ class MergeSharing(GossipSharing):
         spans = [np.hypot(*np.ptp(met[:, one], axis=0)) for one in (0, 1)]
         return bool(min(spans) * self._lattice.cell >= SPREAD * self._parameters.within)
 
-    def _find_frames(self, observations: Observations, inbox: Inbox[Any]) -> None:
+    def _find_frames(self, senses: Senses, inbox: Inbox[Any]) -> None:
         """Lay the maps of strangers on one's own."""
         part = np.flatnonzero(inbox.content.part == MAP)
         if not len(part) or self._maps is None:
             return
         cells = self._sensed_by_itself(self._maps)
-        wanted = self._wanted(observations.iteration)
+        wanted = self._wanted(senses.iteration)
         for hearer, teller in np.unique(
             np.stack([inbox.receivers[part], inbox.senders[part]], axis=1), axis=0
         ).tolist():
             met = np.array(self._met.get((hearer, teller), []))
             if not wanted[hearer, teller] or not len(met) or not self._far_enough(met):
                 continue
-            self._tried[hearer, teller] = observations.iteration
+            self._tried[hearer, teller] = senses.iteration
             rows = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
             found = self._compared(cells[hearer], told, self._own[teller], met)
@@ -299,7 +298,7 @@ class FrameMeasures:
         self._joined: int | None = None
         self._last: Frames | None = None
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         self._last = moment.knowledge.frames
         alive = moment.state.alive

@@ -14,8 +14,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Observations
+from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.kernels import decide, occupancy, search
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing import tiles_of
@@ -77,17 +78,16 @@ class FrontierStrategy:
             self._tie_salts[:] = 0
         self._columns = lattice.columns
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], maps: Maps) -> Intents:
         """Choose goals and paths."""
-        maps: Maps = observations.knowledge
         plans = self._plans
         if self._patrol.seen.size:
-            self._see(observations, maps)
+            self._see(senses, maps)
         # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
         decide.decide(
-            observations.iteration + 1,
-            observations.pose,
-            observations.alive,
+            senses.iteration + 1,
+            senses.pose,
+            senses.alive,
             maps.news,
             search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
             plans,
@@ -110,13 +110,13 @@ class FrontierStrategy:
         goals[plans.goal < 0] = -1
         return Intents(goals, waypoints, counts, plans.planned.copy())
 
-    def _see(self, observations: Observations, maps: Maps) -> None:
+    def _see(self, senses: Senses, maps: Maps) -> None:
         """Note which cells were seen when."""
-        tiles, taken = tiles_of(observations), maps.taken
+        tiles, taken = tiles_of(senses), maps.taken
         occupancy.see(
             self._patrol.seen,
-            observations.iteration + 1,
-            observations.alive,
+            senses.iteration + 1,
+            senses.alive,
             tiles.values,
             tiles.origins,
             taken.receivers,

@@ -13,7 +13,7 @@ from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, Observations
+from swarmsim.core.state import FREE, OCCUPIED, Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
     TileItems,
@@ -24,7 +24,7 @@ from swarmsim.operations.mapping.message import (
     unpack,
     unpack_cells,
 )
-from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+from swarmsim.operations.mapping.sharing import tiles_of
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -59,9 +59,9 @@ class GossipSharing:
         self._tile = (0, 0)  # rows and columns of tiles, once one was seen
         self._changed, self._told = (np.empty((robots, 0), np.int32) for _ in range(2))  # iterations from 1; 0: never
 
-    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's own tile, then a piece of its map; the dead say nothing."""
-        tiles, alive, now = tiles_of(observations), observations.alive, observations.iteration
+        tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
         if not self._changed.size:
             self._cut(*tiles.values.shape[1:])
         robot, cell, _ = maps.changes.T
@@ -107,9 +107,9 @@ class GossipSharing:
         states = np.where(maps.log_odds[at] > 0.0, np.uint8(OCCUPIED), np.uint8(FREE))
         return np.asarray(states * (maps.observed[at] & inside), np.uint8)
 
-    def taken(self, observations: Observations) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
         """All of it."""
-        return inbox_of(observations)
+        return inbox
 
 
 class GossipCodec:

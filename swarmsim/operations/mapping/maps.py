@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.messages import Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Auditor, Knowledge, Observations, Record
+from swarmsim.core.state import Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
 from swarmsim.operations.mapping.message import TileItems
 
@@ -67,7 +67,7 @@ class MapAuditor(Auditor):
         self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say
         self._words = self._known.view(np.uint64)
 
-    def audit(self, knowledge: Any, observations: Observations) -> str | None:
+    def audit(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
         """The first cell that a robot cannot know, or a map that differs from its changes.
 
         Every change is checked when it is made, since measures and recordings are made of changes; whole maps, which
@@ -78,11 +78,11 @@ class MapAuditor(Auditor):
             return f"changes: {changes.dtype} of shape {changes.shape}; expected int32 of (c, 3)"
         if observed.dtype != np.bool_ or observed.shape[0] != len(self._known) or observed.size != self._known.size:
             return f"observed: {observed.dtype} of shape {observed.shape}; expected one grid of bool for each robot"
-        wrong_word = self._learn(knowledge, observations)
+        wrong_word = self._learn(knowledge, senses, inbox)
         if wrong_word is not None:
             return wrong_word
         words = observed.reshape(len(observed), -1).view(np.uint64)
-        wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, observations.iteration)
+        wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, senses.iteration)
         if wrong == 1:
             return f"changes[{at}]: {changes[at].tolist()}: a robot, cell or state that there is not"
         if wrong == 2:
@@ -93,10 +93,9 @@ class MapAuditor(Auditor):
             return f"robot {at}'s map holds {held} cells, but its changes say {told}"
         return None
 
-    def _learn(self, knowledge: Any, observations: Observations) -> str | None:
+    def _learn(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
         """Note what was shown; robots that place what they hear by an estimate are shown it there."""
-        tiles, inbox = observations.readings.tiled, observations.inbox
-        assert inbox is not None
+        tiles = senses.readings.tiled
         if knowledge.frames is not None:
             heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
             inbox = knowledge.taken
@@ -105,7 +104,7 @@ class MapAuditor(Auditor):
                     return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(
-            self._shown.reshape(rows), observations.alive, tiles.values, tiles.origins,
+            self._shown.reshape(rows), senses.alive, tiles.values, tiles.origins,
             inbox.receivers, inbox.content.values, inbox.content.origins,
         )  # fmt: skip
         return None

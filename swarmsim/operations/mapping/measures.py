@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
+from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sightings import Sightings
 from swarmsim.recording.measures import jain, mean_value, share_of
 
@@ -158,17 +159,17 @@ class MapMeasures:
         self._robots = np.arange(robots)
         self._offsets = np.zeros((0, 0), np.int64)  # of a tile's cells from its first, in the grid's row-major order
         self._union: list[float] = []
-        self._last: Moment | None = None
+        self._last: Moment[Maps] | None = None
         self._readings = self._carried = self._fresh = self._heard = self._age = 0
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         self._union.append(moment.measured.values["coverage"])
         self._last = moment
         self._sightings.add(moment)
         self._read(moment)
 
-    def _read(self, moment: Moment) -> None:
+    def _read(self, moment: Moment[Maps]) -> None:
         """Count what was sensed, then what was heard."""
         robots, tiles, inbox = len(self._robots), moment.readings.tiled, moment.knowledge.taken
         values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.content.values])

@@ -13,6 +13,7 @@ from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import Moment
 from swarmsim.kernels import provenance
+from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import RelayedItems
 
 
@@ -34,7 +35,7 @@ class MapProvenance:
         #: The mean age of what each live robot knows (t, n), in iterations; NaN for the dead.
         self.ages: list[NDArray[np.float64]] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         tiles, taken, state = moment.readings.tiled, moment.knowledge.taken, moment.state
         content = taken.content

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Observations
+from swarmsim.core.state import Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import RelayCodec, RelayedItems, current_tile_bytes, relayed_tile_bytes
-from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+from swarmsim.operations.mapping.sharing import tiles_of
 
 
 class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -41,9 +41,9 @@ class RelaySharing:
         self._relayed: Inbox[RelayedItems] | None = None  # to be said by its receivers
         self._oldest: dict[int, int] = {}  # of the readings said, by the iteration in which they were
 
-    def say(self, observations: Observations, maps: Maps) -> Said[RelayedItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[RelayedItems]:
         """Every live robot's own tile, then those that it relays; the dead say nothing."""
-        tiles, alive, now = tiles_of(observations), observations.alive, observations.iteration
+        tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
         rows, columns = tiles.values.shape[1:]
         self.codec = RelayCodec((rows, columns))
         robots = np.flatnonzero(alive).astype(np.int32)
@@ -64,10 +64,9 @@ class RelaySharing:
         self._oldest[now] = int(content.sensed.min(initial=now))
         return Said(content, ends, sizes.astype(np.int32))
 
-    def taken(self, observations: Observations) -> Inbox[RelayedItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[RelayedItems]:
         """The readings that are news to their receivers, each by the shortest way, ties by the sender's id."""
-        inbox, known = inbox_of(observations), self._known
-        items = inbox.content
+        known, items = self._known, inbox.content
         hops = items.hops.astype(np.int64) + 1
         keys = known.keys(inbox.receivers, items.sources, items.sensed)
         news = np.flatnonzero((items.sources != inbox.receivers) & ~known.holds(keys))
@@ -77,7 +76,7 @@ class RelaySharing:
         heard = inbox.take(news)
         heard = replace(heard, content=replace(heard.content, hops=hops[news].astype(np.uint8)))
         self._relayed = heard.take(hops[news] < self._hops)
-        now = observations.iteration
+        now = senses.iteration
         self._oldest = {t: sensed for t, sensed in self._oldest.items() if t >= min(inbox.oldest, now)}
         under_way = min(self._oldest.values(), default=now)
         known.forget_before(int(self._relayed.content.sensed.min(initial=under_way)))

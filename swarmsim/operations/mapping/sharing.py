@@ -12,7 +12,7 @@ from swarmsim.core import parts
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
@@ -52,20 +52,20 @@ class CurrentTileSharing:
         self._ends = np.arange(1, robots + 1, dtype=np.int64)
         self._sizes = np.empty(0, np.int32)
 
-    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        tiles = tiles_of(observations)
+        tiles = tiles_of(senses)
         if len(self._sizes) != len(self._ids):
             rows, columns = tiles.values.shape[1:]
             self._sizes = np.full(len(self._ids), current_tile_bytes(rows, columns), np.int32)
             self.codec = TileCodec((rows, columns))
-        sensed = np.full(len(self._ids), observations.iteration, np.int32)
+        sensed = np.full(len(self._ids), senses.iteration, np.int32)
         items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
         return Said(items, self._ends, self._sizes, one_each=True)
 
-    def taken(self, observations: Observations) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
         """All of it."""
-        return inbox_of(observations)
+        return inbox
 
 
 class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -85,20 +85,20 @@ class WholeMapSharing:
 
     codec: Codec[Any]
 
-    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's map; the dead say nothing."""
         known = cells_of(maps)
-        known *= observations.alive[:, None, None]  # the dead's are UNKNOWN, 0
-        rows, columns = tiles_of(observations).values.shape[1:]
+        known *= senses.alive[:, None, None]  # the dead's are UNKNOWN, 0
+        rows, columns = tiles_of(senses).values.shape[1:]
         self.codec = MapCodec((rows, columns), known.shape[1:])
         owners, origins, values = pieces(known, (rows, columns))
-        nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), observations.iteration, np.int32)
+        nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), senses.iteration, np.int32)
         ends = np.searchsorted(owners, np.arange(len(known)), side="right")
         return Said(TileItems(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
 
-    def taken(self, observations: Observations) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
         """All of it."""
-        return inbox_of(observations)
+        return inbox
 
 
 class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -115,10 +115,10 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 class TileAndGoalSharing(CurrentTileSharing):
     """One tile and one goal a message."""
 
-    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
+    def say(self, senses: Senses, maps: Maps) -> Said[Any]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        said = super().say(observations, maps)
-        count, decided = len(self._ids), observations.decided
+        said = super().say(senses, maps)
+        count, decided = len(self._ids), senses.decided
         goals = np.full((count, 2), -1, np.int32) if decided is None else decided.goals
         left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
         shape = said.content.values.shape[1:]
@@ -127,15 +127,9 @@ class TileAndGoalSharing(CurrentTileSharing):
         return Said(items, self._ends, self._sizes + np.int32(GOAL.size), one_each=True)
 
 
-def tiles_of(observations: Observations) -> Tiles:
+def tiles_of(senses: Senses) -> Tiles:
     """The tiles that robots sense."""
-    return observations.readings.tiled
-
-
-def inbox_of(observations: Observations) -> Inbox[Any]:
-    """What robots hear, once there is something to hear."""
-    assert observations.inbox is not None
-    return observations.inbox
+    return senses.readings.tiled
 
 
 def cells_of(maps: Maps) -> NDArray[np.uint8]:
