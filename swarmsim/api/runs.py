@@ -137,12 +137,20 @@ class Run:
         curve = self.recording.curve
         return np.asarray(curve.scale * self.recording[curve.name], np.float64)
 
-    def frame(self) -> pd.DataFrame:
-        """One row for each iteration; columns are named with their units. Needs pandas."""
+    def frame(self, channel: str | None = None) -> pd.DataFrame:
+        """One row for each iteration; columns are named with their units. Needs pandas.
+
+        With the name of a `channel` of the robots' sensors, what it measured: one row for each iteration and robot and,
+        where there are several of something, for each of them. Raises InputError for one that is not recorded.
+        """
         try:
             import pandas as pd
         except ImportError as problem:
             raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
+        if channel is not None:
+            from swarmsim.recording.columns import columns_of
+
+            return pd.DataFrame(columns_of(self.recording, channel))
         recording, curve = self.recording, self.recording.curve
         iteration = np.arange(1, self.iterations + 1)
         columns: dict[str, object] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}

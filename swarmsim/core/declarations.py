@@ -54,8 +54,8 @@ def _wrong_size(channel: Channel, robots: int) -> str | None:
         return f"an axis of {len(channel.axis)} for shape {channel.shape}; expected one for its first side"
     if channel.columns and channel.shape[-1:] != (len(channel.columns),):
         return f"{len(channel.columns)} columns for shape {channel.shape}; expected the names of its last side"
-    standard = {"ranges": ("f8", 1, len(channel.axis)), "field": ("f8", 0, 0)}.get(channel.name)
-    if standard and (channel.dtype, len(channel.shape), len(channel.axis)) != standard:
+    standard = {"ranges": ("f8", (len(channel.axis) or 1,)), "field": ("f8", ())}.get(channel.name.partition(".")[0])
+    if standard and (channel.dtype, channel.shape) != standard:
         return "is the name of what beams or a field give; expected their form, or another name"
     return None
 

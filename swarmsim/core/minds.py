@@ -342,7 +342,7 @@ class MindComputation:
         try:
             return own.number_of(getattr(mind, name))
         except AttributeError:
-            ours = {"says", "shows"}
+            ours = {"says", "shows", "requires"}
             has = [
                 one for one in dir(mind) if one[0] != "_" and one not in ours and not callable(getattr(mind, one, len))
             ]

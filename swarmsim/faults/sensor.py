@@ -210,14 +210,17 @@ class ChannelFailure(Lasting):
         except InputError as problem:
             raise InputError(f"channels: {problem}") from problem
         can = [place for place, one in enumerate(channels) if one.is_number or self._failure is None]
-        for place in named:
-            if place not in can or (channels[place].structure and not channels[place].group):
-                numbers = ", ".join(channels[one].name for one in can) or "none"
-                raise InputError(
-                    f"channels: {channels[place].group or channels[place].name!r} cannot be {self._failure or 'off'}; "
-                    f"expected channels of what is measured: {numbers}"
-                )
+        structure = [name for name in self._names or () if name in parts.sensor.channels.places]
+        wrong = [name for name in structure if parts.sensor.channels[name].structure]
+        wrong += [channels[place].group or channels[place].name for place in named if place not in can]
+        if wrong:
+            listed = ", ".join(dict.fromkeys(channels[one].group or channels[one].name for one in can)) or "none"
+            what = self._failure or "off"
+            raise InputError(f"channels: {wrong[0]!r} cannot be {what}; expected what is measured: {listed}")
         chosen = tuple(named if self._names else can)
+        if self._failure is not None and not chosen:
+            given = parts.sensor.channels.listed()
+            raise InputError(f"failure: none of what these robots measure is a number ({given}); expected another one")
         return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil(active), chosen))
 
 
