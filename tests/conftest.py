@@ -58,7 +58,7 @@ def setting_of(count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(),
     """What parts are built for: so many robots on a lattice of this shape, in a building of these walls alone."""
     start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
     of = Robots(count=count, spawn="anywhere", **robots)
-    return Setting(of, Lattice(0.0, 0.0, cell, *shape), period, Streams(seed), building(walls), start)
+    return Setting.of(of, Lattice(0.0, 0.0, cell, *shape), period, Streams(seed), building(walls), start)
 
 
 def made(*overrides: str, scenario: str = "room") -> Run:

@@ -17,11 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.errors import InputError, nearest, unwritten
 from swarmsim.core.parts import Curve
+from swarmsim.core.probes import Row
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
+from swarmsim.recording.columns import columns_of, recorded
 from swarmsim.recording.reader import Recording, Summary
 
 if TYPE_CHECKING:
@@ -137,20 +139,21 @@ class Run:
         curve = self.recording.curve
         return np.asarray(curve.scale * self.recording[curve.name], np.float64)
 
-    def frame(self, channel: str | None = None) -> pd.DataFrame:
+    def frame(self, name: str | None = None) -> pd.DataFrame:
         """One row for each iteration; columns are named with their units. Needs pandas.
 
-        With the name of a `channel` of the robots' sensors, what it measured: one row for each iteration and robot and,
-        where there are several of something, for each of them. Raises InputError for one that is not recorded.
+        With the name of a probe, as in the scenario, one row for each sample and robot. With that of a channel of the
+        robots' sensors, such as `neighbours`, one for each iteration and robot and, where there are several of
+        something, for each of them. Raises InputError for what is neither.
         """
         try:
             import pandas as pd
         except ImportError as problem:
             raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
-        if channel is not None:
-            from swarmsim.recording.columns import columns_of
-
-            return pd.DataFrame(columns_of(self.recording, channel))
+        if name is not None and name in self.recording.channels:
+            return pd.DataFrame(columns_of(self.recording, name))
+        if name is not None:
+            return pd.DataFrame(self._sampled(name))
         recording, curve = self.recording, self.recording.curve
         iteration = np.arange(1, self.iterations + 1)
         columns: dict[str, object] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
@@ -162,6 +165,30 @@ class Run:
             "messages": recording["messages"],
         }
         return pd.DataFrame(columns)
+
+    def _sampled(self, name: str) -> dict[str, Row]:
+        """The columns of a probe: where it has a table with a row for each robot, others' numbers are repeated."""
+        known = {one.name: one for one in self.recording.probes}
+        if name not in known:
+            there = {**known, **recorded(self.recording)}
+            raise InputError(f"{self.recording.path}: no probe or channel is called {name!r}; {nearest(name, there)}")
+        declared, robots = known[name], self.recording.scenario.robots.count
+        of_each = [table.shape[:1] == ("robots",) for table in declared.tables]
+        repeats = robots if any(of_each) else 1
+        iteration = declared.every * np.arange(declared.samples(self.iterations))
+        columns: dict[str, Row] = {"iteration": iteration, "time (s)": iteration * self.recording.scenario.period}
+        columns = {title: np.repeat(values, repeats) for title, values in columns.items()}
+        if any(of_each):
+            columns["robot"] = np.tile(np.arange(robots), len(iteration))
+        for table, each in zip(declared.tables, of_each, strict=True):
+            rows = self.recording[declared.called(table)]
+            width = int(np.prod(rows.shape[2 if each else 1 :]))
+            flat = np.repeat(rows.reshape(-1, width) if width else np.empty((0, 0)), 1 if each else repeats, axis=0)
+            labels = table.columns if len(table.columns) == width else [str(i) for i in range(width)]
+            for label, values in zip(labels, flat.T, strict=True):
+                title = f"{table.name} {label}" if width > 1 or table.columns else table.name
+                columns[f"{title} ({table.unit})" if table.unit else title] = values
+        return columns
 
     def plot(self) -> Figure:
         """What the task is about, over the iterations."""

@@ -65,7 +65,7 @@ def compiling(progress: Progress) -> Iterator[None]:
 
 
 class RunBar:
-    """A probe that moves the progress bar, every tenth iteration and at the end.
+    """An observer that moves the progress bar, every tenth iteration and at the end.
 
     Its clock starts with the first iteration done, which on a new machine includes compiling.
     """

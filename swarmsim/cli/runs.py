@@ -115,14 +115,14 @@ def verify(
 
     recorded = Recording(recording)
     with progress_bar(quiet) as progress:
-        simulation = build(recorded.scenario, str(recording), recorded.world).simulation
-        digests = Digests()
+        made = build(recorded.scenario, str(recording), recorded.world)
+        simulation, digests = made.simulation, Digests()
         task = progress.add_task("verifying", total=recorded.iterations, text="")
         difference = None
         with told_if_interrupted(lambda: f"{simulation.state.iteration} iterations were equal"):
             while difference is None and simulation.state.iteration < recorded.iterations and not simulation.over:
-                simulation.tick([digests])
-                difference = recorded.difference(simulation.state.iteration - 1, digests.rows[-1])
+                moment = simulation.tick([digests])
+                difference = recorded.difference(moment.state.iteration, digests.rows[-1], made.sampled(moment))
                 progress.update(task, completed=simulation.state.iteration)
     if difference is None and simulation.state.iteration < recorded.iterations:
         difference = f"the run is over after {simulation.state.iteration} iterations, not {recorded.iterations}"

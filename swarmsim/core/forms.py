@@ -158,7 +158,7 @@ class FunctionComputation(FunctionForm):
     def __init__(self, function: Callable[..., Any], keys: dict[str, Any], setting: Setting) -> None:
         super().__init__(function, keys, setting)
         self._value: NDArray[np.float64] | None = None
-        self._new = np.ones(setting.robots.count, np.bool_)
+        self._new = np.ones(len(setting.ids), np.bool_)
         self.codec = PlainCodec(Saying(np.zeros(0)))
 
     def say(self, senses: Senses) -> Said[Saying]:
@@ -236,7 +236,7 @@ class FunctionTask(FunctionForm):
 
 
 class Last:
-    """A probe that keeps what was measured last."""
+    """An observer that keeps what was measured last."""
 
     def __init__(self) -> None:
         self._values: dict[str, float] = {}

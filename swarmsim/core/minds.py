@@ -158,10 +158,11 @@ class Swarm:
     """One instance for each robot, and what each of them may know."""
 
     def __init__(self, make: Callable[[], Any], setting: Setting) -> None:
-        robots = setting.robots
         self._make, self._setting = make, setting
-        self.minds = [make() for _ in range(robots.count)]
-        self._random = [setting.streams.open("mind", robot) for robot in range(robots.count)]
+        #: The robots' numbers, by row.
+        self.ids: list[int] = setting.ids.tolist()
+        self.minds = [make() for _ in self.ids]
+        self._random = setting.own_streams("mind")
 
     def each(
         self,
@@ -170,27 +171,27 @@ class Swarm:
         inbox: Inbox[Any] | None = None,
         knowledge: Knowledge | None = None,
     ) -> dict[int, Any]:
-        """What every live robot's mind answers; what is raised tells whose mind it was.
+        """What every live robot's mind answers, by its row; what is raised tells whose mind it was.
 
         There is no inbox before they have spoken, and no knowledge before they have heard.
         """
         answers = {}
-        for me in self._all(senses, inbox, knowledge):
+        for row, me in self._all(senses, inbox, knowledge):
             try:
-                answers[me.id] = ask(self.minds[me.id], me)
+                answers[row] = ask(self.minds[row], me)
             except (Exception, SystemExit) as problem:
                 problem.add_note(f"robot {me.id}")
                 raise
         return answers
 
-    def _all(self, senses: Senses, inbox: Inbox[Any] | None, knowledge: Knowledge | None) -> Iterable[Me]:
+    def _all(self, senses: Senses, inbox: Inbox[Any] | None, knowledge: Knowledge | None) -> Iterable[tuple[int, Me]]:
         robots, lattice, period = self._setting.robots, self._setting.lattice, self._setting.period
         readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
         for i in np.flatnonzero(senses.alive).tolist():
             x, y, yaw = senses.pose[i].tolist()
-            yield Me(
-                i, now, now * period, x, y, yaw,
+            yield i, Me(
+                self.ids[i], now, now * period, x, y, yaw,
                 _kept(senses.velocity[i]),
                 None if tiles is None else _kept(tiles.values[i]),
                 None if tiles is None else _kept(tiles.origins[i]),
@@ -349,7 +350,7 @@ class MindComputation:
             wrong = f"has no {name!r}, which 'shows' names; {nearest(name, dict.fromkeys(has))}"
         except ValueError as problem:
             wrong = f"shows {name!r}: {problem}; expected a number"
-        raise MisfitError(f"robot {robot} {wrong}", self.written_by, "shows")
+        raise MisfitError(f"robot {self._swarm.ids[robot]} {wrong}", self.written_by, "shows")
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Give robots (r,) new minds."""

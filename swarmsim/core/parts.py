@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -15,7 +15,9 @@ from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import C, Codec, Columns, Delivery, Inbox, Said
+from swarmsim.core.probes import ProbeTable
 from swarmsim.core.readings import Channels, Readings
+from swarmsim.core.setting import Gauge
 from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
@@ -67,7 +69,10 @@ class Tracking(Localisation, Protocol):
 
 
 class Computation(Protocol[C, K_co]):
-    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know."""
+    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know.
+
+    It may be built for any of the swarm's robots, and then has a row for each of these; see `Setting`.
+    """
 
     @property
     def knows(self) -> type[Knowledge]:
@@ -86,16 +91,16 @@ class Computation(Protocol[C, K_co]):
     def hear(self, senses: Senses, inbox: Inbox[C]) -> K_co:
         """What every robot knows once it has taken in its readings and its inbox; views, which cannot be written to.
 
-        Row i follows from row i of what is sensed and from robot i's inbox alone.
+        Row i follows from row i of what is sensed and from what is received in row i alone.
         """
         ...
 
     def forget(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) know nothing any more, as at the start."""
+        """Let the robots of these rows (r,) know nothing any more, as at the start."""
         ...
 
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) what another one knows."""
+        """Give the robots of these rows (r,) what that of the row `source` knows."""
         ...
 
 
@@ -146,7 +151,7 @@ class Curve:
 
 
 class Summary(Protocol[K]):
-    """A probe that has the run in numbers at its end."""
+    """An observer that has the run in numbers at its end."""
 
     def sample(self, moment: Moment[K]) -> None:
         """Take note of one iteration."""
@@ -306,6 +311,7 @@ class Parts:
     building: Building
     calendar: Calendar
     lattice: Lattice  # of tiles and maps
+    gauges: tuple[Gauge, ...] = ()  # what can be read off them
 
 
 class Fault(Protocol):
@@ -317,7 +323,20 @@ class Fault(Protocol):
 
 
 class Probe(Protocol):
-    """Something that looks at every iteration."""
+    """Records tables of numbers of its own: measured, never fed back."""
+
+    @property
+    def tables(self) -> tuple[ProbeTable, ...]:
+        """What it records, known before the run."""
+        ...
+
+    def sample(self, moment: Moment[Any]) -> Mapping[str, object]:
+        """A row of each of its tables, by the table's name, in an iteration in which it is asked."""
+        ...
+
+
+class Observer(Protocol):
+    """Looks at every iteration: what records, digests or sums up a run."""
 
     def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""

@@ -18,8 +18,7 @@ from typing import Any, Final, TypeVar
 
 import msgspec
 
-from swarmsim.core.errors import InputError
-from swarmsim.core.errors import nearest as nearest  # which is also looked for here
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.forms import adapted
 from swarmsim.core.own import told
 from swarmsim.core.seams import SEAMS

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 import msgspec
-from msgspec import UNSET, Meta, Struct, UnsetType
+from msgspec import UNSET, Meta, Struct
 from msgspec import field as of
 from msgspec import inspect as types
 
@@ -119,7 +119,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     robots: Robots
     physics: Table = of(default_factory=dict)
     sensor: Table = of(default_factory=dict)
-    sensors: tuple[Table, ...] | UnsetType = UNSET  # more of them
+    sensors: tuple[Table, ...] = ()  # more of them
     field: Table = of(default_factory=dict)  # none unless it has a `use`
     localisation: Table = of(default_factory=dict)
     network: Network
@@ -127,12 +127,15 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     motion: Table = of(default_factory=dict)
     task: Table = of(default_factory=dict)
     faults: tuple[Table, ...] = ()
+    probes: tuple[Table, ...] = ()
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
 HALVES: Final = ("computation", "strategy")  # of a mind
 
+#: Keys that are not written out where there is nothing at them.
+LATER: Final = ("probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -162,6 +165,11 @@ def lists(scenario: Scenario) -> list[tuple[str, str, Table]]:
         if seam.many
         for i, table in enumerate(_at(scenario, seam.place))
     ]
+
+
+def without_later(table: Table) -> Table:
+    """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
+    return {key: value for key, value in table.items() if value or key not in LATER}
 
 
 def _at(whole: Any, place: tuple[str, ...]) -> Any:
@@ -234,12 +242,12 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
             except InputError as problem:
                 raise InputError(f"{name}: {place}sensors[{i}].{problem}") from problem
             found.append({**complete("sensor", f"{place}sensors[{i}]", bare), **({"name": called} if called else {})})
-        return tuple(found) or UNSET
+        return tuple(found)
 
     scenario = msgspec.structs.replace(scenario, sensors=fitted(scenario, ""))
     groups = list(scenario.robots.groups)
     for i, group in enumerate(groups):
-        groups[i] = msgspec.structs.replace(group, sensors=fitted(group, f"robots[{i}]."))
+        groups[i] = msgspec.structs.replace(group, sensors=fitted(group, f"robots[{i}].") or UNSET)
         for seam in SEAMS.values():
             if seam.of_groups and (table := getattr(group, seam.name)):
                 whole = complete(seam.name, f"robots[{i}].{seam.name}", table)

@@ -88,6 +88,7 @@ SEAMS: Final = {
         Seam("motion", ("motion",), parts.Motion, "pure-pursuit"),
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),
+        Seam("probe", ("probes",), parts.Probe, many=True),
     )
 }  # fmt: skip
 

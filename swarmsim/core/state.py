@@ -107,7 +107,10 @@ class Estimates(Knowledge):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Senses:
-    """What minds know of an iteration before anything is heard; robot i may use row i alone."""
+    """What minds know of an iteration before anything is heard; a robot may use its own row alone.
+
+    There is a row for each robot that the mind was built for: row i is the robot of the number `Setting.ids[i]`.
+    """
 
     iteration: int
     pose: NDArray[np.float64]  # (n, 3): each robot's estimate of its own pose: x, y in m, yaw in rad

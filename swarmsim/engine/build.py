@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -21,22 +21,26 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
 from swarmsim.core.fitting import Fitted, sensors_of
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.minds import OF_ME
-from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
+from swarmsim.core.parts import Calendar, Computation, Fault, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field, held_sensor
+from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
+from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import tracked
 from swarmsim.robots.sensors import IrRing, with_field
@@ -79,22 +83,27 @@ class Run:
     setting: Setting  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    probes: tuple[Watching, ...]
 
     def recorder(self, path: Path) -> Recorder:
-        """A probe that records the run in a new file."""
+        """An observer that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        errs = not self.simulation.parts.localisation.exact
-        channels = self.simulation.parts.sensor.channels
+        parts = self.simulation.parts
         return Recorder(
-            path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, errs, channels
-        )
+            path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve,
+            not parts.localisation.exact, parts.sensor.channels, self.probes,
+        )  # fmt: skip
 
-    def simulate(self, probes: Sequence[Probe] = ()) -> bool:
+    def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
+        """What the probes sample in an iteration: rows by the names of their tables in a recording."""
+        return {name: row for probe in self.probes for name, row in probe.rows(moment).items()}
+
+    def simulate(self, observers: Sequence[Observer] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
 
         Raises InputError if a body has ended in or beyond a wall, for then nothing that was measured means anything.
         """
-        finished = self.simulation.run(probes)
+        finished = self.simulation.run(observers)
         if astray := self.astray():
             raise InputError(
                 f"{self.simulation.name}: physics.substep: robot{'s' if len(astray) > 1 else ''} "
@@ -119,23 +128,30 @@ class Run:
         return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
 
 
-def build(scenario: Scenario, name: str, world: str | None = None, strict: bool = False) -> Run:
+def build(
+    scenario: Scenario,
+    name: str,
+    world: str | None = None,
+    strict: bool = False,
+    watch: Callable[[Parts], Parts] | None = None,
+) -> Run:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
-    holds our own parts to their contracts too.
+    holds our own parts to their contracts too. What `watch` gives takes the place of the parts before any fault wraps
+    them.
     Raises InputError for whatever cannot work.
     """
     try:
         with budget.of(scenario.budget):
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
-            return _built(scenario, name, world, strict)
+            return _built(scenario, name, world, strict, watch)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     place, sensor = msgspec.json.encode(scenario.world), _tables_of_sensors(scenario)
     alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
@@ -155,8 +171,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
-    setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
-    setting = replace(setting, start=_start(setting, arena.name))
+    streams = Streams(scenario.seed)
+    start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
+    setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
     if "field" in tables:
         setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting), scenario.period))
 
@@ -186,6 +203,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
     parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
+    parts = parts if watch is None else watch(parts)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
@@ -193,6 +211,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
             parts = replace(parts, localisation=tracked(parts.localisation, setting))
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
+    probes = watching(scenario, setting, parts)
     listed = [(seam, table) for seam, _, table in lists(scenario)]
     listed += [("sensor", one.table) for fitted in sensors_of(scenario) for one in fitted]
     used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
@@ -202,7 +221,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
     )
-    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
+    return Run(
+        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes
+    )  # fmt: skip
 
 
 def _sensors(scenario: Scenario, setting: Setting, strict: bool) -> Sensor:
@@ -210,7 +231,7 @@ def _sensors(scenario: Scenario, setting: Setting, strict: bool) -> Sensor:
     suites = [_suite(fitted, setting, strict) for fitted in sensors_of(scenario)]
     if len(suites) == 1:
         return suites[0]
-    counts = [group.count for group in setting.robots.groups]
+    counts = [group.count for group in scenario.robots.groups]
     ends = np.cumsum(counts)
     return MixedSensor(
         [(suite, np.arange(end - n, end)) for suite, end, n in zip(suites, ends.tolist(), counts, strict=True)]
@@ -224,7 +245,7 @@ def _suite(fitted: Sequence[Fitted], setting: Setting, strict: bool) -> Sensor:
         part = _make("sensor", one.table, replace(setting, number=number), one.place)
         if not isinstance(part, Suite | MixedSensor) and (strict or not registry.is_ours(part)):
             part = held_sensor(part)
-        wrong = contracts.declared(part.channels, setting.robots.count) or _wrong_names(part.channels)
+        wrong = contracts.declared(part.channels, setting.swarm) or _wrong_names(part.channels)
         if wrong is not None:
             raise InputError(f"{one.place}.use: {one.table.get('use')!r} declares {wrong}")
         sensors.append(part)
@@ -405,7 +426,7 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
-    setting = Setting(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     part = registry.part("sensor", table)
     if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
         table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
@@ -438,17 +459,18 @@ def _beams(table: Table, cell: float) -> tuple[int, float, int]:
     return part.beams, part.reach / cell if part.ranges else min(part.reach / cell, length), tile
 
 
-def _start(setting: Setting, world: str) -> NDArray[np.float64]:
-    """Start poses (n, 3): each robot at the centre of a free cell of the spawn area, heading anywhere.
+def _start(
+    robots: Robots, lattice: Lattice, streams: Streams, centres: NDArray[np.float64], world: str
+) -> NDArray[np.float64]:
+    """Start poses (n, 3): each robot at one of the `centres` (c, 2) of free cells of the spawn area, heading anywhere.
 
     Every robot draws from its own stream, after those with lower ids have taken their places, so that one
     more robot moves none of the others. Raises InputError if the area holds fewer robots.
     """
-    robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
     left, apart = len(centres), 2.0 * robots.radius
-    cells, width = setting.lattice.cells(centres), math.ceil(apart / setting.lattice.cell)
-    places = np.full(np.array(setting.lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
+    cells, width = lattice.cells(centres), math.ceil(apart / lattice.cell)
+    places = np.full(np.array(lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
     places[tuple(cells.T + width)] = np.arange(len(centres))
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
@@ -457,7 +479,7 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
                 f"robots.count: spawn area {robots.spawn!r} of {world} holds {robot} robots of radius "
                 f"{robots.radius:g} m, not {robots.count}; expected fewer robots or a larger area"
             )
-        stream = setting.streams.open("spawn", robot)
+        stream = streams.open("spawn", robot)
         choice = _drawn(stream, open_)
         pose[robot] = *centres[choice], stream.uniform(-np.pi, np.pi)
         row, column = cells[choice]

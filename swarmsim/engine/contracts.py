@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.declarations import wrong_channels
+from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Columns, Delivery, Said
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
 from swarmsim.core.readings import Channel, Channels, Readings
-from swarmsim.core.registry import nearest
 from swarmsim.core.state import Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import checks
 from swarmsim.recording import layout

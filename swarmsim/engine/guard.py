@@ -155,7 +155,7 @@ class GuardedComputation(Guard):
 
     def __init__(self, part: Computation[Any, Knowledge], setting: Setting) -> None:
         super().__init__("computation", part)
-        self._auditor, self._robots = part.knows.auditor(setting), setting.robots.count
+        self._auditor, self._robots = part.knows.auditor(setting), setting.swarm
         self._form: contracts.Form | None = None
 
     @property
@@ -288,7 +288,7 @@ class GuardedMotion(Guard):
 
     def __init__(self, part: Motion, setting: Setting) -> None:
         super().__init__("motion", part)
-        self._robots, self.given = setting.robots.count, copied
+        self._robots, self.given = setting.swarm, copied
 
     def follow(self, intents: Intents) -> None:
         """Pass them on."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import Columns, Delivery, Inbox, PostOffice
-from swarmsim.core.parts import Motion, Now, Parts, Probe, Tracking, WheelSpeeds
+from swarmsim.core.parts import Motion, Now, Observer, Parts, Tracking, WheelSpeeds
 from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
 
 
@@ -83,13 +83,13 @@ class Simulation:
         """Whether the run has ended, finished or at its limit."""
         return (self.finished and self._stops) or self.state.iteration >= self._limit
 
-    def run(self, probes: Sequence[Probe] = ()) -> bool:
+    def run(self, observers: Sequence[Observer] = ()) -> bool:
         """Tick to the end of the run; gives whether the task was done before the limit."""
         while not self.over:
-            self.tick(probes)
+            self.tick(observers)
         return self.finished
 
-    def tick(self, probes: Sequence[Probe] = ()) -> Moment[Knowledge]:
+    def tick(self, observers: Sequence[Observer] = ()) -> Moment[Knowledge]:
         """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves.
 
         Raises PartError for what a part that is not ours raises.
@@ -97,17 +97,17 @@ class Simulation:
         with self._blaming():
             perceived = self._perceive()
             intents = self.parts.strategy.step(perceived.senses, perceived.inbox, perceived.knowledge)
-            return self._act(perceived, intents, probes)
+            return self._act(perceived, intents, observers)
 
     def perceive(self) -> Perceived:
         """The first half of a tick: what robots sense, hear and know. To be asked once, before `act`."""
         with self._blaming():
             return self._perceive()
 
-    def act(self, perceived: Perceived, intents: Intents, probes: Sequence[Probe] = ()) -> Moment[Knowledge]:
+    def act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer] = ()) -> Moment[Knowledge]:
         """The other half: robots do what somebody else than their strategy has decided, and the task is measured."""
         with self._blaming():
-            return self._act(perceived, intents, probes)
+            return self._act(perceived, intents, observers)
 
     @contextmanager
     def _blaming(self) -> Iterator[None]:
@@ -138,7 +138,7 @@ class Simulation:
         inbox = self._post.open(state.iteration, delivery)
         return Perceived(state, events, links, delivery, senses, inbox, parts.computation.hear(senses, inbox))
 
-    def _act(self, perceived: Perceived, intents: Intents, probes: Sequence[Probe]) -> Moment[Knowledge]:
+    def _act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer]) -> Moment[Knowledge]:
         parts, state, senses = self.parts, perceived.state, perceived.senses
         self._decided = intents
         people = parts.building.walkers() if parts.building.crowds else None
@@ -155,8 +155,8 @@ class Simulation:
         self._now = Now(self.state.iteration, state, self.state, measured.progress)
         events = (*perceived.events, *self._ending())
         moment = Moment(state, events, *all_of_it, measured)
-        for probe in probes:
-            probe.sample(moment)
+        for observer in observers:
+            observer.sample(moment)
         return moment
 
     def _ending(self) -> tuple[Event, ...]:

@@ -84,14 +84,12 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError unless somebody is there at the start."""
         late = self.count * self.times
-        if late >= setting.robots.count:
-            raise InputError(
-                f"count: {late} of {setting.robots.count} robots are late; expected one at the start at least"
-            )
+        if late >= setting.swarm:
+            raise InputError(f"count: {late} of {setting.swarm} robots are late; expected one at the start at least")
         if self.times > 1 and self.every is None:
             raise InputError(f"every: required key is missing; expected iterations between {self.times} times")
         effect = Joining(setting, self.map)
-        return TimedFault(Lateness(self, setting.robots.count), effect, setting.number)
+        return TimedFault(Lateness(self, setting.swarm), effect, setting.number)
 
 
 class Lateness:

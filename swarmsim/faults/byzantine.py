@@ -46,7 +46,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         for key, failure in KEYS.items():
             if getattr(self, key) is not None and self.failure != failure:
                 raise InputError(f"{key}: a lie of kind {self.failure!r} has none; expected failure = {failure!r}")
-        others = setting.robots.count - 1
+        others = setting.swarm - 1
         if self.id is not None and self.id > others:
             raise InputError(f"id: there is no robot {self.id}; expected one from 0 to {others}")
         if self.failure == "spoof" and others == 0:
@@ -165,7 +165,7 @@ class FalseNames:
 
     def __init__(self, setting: Setting, name: int | None, purpose: str) -> None:
         """`name` is the one robot that all pass themselves off as; without it they draw from streams of `purpose`."""
-        robots = setting.robots.count
+        robots = setting.swarm
         self._name, self._ids = name, np.arange(robots, dtype=np.int32)
         self._streams = [setting.streams.open(purpose, robot) for robot in range(robots)]
         self._given: dict[int, NDArray[np.int32]] = {}  # (n,) by iteration

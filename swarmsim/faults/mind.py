@@ -210,7 +210,7 @@ class RandomWalk:
         self._reach = max(1, int(min(reach / lattice.cell, lattice.rows * lattice.columns)))  # steps
         self._pace = lattice.cell / (robots.speed * setting.period)  # iterations a step
         self._under = search.footprint(robots.radius / lattice.cell)
-        self._streams = [setting.streams.open(purpose, robot) for robot in range(robots.count)]
+        self._streams = [setting.streams.open(purpose, robot) for robot in range(setting.swarm)]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 
     def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:

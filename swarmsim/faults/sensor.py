@@ -88,7 +88,7 @@ def _spoil(fault: Sensor, setting: Setting) -> Spoil:
         return _cut(fault.range, setting.lattice)
     if fault.offset is not None:
         return _aside(fault.offset)
-    return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.robots.count)])
+    return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.swarm)])
 
 
 def _blank(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:

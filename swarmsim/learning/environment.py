@@ -12,9 +12,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import array_of
-from swarmsim.core.registry import nearest
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment
 from swarmsim.engine.build import Run, build

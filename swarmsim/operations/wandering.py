@@ -48,7 +48,7 @@ class Wandering:
         self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
         self._clearance, self._period = parameters.clearance, setting.period
         self._bend = parameters.bend * float(np.sqrt(setting.period))
-        streams = (setting.streams.open("wander", robot) for robot in range(setting.robots.count))
+        streams = setting.own_streams("wander")
         self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
         self._block, self._turns = -1, np.empty((0, 0))
 
@@ -91,7 +91,7 @@ class Reactive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> Reacting:
         """The computation."""
-        return Reacting(setting.robots.count)
+        return Reacting(len(setting.ids))
 
 
 class Reacting:

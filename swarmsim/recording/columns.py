@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.readings import Channel, Channels
-from swarmsim.core.registry import nearest
 from swarmsim.recording.reader import Recording
 
 

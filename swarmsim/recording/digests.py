@@ -17,7 +17,7 @@ DIGESTED: Final = (
 
 
 class Digests:
-    """A probe that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
+    """An observer that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
 
     def __init__(self) -> None:
         self.rows: list[bytes] = []

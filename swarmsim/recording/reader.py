@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import version
@@ -21,6 +21,7 @@ from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
+from swarmsim.core.probes import Declared, Row
 from swarmsim.core.scenario import Scenario, shape
 from swarmsim.recording import layout
 from swarmsim.recording.layout import FAR
@@ -127,17 +128,19 @@ class Recording:
         self.curve = msgspec.json.decode(text["curve"], type=Curve)
         self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
         self._names = set(file)
+        told = layout.attribute(file, "probes", "S") if "probes" in file.attrs else b"[]"
+        #: What probes declare of their tables.
+        self.probes = msgspec.json.decode(told, type=list[Declared])
         robots = self.scenario.robots.count
+        told = layout.attribute(file, "channels", "S") if "channels" in file.attrs else b"[]"
+        #: What the robots' sensors gave; nothing in recordings that are older than declarations.
+        self.channels = declarations.read(told.decode(), robots)
+        self._declared = {**layout.declared_by(self.probes), **layout.tables_of(self.channels)}
         self._sizes = {
             "robots": robots, "rows": int(rows), "columns": int(columns), "fields": len(self.digested),
             "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,
             "last cell": int(rows) * int(columns) - 1,
         }  # fmt: skip
-        #: What the robots' sensors gave; nothing in recordings that are older than declarations.
-        self.channels = declarations.read(
-            layout.attribute(file, "channels", "S").decode() if "channels" in file.attrs else "[]", robots
-        )
-        self._declared = layout.tables_of(self.channels)
         layout.check(file, self._sizes, self.measures, self._rows, self._declared)
         self._sizes |= {name: len(file[name]) for name in ("waypoints",) if name in file}
         self._sizes["last fate"] = len(file["fates"]) - 1 if "fates" in file else 0
@@ -146,8 +149,9 @@ class Recording:
             raise ValueError(f"the curve {self.curve.name!r} is not measured")
 
     def refresh(self) -> None:
-        """Take in what has been flushed since, of a recording that this process still writes."""
-        assert self._growing is not None
+        """Take in what has been flushed since, of a recording that this process still writes; others do not grow."""
+        if self._growing is None:
+            return
         self._near.clear()
         for name, array in self._arrays.items():
             table = self._growing[name]
@@ -184,8 +188,10 @@ class Recording:
         return rows[first - start : last - start]
 
     def __getitem__(self, name: str) -> Column:
-        """A table of the file by its name, cut to whole iterations where it has one row for each."""
+        """A table of the file by its name, cut to whole iterations where it has rows for them."""
         array = self._loaded(name)
+        if name in self._declared:
+            return array[: -(-self.iterations // self._declared[name].every)]
         return array[: self.iterations] if name in self._rows else array
 
     def rows(self, name: str, *shape: int) -> Column:
@@ -258,12 +264,15 @@ class Recording:
         """The digest of the whole run, in hexadecimal; equal for equal runs."""
         return hashlib.blake2b(self["digests"].tobytes(), digest_size=16).hexdigest()
 
-    def difference(self, iteration: int, row: bytes) -> str | None:
-        """Where an iteration of this recording differs from one with the digests `row`, or None."""
+    def difference(self, iteration: int, row: bytes, probed: Mapping[str, Row]) -> str | None:
+        """Where an iteration of this recording differs from one with the digests `row` and these rows of probes."""
         recorded = self["digests"][iteration].tobytes()
         for field, name in enumerate(self.digested):
             if recorded[8 * field : 8 * field + 8] != row[8 * field : 8 * field + 8]:
                 return f"iteration {iteration}, field {name!r}"
+        for name, sample in probed.items():
+            if sample.tobytes() != self[name][iteration // self._declared[name].every].tobytes():
+                return f"iteration {iteration}, table {name!r} of a probe"
         return None
 
     def _lost(self) -> dict[str, int]:

@@ -78,8 +78,8 @@ class Erring(ABC):
 
     def __init__(self, setting: Setting) -> None:
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
-        self.error: NDArray[np.float64] = np.zeros((setting.robots.count, 3))
-        self._belief = Belief(self.error, np.ones(setting.robots.count, np.bool_), setting.lattice)
+        self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
+        self._belief = Belief(self.error, np.ones(setting.swarm, np.bool_), setting.lattice)
 
     def locate(self, state: State) -> NDArray[np.float64]:
         """The estimates (n, 3) of this iteration."""
@@ -115,11 +115,11 @@ class OdometryLocalisation(Erring):
     def __init__(self, parameters: Odometry, setting: Setting) -> None:
         super().__init__(setting)
         self._parameters, self._salt = parameters, _salt(setting)
-        self._bend = parameters.bias * chance.normal(self._salt, np.arange(setting.robots.count), 0)  # rad/m, (n,)
+        self._bend = parameters.bias * chance.normal(self._salt, np.arange(setting.swarm), 0)  # rad/m, (n,)
         ticks = parameters.tick / np.sqrt(12.0)
         self._rounding = ticks / np.sqrt(2.0), ticks * np.sqrt(2.0) / setting.robots.each("wheel_base")
         self._before: NDArray[np.float64] | None = None  # (n, 3): true poses when wheels were last counted
-        self._alive = np.zeros(setting.robots.count, np.bool_)
+        self._alive = np.zeros(setting.swarm, np.bool_)
 
     def err(self, state: State) -> None:
         """Add what was measured wrong since the last iteration; who has just come knows where it is."""
@@ -172,8 +172,8 @@ class Tracked:
     def __init__(self, inner: Localisation, setting: Setting) -> None:
         #: Whose contract it is to keep.
         self.written_by = registry.author_of(inner)
-        self._inner, self._error = inner, np.zeros((setting.robots.count, 3))
-        self._belief = Belief(self._error, np.ones(setting.robots.count, np.bool_), setting.lattice)
+        self._inner, self._error = inner, np.zeros((setting.swarm, 3))
+        self._belief = Belief(self._error, np.ones(setting.swarm, np.bool_), setting.lattice)
         self._true = self._found = self._error
 
     def locate(self, state: State) -> NDArray[np.float64]:

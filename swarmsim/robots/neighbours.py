@@ -47,7 +47,7 @@ class NeighbourSensor:
 
     def __init__(self, parameters: Neighbours, setting: Setting) -> None:
         self._parameters = parameters
-        self._most = parameters.most or min(max(setting.robots.count - 1, 1), 8)
+        self._most = parameters.most or min(max(setting.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
         self.channels = Channels(*ragged("neighbours", self._most, names, "m, rad, rad", -far, far))

@@ -19,7 +19,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.fitting import sensors_of
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, lists, tables
+from swarmsim.core.scenario import Scenario, assign, decode, files_outside, lists, tables, without_later
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -109,9 +109,9 @@ class Plan:
 def asked(scenario: Scenario) -> bytes:
     """All that a scenario asks for, in JSON: whatever it is called, wherever its floor plan's file is."""
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
+    table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    given = {key: value for key, value in msgspec.structs.asdict(scenario).items() if value is not msgspec.UNSET}
-    return msgspec.json.encode({**given, "world": unnamed}, order="deterministic")
+    return msgspec.json.encode({**table, "world": unnamed}, order="deterministic")
 
 
 def _world_key(scenario: Scenario) -> bytes:

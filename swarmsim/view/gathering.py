@@ -32,9 +32,9 @@ T = TypeVar("T")
 class Gathering:
     """Draws what robots have mapped themselves, in the frames of reference that they have in common.
 
-    It is a probe of the run, which gives it all that it draws. The maps of robots that know how their frames lie are
-    drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it is
-    turned about the place where its first robot started, so that this one looked to the right.
+    It is an observer of the run, which gives it all that it draws. The maps of robots that know how their frames lie
+    are drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it
+    is turned about the place where its first robot started, so that this one looked to the right.
     """
 
     def __init__(self, scene: Scene, start: NDArray[np.float64], film: Film) -> None:
@@ -87,11 +87,10 @@ class Gathering:
         """How many frames of reference there are."""
         return len(np.unique(self._roots))
 
-    def _drawn_at(self, robot: int) -> tuple[float, NDArray[np.float64]]:
+    def _drawn_at(self, robot: int, moment: Moment[Any]) -> tuple[float, NDArray[np.float64]]:
         """How a robot's map is to be turned, and where its start is to be drawn."""
-        assert self._moment is not None
         root = int(self._roots[robot])
-        error = Transform(*self._moment.knowledge.frames.errors[root, robot])
+        error = Transform(*moment.knowledge.frames.errors[root, robot])
         own = self._cells(self._start[[robot, root], :2])
         place = error.apply(own[:1])
         if root == 0:
@@ -109,7 +108,7 @@ class Gathering:
         pixels = pygame.surfarray.pixels3d(surface)
         order = sorted(range(len(cells)), key=lambda robot: (-int(self._roots[robot]), -robot))
         for robot in order:
-            turn, place = self._drawn_at(robot)
+            turn, place = self._drawn_at(robot, moment)
             away = (turn - self._turn[robot] + math.pi) % (2.0 * math.pi) - math.pi
             self._turn[robot] += SNAP * away
             self._place[robot] += SNAP * (place - self._place[robot])

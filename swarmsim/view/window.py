@@ -202,7 +202,7 @@ class Window:
         )
         if event.type == pygame.MOUSEMOTION:
             if self._dragged is not None and event.buttons[0]:
-                self._drag(event)
+                self._drag(event, self._dragged)
         elif event.type == pygame.MOUSEBUTTONDOWN and left:
             self._dragged, self._moved = event.pos, False
             if event.pos[1] >= self._screen.get_height() - BAR:
@@ -217,11 +217,10 @@ class Window:
             self._close_off(self._box, event.pos)
             self._box = None
 
-    def _drag(self, event: pygame.event.Event) -> None:
-        assert self._dragged is not None
-        if self._dragged[1] >= self._screen.get_height() - BAR:
+    def _drag(self, event: pygame.event.Event, start: tuple[int, int]) -> None:
+        if start[1] >= self._screen.get_height() - BAR:
             self._scrub(event.pos[0])
-        elif self._moved or np.hypot(event.pos[0] - self._dragged[0], event.pos[1] - self._dragged[1]) > 4.0:
+        elif self._moved or np.hypot(event.pos[0] - start[0], event.pos[1] - start[1]) > 4.0:
             self._camera = self._canvas.camera.moved(*event.rel)
             self._canvas = self._drawn()
             self._moved = True

@@ -509,12 +509,13 @@ def test_every_computation_strategy_and_task_is_tried() -> None:
         testing.check_alone,
         testing.check_silence,
         testing.check_locality,
+        testing.check_one_robot,
         testing.check_permutation,
     ],
 )
 def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check) -> None:
     keys = [key] if check is testing.check_alone else [key, FAULTS]
-    keys += {testing.check_alone: ALONE, testing.check_permutation: UNNAMED}.get(check, {}).get(scenario, [])
+    keys += ALONE.get(scenario, []) if check is testing.check_alone else []
     check(path_of(scenario), keys)
 
 
@@ -522,13 +523,6 @@ def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check)
 ALONE = {
     "operations/turn": ["mind.computation.leaders=[0]"],
     "operations/formation": ["mind.strategy.places=[[1.0, 0.0]]", "task.places=[[1.0, 0.0]]"],
-}
-#: What names robots, or draws by their number.
-UNNAMED = {
-    "operations/formation": [f"mind.strategy.places={[[0.0, 0.0]] * 9}"],
-    "operations/turn": ["mind.computation.leaders=[]"],
-    "operations/heading-consensus": ["mind.computation.noise=0.0"],
-    "operations/moving-field": ['mind.strategy={use="most-uncertain"}'],
 }
 
 NOSY = """

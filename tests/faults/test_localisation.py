@@ -63,7 +63,7 @@ def biased() -> Watch:
 
 
 def setting(run: Run) -> Setting:
-    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
+    return Setting.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
 def test_a_biased_estimate_errs_by_so_much_from_the_onset_to_the_end(biased: Watch) -> None:

@@ -94,7 +94,7 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
     """What failing minds decide, and know, that are shown what a sound swarm perceived."""
     robots = watch.run.scenario.robots
     lattice = watch.run.arena.lattice
-    place = Setting(robots, lattice, 1.0, Streams(watch.run.scenario.seed), watch.run.simulation.parts.building)
+    place = Setting.of(robots, lattice, 1.0, Streams(watch.run.scenario.seed), watch.run.simulation.parts.building)
     active = np.zeros(robots.count, np.bool_)
     effect = Mind(at=0, failure=failure).build(place).effect
     plain = Mapper().build(place)

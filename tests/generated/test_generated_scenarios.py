@@ -77,6 +77,7 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         yield "channel", channel
         channel = channel.get("over")
     yield from (("fault", fault) for fault in table.get("faults", []))
+    yield from (("probe", probe) for probe in table.get("probes", []))
 
 
 def test_a_failure_tells_a_scenario_file_that_shows_it_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

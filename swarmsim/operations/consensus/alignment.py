@@ -57,7 +57,7 @@ class AlignmentTask:
 
 
 class AlignmentMeasures:
-    """A probe that sums alignment up."""
+    """An observer that sums alignment up."""
 
     def __init__(self, every: float | None = None) -> None:
         """`every`: iterations in which leaders turn to and fro once."""

@@ -52,7 +52,7 @@ class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     def build(self, setting: Setting) -> AverageComputation:
         """The computation. Raises InputError for keys that contradict each other or the swarm."""
-        count = setting.robots.count
+        count = setting.swarm
         if (self.gain is None) == (self.weights == "constant"):
             raise InputError(f"gain: expected one with weights = 'constant' alone, not with {self.weights!r}")
         if self.values is not None and len(self.values) != count:
@@ -66,11 +66,12 @@ class AverageComputation:
     knows: type[Knowledge] = Values
 
     def __init__(self, parameters: AverageConsensus, setting: Setting) -> None:
-        count = setting.robots.count
+        count = len(setting.ids)
         self.codec = PlainCodec(Share(np.zeros(0), np.zeros(0, np.int32)))
         self._gain = parameters.gain
-        drawn = [setting.streams.open("average", robot).uniform() for robot in range(count)]
-        self._given = np.array(drawn if parameters.values is None else parameters.values, np.float64)
+        drawn = [stream.uniform() for stream in setting.own_streams("average")]
+        given = drawn if parameters.values is None else np.take(parameters.values, setting.ids)
+        self._given = np.array(given, np.float64)
         self._fixed = parameters.values is not None
         self._value, self._measured = np.zeros(count), np.zeros(count)
         self._degree, self._known = np.zeros(count, np.int32), np.zeros(count, np.bool_)

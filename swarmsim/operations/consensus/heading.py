@@ -59,10 +59,8 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def build(self, setting: Setting) -> HeadingComputation:
         """The computation. Raises InputError for a leader that there is not."""
         for robot in self.leaders:
-            if robot >= setting.robots.count:
-                raise InputError(
-                    f"leaders: there is no robot {robot}; expected ids from 0 to {setting.robots.count - 1}"
-                )
+            if robot >= setting.swarm:
+                raise InputError(f"leaders: there is no robot {robot}; expected ids from 0 to {setting.swarm - 1}")
         return HeadingComputation(self, setting)
 
 
@@ -72,14 +70,13 @@ class HeadingComputation:
     knows: type[Knowledge] = Headings
 
     def __init__(self, parameters: HeadingConsensus, setting: Setting) -> None:
-        count = setting.robots.count
+        count = len(setting.ids)
         self.codec = PlainCodec(Heading(np.zeros(0)))
         self._parameters, self._period = parameters, setting.period
         self._dt = parameters.dt or min(1.0, setting.period)
         self._salt = int(setting.streams.open("heading noise").integers(0, 2**64, dtype=np.uint64))
         self._heading, self._known = np.zeros(count), np.zeros(count, np.bool_)
-        self._leads = np.zeros(count, np.bool_)
-        self._leads[parameters.leaders] = True
+        self._ids, self._leads = setting.ids, np.isin(setting.ids, parameters.leaders)
         self._course = np.zeros(count)  # where leaders headed when they began to turn
 
     def say(self, senses: Senses) -> Said[Heading]:
@@ -100,7 +97,7 @@ class HeadingComputation:
         heard = np.bincount(inbox.receivers, minlength=count)
         turned = heading + self._dt * total / np.maximum(heard, 1)
         if parameters.noise > 0.0:
-            draw = chance.uniform(self._salt, senses.iteration, np.arange(count), 0)
+            draw = chance.uniform(self._salt, senses.iteration, self._ids, 0)
             turned = turned + parameters.noise * np.pi * (2.0 * draw - 1.0)
         leads = self._leads if senses.iteration >= parameters.at else np.zeros_like(self._leads)
         if leads.any():

@@ -96,7 +96,7 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         basis = Basis(setting.building.bounds, self.spacing)
         if len(basis.centres) > MOST:
             raise InputError(f"spacing: {len(basis.centres)} bells at {self.spacing:g} m; expected {MOST} at most")
-        return FieldComputation(self, setting.robots.count, basis)
+        return FieldComputation(self, len(setting.ids), basis)
 
 
 MOST = 1000  # bells: with more, an iteration takes seconds

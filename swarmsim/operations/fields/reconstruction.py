@@ -71,7 +71,7 @@ def errors_of(
 
 
 class ErrorMeasures:
-    """A probe that keeps the errors."""
+    """An observer that keeps the errors."""
 
     def __init__(self) -> None:
         self._errors: list[float] = []

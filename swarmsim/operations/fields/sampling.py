@@ -40,17 +40,17 @@ class Waypoints:
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def __init__(self, setting: Setting, margin: float) -> None:
-        count, page = setting.robots.count, setting.building.bounds
+        page, self._ids = setting.building.bounds, setting.ids
         self._low = np.array(page[:2]) + margin
         self._size = np.maximum(np.array(page[2:]) - margin - self._low, 0.0)
         self._salt = int(setting.streams.open("waypoints").integers(0, 2**64, dtype=np.uint64))
-        self._legs = Legs(count, setting)
+        self._legs = Legs(setting)
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """On to the place, or to a new one."""
         robots = self._legs.arrived(senses)
         legs = self._legs.counts[robots]
-        part = np.stack([chance.uniform(self._salt, robots, legs, axis) for axis in (0, 1)], axis=1)
+        part = np.stack([chance.uniform(self._salt, self._ids[robots], legs, axis) for axis in (0, 1)], axis=1)
         return self._legs.intents(senses, robots, self._low + part * self._size)
 
 
@@ -77,7 +77,7 @@ class Uncertainty:
 
     def __init__(self, parameters: MostUncertain, setting: Setting) -> None:
         self._parameters, self._page = parameters, setting.building.bounds
-        self._legs = Legs(setting.robots.count, setting)
+        self._legs = Legs(setting)
         self._diagonal = float(np.hypot(self._page[2] - self._page[0], self._page[3] - self._page[1]))
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Reconstruction) -> Intents:
@@ -102,7 +102,8 @@ class Uncertainty:
 class Legs:
     """Straight ways of robots, one after the other."""
 
-    def __init__(self, count: int, setting: Setting) -> None:
+    def __init__(self, setting: Setting) -> None:
+        count = len(setting.ids)
         self._place = np.full((count, 2), np.nan)
         self._until = np.zeros(count, np.int64)  # the iteration in which a place is given up
         self._pace, self._lattice = setting.robots.speed * setting.period, setting.lattice

@@ -28,7 +28,7 @@ class Change:
 
 
 class ChangeMeasures:
-    """A probe that compares the maps with the truth of the moment.
+    """An observer that compares the maps with the truth of the moment.
 
     The union holds a cell for occupied if any robot that observed it does, as in the films.
     """

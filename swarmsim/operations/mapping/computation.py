@@ -80,7 +80,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             )
         if self.quorum is not None and self.trust != "quorum":
             raise InputError(f"quorum: robots with trust {self.trust!r} need none; expected trust = 'quorum'")
-        others = setting.robots.count - 1
+        others = setting.swarm - 1
         if self.trust == "quorum" and (self.quorum or 2) > others:
             raise InputError(f"quorum: {self.quorum or 2} of {others} others never agree; expected {others} at most")
         try:
@@ -97,7 +97,7 @@ class MapComputation:
     knows: type[Knowledge] = Maps
 
     def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing) -> None:
-        count, lattice = setting.robots.count, setting.lattice
+        count, lattice = len(setting.ids), setting.lattice
         grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
         self._grids = grids if parameters.trust == "all" else WaryGrids(grids, quorum)
@@ -110,7 +110,7 @@ class MapComputation:
         self._kept, self._least = np.float32(1.0 - parameters.decay), np.float32(0.5 * weakest)
         self._observed, self._log_odds = _read_only(grids.observed), _read_only(grids.log_odds)
         self._columns = lattice.columns
-        self._robots = np.arange(count, dtype=np.int32)
+        self._robots = np.arange(count, dtype=np.int32)  # their rows
         self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
         self._rewritten = False  # whether maps have changed otherwise than by readings since then
         nobody = np.empty(0, np.int32)

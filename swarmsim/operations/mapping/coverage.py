@@ -50,7 +50,7 @@ class CoverageTask:
     curve = CURVE
 
     def __init__(self, parameters: Coverage, setting: Setting) -> None:
-        count, cells = setting.robots.count, setting.lattice.rows * setting.lattice.columns
+        count, cells = setting.swarm, setting.lattice.rows * setting.lattice.columns
         self._setting, self._wanted, self._traces = setting, parameters.share, parameters.provenance
         self._held = memory.zeros((count, cells), np.bool_)  # which cells each map holds
         self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
@@ -93,7 +93,7 @@ class CoverageTask:
 
     def summaries(self) -> Sequence[Summary[Maps]]:
         """What maps are judged by, and how well they follow a building that changes."""
-        robots, building = self._setting.robots.count, self._setting.building
+        robots, building = self._setting.swarm, self._setting.building
         lattice = self._setting.lattice
         always = MapMeasures(robots, building.domain, lattice), ChangeMeasures(building), FrameMeasures(building.domain)
         return (*always, MapProvenance(robots, lattice)) if self._traces else always

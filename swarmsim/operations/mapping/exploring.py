@@ -37,7 +37,7 @@ class Others:
 class Options:
     """What one robot can choose from: pieces of frontier, nearest first; there is at least one."""
 
-    id: int  # of the robot
+    id: int  # the robot's number
     goals: NDArray[np.int32]  # (p, 2): row and column of the nearest cell of each piece
     ways: NDArray[np.float64]  # (1 + h, p): cells from the robot, then from each it hears; inf where it knows no way
     sizes: NDArray[np.int32]  # (p,): cells of each piece
@@ -99,7 +99,7 @@ class ExploringStrategy(FrontierStrategy):
         self._rule, self._shape = rule, setting.lattice.shape
         self._ground = survey.ground(*self._shape)
         self._grain = rule.grain or max(self._shape)
-        self._random = [setting.streams.open("explore", robot) for robot in range(setting.robots.count)]
+        self._ids, self._random = setting.ids.tolist(), setting.own_streams("explore")
 
     def step(self, senses: Senses, inbox: Inbox[Columns], maps: Maps) -> Intents:
         """Choose goals and paths."""
@@ -125,7 +125,7 @@ class ExploringStrategy(FrontierStrategy):
                 decide.stay(now, i, here[i], stuck[i], draws[i], grids, plans, rules)
                 continue
             options = Options(
-                id=i,
+                id=self._ids[i],
                 goals=np.stack(np.divmod(found.goals, self._columns), axis=1).astype(np.int32),
                 ways=np.where(found.costs == survey.FAR, np.inf, found.costs / survey.STRAIGHT),
                 sizes=found.sizes,

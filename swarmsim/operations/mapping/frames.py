@@ -90,22 +90,24 @@ class MergeSharing(GossipSharing):
     """Gossip among robots that have found each other's frames."""
 
     def __init__(self, parameters: Merge, setting: Setting) -> None:
-        super().__init__(setting.robots.count, setting.lattice)
-        count, lattice = setting.robots.count, setting.lattice
+        super().__init__(setting)
+        lattice, count = setting.lattice, len(setting.ids)
+        pairs = count, setting.swarm  # by each robot's row and another one's number
         self._parameters, self._lattice = parameters, lattice
-        starts = setting.start if len(setting.start) else np.zeros((count, 3))
-        self._own = [_into_own_frame(pose, lattice) for pose in starts]
-        self._found = np.zeros((count, count, 3))  # how the column's frame lies in the row's ...
-        self._weight = np.diag(np.full(count, np.iinfo(np.int32).max))  # ... and walls by which that was found
-        self._told_at = np.zeros((count, count), np.int32)  # iterations from 1; 0: never
+        self._frames = [_into_own_frame(pose, lattice) for pose in setting.starts]  # by number
+        self._own = [self._frames[robot] for robot in setting.ids.tolist()]
+        self._itself = self._ids[:, None] == np.arange(setting.swarm)
+        self._found = np.zeros((*pairs, 3))  # how the column's frame lies in the row's ...
+        self._weight = np.iinfo(np.int32).max * self._itself  # ... and walls by which that was found
+        self._told_at = np.zeros(pairs, np.int32)  # iterations from 1; 0: never
         self._offers = np.zeros(count, np.bool_)  # who tells its whole map next
         self._offered = np.full(count, -parameters.again, np.int64)
-        self._tried = np.full((count, count), -PATIENCE * parameters.again, np.int64)
+        self._tried = np.full(pairs, -PATIENCE * parameters.again, np.int64)
         self._met: dict[tuple[int, int], list[NDArray[np.float64]]] = {}  # where hearer and teller were, in cells
         self._sensed: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)
         self._maps: Maps | None = None  # those of the end of the last iteration
         #: What robots know of each other's frames, and how wrong it is.
-        self.frames = Frames(np.eye(count, dtype=np.bool_), np.zeros((count, count, 3)))
+        self.frames = Frames(self._itself.copy(), np.zeros((*pairs, 3)))
 
     def _cut(self, rows: int, columns: int) -> None:
         super()._cut(rows, columns)
@@ -146,7 +148,7 @@ class MergeSharing(GossipSharing):
 
     def _next_frames(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Who has a frame to tell, and whose: of those it knows the one that it has told longest ago."""
-        others = self.frames.known & ~np.eye(len(alive), dtype=np.bool_)
+        others = self.frames.known & ~self._itself
         waited = np.where(others, self._told_at, np.iinfo(np.int32).max)
         tellers = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
@@ -181,7 +183,7 @@ class MergeSharing(GossipSharing):
                 self._offers[hearer] |= self._far_enough(np.array(met))
 
     def _wanted(self, now: int) -> NDArray[np.bool_]:
-        """Whose frame each robot looks for (n, n): strangers', and now and then those that are not well founded."""
+        """Whose frame each robot looks for (n, N): strangers', and now and then those that are not well founded."""
         rested = now - self._tried >= PATIENCE * self._parameters.again
         return np.asarray((self._weight < SURE) & (rested | ~self.frames.known))
 
@@ -206,7 +208,7 @@ class MergeSharing(GossipSharing):
             self._tried[hearer, teller] = senses.iteration
             rows = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
-            found = self._compared(cells[hearer], told, self._own[teller], met)
+            found = self._compared(cells[hearer], told, self._frames[teller], met)
             if found is not None:
                 self._learn(hearer, teller, self._own[hearer].after(found[0]), min(found[1], MOST))
 
@@ -235,7 +237,7 @@ class MergeSharing(GossipSharing):
         for row in np.flatnonzero(content.part == PLACE).tolist():
             hearer, teller, third = int(inbox.receivers[row]), int(inbox.senders[row]), int(content.whose[row])
             told, walls = Transform(*map(float, content.place[row])), int(content.weight[row])
-            if third != hearer and weight[hearer, teller] > 0:
+            if third != self._ids[hearer] and weight[hearer, teller] > 0:
                 found = Transform(*self._found[hearer, teller]).after(told)
                 self._learn(hearer, third, found, int(SECOND_HAND * min(walls, weight[hearer, teller])))
             if weight[hearer, third] > 0:  # which the hearer itself may be
@@ -246,7 +248,7 @@ class MergeSharing(GossipSharing):
         """Believe a frame that is better founded than what was believed before."""
         if walls <= self._weight[hearer, other]:
             return
-        error = self._own[hearer].inverse().after(found).after(self._own[other])
+        error = self._own[hearer].inverse().after(found).after(self._frames[other])
         self._found[hearer, other] = found.turn, found.rows, found.columns
         self._weight[hearer, other] = walls
         self.frames.errors[hearer, other] = error.turn, error.rows, error.columns
@@ -289,7 +291,7 @@ class MergeCodec:
 
 
 class FrameMeasures:
-    """A probe that counts who has found whose frame, and judges how right; silent where all know from the start."""
+    """An observer that counts who has found whose frame, and judges how right; silent where all know from the start."""
 
     def __init__(self, domain: NDArray[np.bool_]) -> None:
         rows, columns = (np.flatnonzero(domain.any(axis=axis)) for axis in (1, 0))

@@ -43,7 +43,7 @@ class FrontierStrategy:
 
     def __init__(self, parameters: NearestFrontier, setting: Setting) -> None:
         robots, lattice = setting.robots, setting.lattice
-        count, cells = robots.count, lattice.rows * lattice.columns
+        count, cells = len(setting.ids), lattice.rows * lattice.columns
         self._barred, self._shunned = (memory.zeros((count, *lattice.shape), np.int32) for _ in range(2))
         self._plans = decide.Plans(
             goal=np.full(count, -1, np.int32),
@@ -58,7 +58,7 @@ class FrontierStrategy:
         patrolled = lattice.shape if parameters.idle == "patrol" else (0, 0)
         self._patrol = search.Patrol(memory.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
         per_iteration = robots.speed * setting.period / lattice.cell  # cells, of the fastest
-        slowest = float(robots.each("speed").min()) * setting.period / lattice.cell
+        slowest = robots.least("speed") * setting.period / lattice.cell
         footprint = search.footprint(robots.radius / lattice.cell)
         self._rules = search.Rules(
             lattice.x0,
@@ -72,8 +72,8 @@ class FrontierStrategy:
             math.ceil(per_iteration) + 3,
         )
         self._scratch = search.scratch(cells)
-        self._salts = salts(setting, "unstick", count)
-        self._tie_salts = salts(setting, "ties", count)
+        self._salts = salts(setting, "unstick")
+        self._tie_salts = salts(setting, "ties")
         if parameters.ties == "row-order":
             self._tie_salts[:] = 0
         self._columns = lattice.columns
@@ -127,7 +127,6 @@ class FrontierStrategy:
         )
 
 
-def salts(setting: Setting, purpose: str, count: int) -> NDArray[np.uint64]:
+def salts(setting: Setting, purpose: str) -> NDArray[np.uint64]:
     """One random number of each robot's own, never 0."""
-    streams = (setting.streams.open(purpose, robot) for robot in range(count))
-    return np.array([stream.integers(1, 2**63) for stream in streams], np.uint64)
+    return np.array([stream.integers(1, 2**63) for stream in setting.own_streams(purpose)], np.uint64)

@@ -21,8 +21,8 @@ from swarmsim.operations.mapping.message import TileItems
 class Frames:
     """What robots that started without knowing each other's places know of each other's frames of reference."""
 
-    known: NDArray[np.bool_]  # (n, n): whether the robot of the row can place what the one of the column says
-    #: (n, n, 3): where it places that, in truth: a turn about the grid's corner (rad), then rows and columns (cells).
+    known: NDArray[np.bool_]  # (n, N): whether each robot can place what each of the swarm says
+    #: (n, N, 3): where it places that, in truth: a turn about the grid's corner (rad), then rows and columns (cells).
     #: All are 0 where it is right.
     errors: NDArray[np.float64]
 
@@ -61,7 +61,7 @@ class MapAuditor(Auditor):
     """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
 
     def __init__(self, setting: Setting) -> None:
-        shape = (setting.robots.count, setting.lattice.rows * setting.lattice.columns)
+        shape = (setting.swarm, setting.lattice.rows * setting.lattice.columns)
         self._columns = setting.lattice.columns
         self._shown: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # by any tile so far
         self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say

@@ -145,7 +145,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 class MapMeasures:
-    """A probe that keeps what it takes to judge the maps of a run, so that studies need no recording.
+    """An observer that keeps what it takes to judge the maps of a run, so that studies need no recording.
 
     Cells count in the coverage domain alone, except those that messages carry. What a robot *sensed* came
     from its own tiles; its map also holds what it heard. Robots that died keep their rows.

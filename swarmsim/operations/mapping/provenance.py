@@ -18,7 +18,7 @@ from swarmsim.operations.mapping.message import RelayedItems
 
 
 class MapProvenance:
-    """A probe that follows every reading to the maps it ends up in; it sees all messages, as no robot does.
+    """An observer that follows every reading to the maps it ends up in; it sees all messages, as no robot does.
 
     A piece of its sender's map has the origins that the sender knows when it arrives; where messages are delayed these
     can be later ones than when it was said.

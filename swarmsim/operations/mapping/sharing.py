@@ -39,7 +39,7 @@ class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     def build(self, setting: Setting) -> CurrentTileSharing:
         """The policy."""
-        return CurrentTileSharing(setting.robots.count)
+        return CurrentTileSharing(setting)
 
 
 class CurrentTileSharing:
@@ -47,9 +47,9 @@ class CurrentTileSharing:
 
     codec: Codec[Any]
 
-    def __init__(self, robots: int) -> None:
-        self._ids = np.arange(robots, dtype=np.int32)
-        self._ends = np.arange(1, robots + 1, dtype=np.int64)
+    def __init__(self, setting: Setting) -> None:
+        self._ids = setting.ids.astype(np.int32)
+        self._ends = np.arange(1, len(self._ids) + 1, dtype=np.int64)
         self._sizes = np.empty(0, np.int32)
 
     def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
@@ -109,7 +109,7 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     def build(self, setting: Setting) -> TileAndGoalSharing:
         """The policy."""
-        return TileAndGoalSharing(setting.robots.count)
+        return TileAndGoalSharing(setting)
 
 
 class TileAndGoalSharing(CurrentTileSharing):

@@ -23,9 +23,9 @@ Places = list[tuple[float, float]]
 
 
 def offsets_of(places: Places, setting: Setting) -> NDArray[np.float64]:
-    """The places (n, 2) of all robots. Raises InputError unless there is one for each."""
-    if len(places) != setting.robots.count:
-        raise InputError(f"places: {len(places)} for {setting.robots.count} robots; expected one for each")
+    """The places (N, 2) of all robots. Raises InputError unless there is one for each."""
+    if len(places) != setting.swarm:
+        raise InputError(f"places: {len(places)} for {setting.swarm} robots; expected one for each")
     return np.array(places, np.float64)
 
 
@@ -54,11 +54,12 @@ class FormationLaw:
 
     def __init__(self, parameters: Formation, offsets: NDArray[np.float64], setting: Setting) -> None:
         self._gain, self._march, self._offsets = parameters.gain, np.array(parameters.march), offsets
+        self._own = offsets[setting.ids]
         self._steering = Steering(setting, parameters.speed, parameters.clearance)
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
         """To the place among those heard, and on."""
-        own = senses.pose[:, :2] - self._offsets
+        own = senses.pose[:, :2] - self._own
         apart = knowledge.place - self._offsets[knowledge.senders] - own[knowledge.receivers]
         counts = np.maximum(knowledge.counts(len(own)), 1)[:, None]
         return self._steering.intents(senses, self._march + self._gain * knowledge.total(apart, len(own)) / counts)

@@ -102,7 +102,7 @@ class Gathered(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def build(self, setting: Setting) -> GatheringTask:
         """The task."""
         robots = setting.robots
-        return GatheringTask(self.within or 4.0 * robots.radius * float(np.sqrt(robots.count)))
+        return GatheringTask(self.within or 4.0 * robots.radius * float(np.sqrt(setting.swarm)))
 
 
 class GatheringTask:

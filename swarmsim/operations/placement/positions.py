@@ -27,8 +27,8 @@ class Position(Columns):
 class Positions(Knowledge):
     """Where each robot knows others to be: the newest that it has heard of each in this iteration."""
 
-    receivers: NDArray[np.int32]  # (t,): who knows it, ascending
-    senders: NDArray[np.int32]  # (t,): of whom
+    receivers: NDArray[np.int32]  # (t,): the row of who knows it, ascending
+    senders: NDArray[np.int32]  # (t,): the number of whom it knows
     place: NDArray[np.float64]  # (t, 2): m
 
     def arrays(self) -> tuple[NDArray[Any], ...]:

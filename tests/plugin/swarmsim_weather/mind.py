@@ -38,7 +38,7 @@ class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> HottestComputation:
         """The computation."""
-        return HottestComputation(setting.robots.count)
+        return HottestComputation(len(setting.ids))
 
 
 class HottestComputation:
