@@ -62,12 +62,14 @@ class Me:
     reads: SimpleNamespace  # what its other sensors give, by the names of their channels
 
     def __getattr__(self, name: str) -> Any:
-        if name in Me.__slots__ or name.startswith("__"):  # not there yet, while it is made
-            raise AttributeError(name)
-        if name not in vars(self.reads):
-            near = nearest(name, {**vars(self.reads), **dict.fromkeys(OF_ME)})
-            raise AttributeError(f"me.{name}: no sensor of this robot gives that; {near}")
-        return vars(self.reads)[name]
+        found = {} if name == "reads" else vars(self.reads)  # which is not there while it is made
+        if name not in found:
+            raise AttributeError(f"'Me' object has no attribute {name!r}", name=name, obj=self)
+        return found[name]
+
+    def __dir__(self) -> list[str]:
+        """All that it has, what its other sensors give included."""
+        return [*object.__dir__(self), *vars(self.reads)]
 
     @property
     def walls(self) -> NDArray[np.float64]:

@@ -18,8 +18,6 @@ def schema() -> dict[str, Any]:
     defs: dict[str, Any] = dict(parts)
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
     own = {seam.name: {"type": "object"} for seam in SEAMS.values() if seam.of_groups}
-    for described in (root, defs["Group"]):
-        described["properties"]["sensors"] = {"type": "array", "items": {"type": "object"}}
     group = {key: value for key, value in defs["Group"]["properties"].items() if key not in own}
     of_a_kind = {**defs["Group"], "properties": {**group, "spawn": {"type": "string"}, **own}}
     root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}
@@ -42,12 +40,20 @@ def schema() -> dict[str, Any]:
             where = _struct_at(seam.place[:-1])
             described = root if where is Scenario else defs[where.__name__]
             described["properties"][seam.place[-1]] = {"type": "array", "items": part} if seam.many else part
+            for owner in (root, defs["Group"], of_a_kind) if seam.more else ():
+                listed = [_with_name(choice) for choice in choices]
+                owner["properties"][seam.more] = {"type": "array", "items": {"anyOf": listed}}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **root,
         "title": "swarmsim scenario",
         "$defs": defs,
     }
+
+
+def _with_name(part: dict[str, Any]) -> dict[str, Any]:
+    """A part's schema in a list, where it may have a name."""
+    return {**part, "properties": {**part["properties"], "name": {"type": "string"}}}
 
 
 def _struct_at(place: tuple[str, ...]) -> type[msgspec.Struct]:

@@ -431,6 +431,7 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
         table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
     sensor: Sensor = _make("sensor", table, setting)
+    sensor = sensor if registry.is_ours(sensor) else held_sensor(sensor)
     if "tiles" not in sensor.channels:
         return None
     places = np.argwhere(reachable)

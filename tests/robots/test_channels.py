@@ -147,7 +147,8 @@ class Mine:
         try:
             me.neighbors
         except AttributeError as problem:
-            assert "did you mean 'neighbours'" in str(problem)
+            assert "has no attribute 'neighbors'" in str(problem)
+            assert "neighbours" in dir(me)
         else:
             raise AssertionError
 
@@ -502,3 +503,33 @@ def test_a_suite_gives_what_its_sensors_give_alone() -> None:
     with pytest.raises(InputError, match="give no 'bump'; they give neighbours, neighbours_count, front_bump"):
         suite["bump"]
     assert replace(suite).channels is suite.channels
+
+
+def test_the_sensor_on_the_page_is_recorded_struck_and_seen(tmp_path: Path, root: Path) -> None:
+    listing = (root / "docs" / "sensors.md").read_text().split("```python\n")[1].split("```")[0]
+    (tmp_path / "light.py").write_text(listing)
+    (tmp_path / "mind.py").write_text("""
+class Mine:
+    requires = ("light",)
+    shows = ("left",)
+
+    def hear(self, me):
+        self.left = me.light[0]
+
+    def step(self, me):
+        pass
+""")
+    with registry.own_code(True):
+        run = made(
+            f'sensors=[{{use="{tmp_path}/light.py:Light"}}]', f'mind={{use="{tmp_path}/mind.py:Mine"}}',
+            'task={use="travelled", distance=9.0}', "stop.iterations=4",
+            'faults=[{use="sensor", failure="off", channels=["light"], at=2, robots=[1]}]',
+        )  # fmt: skip
+        with run.recorder(tmp_path / "recording.h5") as recorder:
+            run.simulation.run([recorder])
+    recording = Recording(tmp_path)
+    light = recording["light"]
+    assert np.isnan(light[2:, 1]).all()
+    assert np.isfinite(light[:, [0, 2]]).all()
+    np.testing.assert_array_equal(recording["left"], light[:, :, 0])
+    assert list(columns_of(recording, "light"))[3:] == ["left", "right"]
