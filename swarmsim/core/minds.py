@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import keyword
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, make_dataclass, replace
+from dataclasses import dataclass, field, fields, make_dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from swarmsim.core import own
 from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.lending import AS_IT_IS
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
 from swarmsim.core.readings import Readings
@@ -125,7 +126,7 @@ def _number(verb: str, name: str, value: Any) -> float:
 class OwnMinds(Knowledge):
     """What the minds of somebody's own class know: themselves, and what of it they show."""
 
-    minds: Sequence[Any]  # (n,): one instance for each robot
+    minds: Sequence[Any] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
     shown: Mapping[str, NDArray[np.float64]]  # (n,): the attributes that the class names in `shows`
 
     def __getattr__(self, name: str) -> NDArray[np.float64]:
@@ -181,7 +182,7 @@ class Swarm:
         for row, me in self._all(senses, inbox, knowledge):
             try:
                 answers[row] = ask(self.minds[row], me)
-            except (Exception, SystemExit) as problem:
+            except BaseException as problem:
                 problem.add_note(f"robot {me.id}")
                 raise
         return answers

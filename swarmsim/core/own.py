@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import ast
 import difflib
+import dis
 import inspect
 import math
 import reprlib
 import sysconfig
 import textwrap
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import InputError
+
 _PACKAGE: Final = Path(__file__).parents[1]
 _PYTHON: Final = Path(sysconfig.get_path("stdlib"))
+_RAISE: Final = dis.opmap["RAISE_VARARGS"]
 
 
 class MisfitError(ValueError):
@@ -30,6 +36,34 @@ class MisfitError(ValueError):
         """
         super().__init__(wrong)
         self.line = "" if owner is None else line_of(owner, name)
+
+
+def is_failure(problem: BaseException) -> bool:
+    """Whether code has failed, and not somebody outside of it asked the program to end.
+
+    Exits are failures of the code that raises them. When the keyboard interrupts, no code has a `raise` there.
+    """
+    if isinstance(problem, Exception):
+        return True
+    last = problem.__traceback__
+    while last is not None and last.tb_next is not None:
+        last = last.tb_next
+    if last is None or _PACKAGE in Path(last.tb_frame.f_code.co_filename).parents:
+        return False
+    if isinstance(problem, SystemExit):
+        return True
+    return isinstance(problem, KeyboardInterrupt) and last.tb_frame.f_code.co_code[last.tb_lasti] == _RAISE
+
+
+@contextmanager
+def not_ending() -> Iterator[None]:
+    """Within this context people's own code may not end the program. Raises InputError for code that would."""
+    try:
+        yield
+    except (SystemExit, KeyboardInterrupt) as problem:
+        if not is_failure(problem):
+            raise
+        raise InputError(f"own code ends the program: {told(problem)}") from problem
 
 
 def told(problem: BaseException, at: str = "") -> str:

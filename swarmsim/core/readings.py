@@ -18,6 +18,7 @@ from swarmsim.core.lattice import Lattice
 NAME: Final = r"^[a-z][a-z0-9_]{0,40}(\.[a-z0-9_]{1,20})?$"  # names become tables, keys and attributes
 LONGEST: Final = 100_000  # of a side of what a channel gives for one robot, and of its axis
 Name = Annotated[str, Meta(pattern=NAME)]
+Called = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,19}$")]  # the name of a sensor
 Word = Annotated[str, Meta(max_length=200)]
 Side = Annotated[int, Meta(ge=0, le=LONGEST)]
 

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -19,23 +19,23 @@ from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.files import Table
-from swarmsim.core.fitting import Fitted, sensors_of
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.lending import lent
 from swarmsim.core.minds import OF_ME
-from swarmsim.core.parts import Calendar, Computation, Fault, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.own import not_ending
+from swarmsim.core.part import Buildable, Part
+from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import Scenario, World, lists
-from swarmsim.core.scenario import tables as scenario_tables
+from swarmsim.core.scenario import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
-from swarmsim.engine.guard import guarded, held_field, held_sensor
+from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
@@ -43,13 +43,16 @@ from swarmsim.recording import layout
 from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import tracked
-from swarmsim.robots.sensors import IrRing, with_field
+from swarmsim.robots.sensors import with_field
 from swarmsim.robots.suites import MixedSensor, Suite, TwiceError
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 from swarmsim.world.unreached import unreached
+
+P = TypeVar("P")
+Asked = dict[str, Part[Any]]  # the parts of a scenario, by seam
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -115,7 +118,7 @@ class Run:
     def astray(self) -> list[int]:
         """The robots whose bodies are in a wall, or where nobody can get to from where they started."""
         parts, arena = self.simulation.parts, self.arena
-        if self.scenario.physics.get("use") != "pymunk":  # walls stop no others
+        if not self.scenario.physics.says("walled", False):
             return []
         places = self.simulation.state.pose[:, :2]
         row, column = arena.lattice.cells(places).T
@@ -143,7 +146,7 @@ def build(
     Raises InputError for whatever cannot work.
     """
     try:
-        with budget.of(scenario.budget):
+        with budget.of(scenario.budget), not_ending():
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
             return _built(scenario, name, world, strict, watch)
@@ -152,15 +155,14 @@ def build(
 
 
 def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
-    robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
-    place, sensor = msgspec.json.encode(scenario.world), _tables_of_sensors(scenario)
-    alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
+    robots, stop, asked, sensors = scenario.robots, scenario.stop, parts_of(scenario), sensors_of(scenario)
+    key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), sensors
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
         with budget.of(scenario.budget):  # also while the run goes on
-            return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
+            return _survey(*key, boxes)
 
-    ground = _open(world, place, scenario.grid.cell, alone, sensor)
+    ground = _open(*key)
     arena = ground.arena
     cells = arena.lattice.rows * arena.lattice.columns
     if robots.count * cells > MOST_MAPPED:
@@ -174,61 +176,60 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     streams = Streams(scenario.seed)
     start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
     setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
-    if "field" in tables:
-        setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting), scenario.period))
-
-    def make(seam: str) -> Any:
-        return _make(seam, tables[seam], setting)
-
-    bodies = make("physics")
+    clock = Clock()
+    if scenario.field:
+        field = _make(scenario.field, setting)
+        setting = replace(
+            setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
+        )
+    mind, network = scenario.mind, scenario.network
+    bodies = _make(scenario.physics, setting)
     parts = Parts(
         sensor=with_field(
-            _sensors(scenario, setting, strict), setting, float(tables.get("field", {}).get("noise", 0.0))
+            _sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0))
         ),
-        localisation=tracked(make("localisation"), setting),
-        computation=make("computation"),
-        strategy=make("strategy"),
-        topology=make("topology"),
-        channel=make("channel"),
-        motion=make("motion"),
+        localisation=tracked(_make(scenario.localisation, setting), setting),
+        computation=_make(mind.computation, setting),
+        strategy=_make(mind.strategy, setting),
+        topology=_make(network.topology, setting),
+        channel=_make(network.channel, setting),
+        motion=_make(scenario.motion, setting),
         bodies=bodies,
-        task=make("task"),
+        task=_make(scenario.task, setting),
         building=building,
         calendar=Calendar(bodies.state()),
         lattice=arena.lattice,
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
-    _check_channels(parts, tables)
-    _check_names(parts, tables)
-    theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
-    parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
+        _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
+    _check_channels(parts, asked)
+    _check_names(parts, asked)
+    theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
+    parts = guarded(parts, setting, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock)  # those are held
     parts = parts if watch is None else watch(parts)
-    for number, table in enumerate(scenario.faults):
-        fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
+    for number, one in enumerate(scenario.faults):
+        fault = _make(one, replace(setting, number=number), f"faults[{number}]")
         try:
-            parts = installed(fault, parts, table)
+            parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
             parts = replace(parts, localisation=tracked(parts.localisation, setting))
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    probes = watching(scenario, setting, parts)
-    listed = [(seam, table) for seam, _, table in lists(scenario)]
-    listed += [("sensor", one.table) for fitted in sensors_of(scenario) for one in fitted]
-    used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
+    probes = watching(scenario, setting, parts, clock)
+    used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
-    beams, length = _most_beams(msgspec.json.decode(sensor), arena.lattice.cell)
+    beams, length = max(_beams(one, arena.lattice.cell)[:2] for _, one in sensors)
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
-        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
+        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
     return Run(
         scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes
     )  # fmt: skip
 
 
-def _sensors(scenario: Scenario, setting: Setting, strict: bool) -> Sensor:
+def _sensors(scenario: Scenario, setting: Setting, strict: bool, clock: Clock) -> Sensor:
     """The sensors of a swarm as one; of a mixed swarm, those of its groups. Raises InputError."""
-    suites = [_suite(fitted, setting, strict) for fitted in sensors_of(scenario)]
+    suites = [_suite(sensors, setting, strict, clock) for sensors in fitted(scenario)]
     if len(suites) == 1:
         return suites[0]
     counts = [group.count for group in scenario.robots.groups]
@@ -238,22 +239,22 @@ def _sensors(scenario: Scenario, setting: Setting, strict: bool) -> Sensor:
     )
 
 
-def _suite(fitted: Sequence[Fitted], setting: Setting, strict: bool) -> Sensor:
+def _suite(sensors: Sensors, setting: Setting, strict: bool, clock: Clock) -> Sensor:
     """The sensors of the same robots as one. Raises InputError that starts with the place in the scenario."""
-    sensors: list[Sensor] = []
-    for number, one in enumerate(fitted):
-        part = _make("sensor", one.table, replace(setting, number=number), one.place)
-        if not isinstance(part, Suite | MixedSensor) and (strict or not registry.is_ours(part)):
-            part = held_sensor(part)
+    made: list[Sensor] = []
+    for number, (place, one) in enumerate(sensors):
+        part = _make(one, replace(setting, number=number), place)
         wrong = contracts.declared(part.channels, setting.swarm) or _wrong_names(part.channels)
         if wrong is not None:
-            raise InputError(f"{one.place}.use: {one.table.get('use')!r} declares {wrong}")
-        sensors.append(part)
-    names = [one.name for one in fitted]
+            raise InputError(f"{place}.use: {one.use!r} declares {wrong}")
+        if strict or not registry.is_ours(part):
+            part = held("sensor", part, setting, clock, not registry.is_ours(part))
+        made.append(part)
+    names = [str(one.says("name", None) or "") for _, one in sensors]
     try:
-        return sensors[0] if len(sensors) == 1 and not names[0] else Suite(sensors, names)
+        return made[0] if len(made) == 1 and not names[0] else Suite(made, names)
     except TwiceError as problem:
-        raise InputError(problem.told([one.place for one in fitted])) from problem
+        raise InputError(problem.told([place for place, _ in sensors])) from problem
 
 
 def _wrong_names(channels: Channels) -> str | None:
@@ -271,12 +272,7 @@ def _wrong_names(channels: Channels) -> str | None:
     return None
 
 
-def _tables_of_sensors(scenario: Scenario) -> bytes:
-    """The tables of all sensors that a swarm has, in JSON."""
-    return msgspec.json.encode([one.table for fitted in sensors_of(scenario) for one in fitted])
-
-
-def _check_channels(parts: Parts, tables: dict[str, Table]) -> None:
+def _check_channels(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a part that needs a channel which no sensor of these robots gives."""
     channels = parts.sensor.channels
     for seam, part in (("computation", parts.computation), ("strategy", parts.strategy), ("task", parts.task)):
@@ -288,7 +284,7 @@ def _check_channels(parts: Parts, tables: dict[str, Table]) -> None:
                 why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
             else:
                 why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
-            use = tables[seam]["use"]
+            use = asked[seam].use
             raise InputError(f"{SEAMS[seam].at}.use: {use!r} needs {name!r} from the sensors of robots: {why}")
 
 
@@ -300,22 +296,22 @@ def _giving(name: str) -> str:
 
 
 def _check_knowledge(
-    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], asked: Asked
 ) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(
-            f"{place}.use: {tables[place.rpartition('.')[2]]['use']!r} reads {part.reads.__name__}, and "
-            f"{tables['computation']['use']!r} gives {computation.knows.__name__}; expected a "
+            f"{place}.use: {asked[place.rpartition('.')[2]].use!r} reads {part.reads.__name__}, and "
+            f"{asked['computation'].use!r} gives {computation.knows.__name__}; expected a "
             f"{place.rpartition('.')[2]} and a computation that go together"
         )
 
 
-def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
+def _check_names(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{SEAMS[seam].at}.use: {tables[seam]['use']!r}"
+        place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
         for name, says, at in announced(seam, part):
             wrong = layout.wrong_name(name, seam)
             if wrong is None and name in used:
@@ -334,14 +330,11 @@ class _Explorable:
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _Explorable:
+def _open(text: str, world: World, cell: float, robots: Robots, sensors: Sensors) -> _Explorable:
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
-    robots = msgspec.json.decode(kinds, type=Robots)
-    world = msgspec.json.decode(place, type=World)
-    sensors: list[Table] = msgspec.json.decode(sensor)
     plan = floor_plan(text, world)
     with told_to_scale(plan, world):
-        margin = max(margin_of(registry.part("sensor", one)) for one in sensors) + 1
+        margin = max(margin_of(one) for _, one in sensors) + 1
         arena = Arena.open(plan, cell, margin, world.title)
         budget.begin(budget.opening(arena.occupied.size))
         spawn = arena.area_name(robots.spawn)
@@ -359,21 +352,21 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
 
 
 @lru_cache(maxsize=16)
-def _survey(text: str, place: bytes, cell: float, kinds: str, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
+def _survey(text: str, world: World, cell: float, robots: Robots, sensors: Sensors, boxes: tuple[Box, ...]) -> Survey:
     """What can be explored of the world with boxes standing in it; a room that they cut off is left out."""
-    ground = _open(text, place, cell, kinds, sensor)
-    robots = msgspec.json.decode(kinds, type=Robots)
+    ground = _open(text, world, cell, robots, sensors)
     arena, reachable, domain = ground.arena, ground.reachable, ground.domain
     home = arena.spawn_cells(robots.spawn)
     if boxes:
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
-        observed = _observed(msgspec.json.decode(sensor), arena, robots, reachable)
+        observed = _observed(sensors, arena, robots, reachable)
         domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
         shared.flags.writeable = False
-    return Survey(arena.segments, arena.occupied, domain, entrance)
+    walls = lent(arena.segments)  # kernels get copies, of which others know nothing
+    return Survey(walls, arena.occupied, domain, entrance)
 
 
 def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[np.float64], tuple[str, ...]]:
@@ -381,17 +374,16 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
 
     Raises InputError for a building in which the robots cannot run.
     """
-    place, sensor = msgspec.json.encode(scenario.world), _tables_of_sensors(scenario)
-    key = text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor
+    key = text, scenario.world, scenario.grid.cell, _of_each_kind(scenario.robots), sensors_of(scenario)
     with budget.of(scenario.budget):
         found = _survey(*key, ())
         return found.domain, found.entrance, _open(*key).notices
 
 
-def _of_each_kind(robots: Robots) -> str:
-    """One robot of each kind, in JSON: what can be reached and observed depends on no more."""
+def _of_each_kind(robots: Robots) -> Robots:
+    """One robot of each kind: what can be reached and observed depends on no more."""
     groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
-    return msgspec.json.encode(msgspec.structs.replace(robots, count=1, groups=groups)).decode()
+    return msgspec.structs.replace(robots, count=1, groups=groups)
 
 
 def _walls_alone(arena: Arena) -> Building:
@@ -404,39 +396,38 @@ def _walls_alone(arena: Arena) -> Building:
     return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
-def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
-    """The part that a table describes. Raises InputError that starts with its place in the scenario."""
-    place = place or SEAMS[seam].at
+def _make(part: Part[P], setting: Setting, place: str = "") -> P:
+    """The part, built. Raises InputError that starts with its place in the scenario."""
     try:
-        return built(seam, table, setting)
+        return built(part, setting)
     except InputError as problem:
-        raise InputError(f"{place}.{problem}") from problem
+        raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
 
 
-def _observed(
-    sensors: list[Table], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
-) -> NDArray[np.bool_] | None:
+def _observed(sensors: Sensors, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot of any of these sensors can observe; None without tiles."""
-    found = [_observable(table, arena, robots, reachable) for table in sensors]
+    found = [_observable(place, one, arena, robots, reachable) for place, one in sensors]
     seen = [one for one in found if one is not None]
     return np.asarray(np.logical_or.reduce(seen)) if seen else None
 
 
-def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+def _observable(
+    place: str, part: Part[Sensor], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
+) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
     setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
-    part = registry.part("sensor", table)
-    if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
-        table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
-    sensor: Sensor = _make("sensor", table, setting)
-    sensor = sensor if registry.is_ours(sensor) else held_sensor(sensor)
+    # What robots can see in the end does not depend on gaps between their beams.
+    surveying: Buildable[Sensor] | None = part.says("surveying", None)
+    sensor = _make(part, setting, place) if surveying is None else surveying.build(setting)
     if "tiles" not in sensor.channels:
         return None
+    if not registry.is_ours(sensor):
+        sensor = held("sensor", sensor, setting, Clock())
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
-    work = budget.survey(len(places), *_beams(table, lattice.cell))
+    work = budget.survey(len(places), *_beams(part, lattice.cell))
     for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
@@ -446,18 +437,11 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     return observed
 
 
-def _most_beams(tables: Sequence[Table], cell: float) -> tuple[int, float]:
-    """The beams of all sensors of a robot, and how many cells the farthest of them reaches; about."""
-    return max(_beams(table, cell)[:2] for table in tables)
-
-
-def _beams(table: Table, cell: float) -> tuple[int, float, int]:
+def _beams(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
     """A sensor's beams, how many cells of side `cell` (m) they reach into its tile, and the tile's cells; about."""
-    part = registry.part("sensor", table)
-    length, tile = float(margin_of(part)), margin_of(part) ** 2
-    if not isinstance(part, IrRing) or part.beams is None or part.reach is None:
-        return 1, length, tile
-    return part.beams, part.reach / cell if part.ranges else min(part.reach / cell, length), tile
+    margin = margin_of(sensor)
+    beams, reach, beyond = sensor.says("rays", (1, math.inf, False))
+    return beams, reach / cell if beyond else min(reach / cell, margin), margin**2
 
 
 def _start(

@@ -2,358 +2,153 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Final
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.messages import Codec, Delivery, Inbox, Said
-from swarmsim.core.own import line_of, told
-from swarmsim.core.parts import (
-    Channel,
-    Computation,
-    Curve,
-    Links,
-    Motion,
-    Parts,
-    Sensor,
-    Strategy,
-    Summary,
-    Task,
-    Topology,
-    Tracking,
-    WheelSpeeds,
-)
-from swarmsim.core.readings import Channels, Readings
-from swarmsim.core.setting import Field, Setting
-from swarmsim.core.state import Done, Intents, Knowledge, Measured, Moment, Senses, State
-from swarmsim.engine import contracts
-from swarmsim.engine.foreign import copied, lent
-from swarmsim.recording.measures import RunMeasures
+from swarmsim.core.lending import Lender, copied, frozen
+from swarmsim.core.own import is_failure, line_of, told
+from swarmsim.core.parts import Calendar, Happening, Now, Parts
+from swarmsim.core.seams import SEAMS
+from swarmsim.core.setting import Setting
+from swarmsim.engine import promises
+from swarmsim.engine.promises import Check, Checks
 
-T = TypeVar("T")
+Change = Callable[[Any], Any]
+
+#: The seams whose parts the tick asks by name.
+HELD: Final = tuple(seam for seam in promises.CHECKS if seam in Parts.__slots__)
 
 
-def nothing(found: Any) -> None:
-    """There is nothing to check."""
+class Clock:
+    """The iteration that is going on, as the tick sets it, and what was lent in it."""
 
+    def __init__(self) -> None:
+        #: What failures are blamed with.
+        self.iteration = 0
+        self.lender = Lender()
 
-def as_it_is(value: Any) -> Any:
-    """The same."""
-    return value
+    def turn(self, iteration: int) -> None:
+        """An iteration begins."""
+        self.iteration = iteration
+        self.lender.clear()
 
 
 class Guard:
-    """Calls a part, and raises PartError for what it raises and for what it gives that breaks its contract."""
-
-    def __init__(self, seam: str, part: Any) -> None:
-        kind = registry.author_of(part)
-        file = getattr(sys.modules[kind.__module__], "__file__", None) if registry.is_own(kind) else None
-        place = f"{Path(file).name}:" if file else f"{kind.__module__}."
-        self._part, self._kind, self._name = part, kind, f"{seam} {place}{kind.__qualname__}"
-        self._iteration = 0
-        #: What makes of arguments what the part is given: code of others cannot write to their arrays.
-        self.given: Callable[[Any], Any] = lent
-
-    def _call(self, iteration: int, verb: Callable[..., T], *given: Any, check: Callable[[T], str | None]) -> T:
-        self._iteration = iteration
-        try:
-            found = verb(*(self.given(one) for one in given))
-        except InputError:
-            raise
-        except (Exception, SystemExit) as problem:  # a part must not end the process, least of all as if all were well
-            at = line_of(self._kind, verb.__name__)
-            raise PartError(f"{self._name}, iteration {iteration}: {told(problem, at)}") from problem
-        wrong = check(found)
-        if wrong is not None:
-            at = "" if registry.is_ours(self._kind) else line_of(self._kind, verb.__name__)
-            raise PartError(f"{self._name}, iteration {iteration}: {wrong}{at}")
-        return found
-
-
-class GuardedSensor(Guard):
-    """Readings with a row for each robot."""
-
-    _part: Sensor
-
-    @property
-    def channels(self) -> Channels:
-        """What it declares."""
-        return self._part.channels
-
-    def sense(self, state: State) -> Readings:
-        """The readings, checked."""
-        return self._call(
-            state.iteration,
-            self._part.sense,
-            state,
-            check=lambda found: contracts.readings(found, state, self._part.channels),
-        )
-
-
-class GuardedLocalisation(Guard):
-    """Poses with a row for each robot."""
-
-    _part: Tracking
-
-    @property
-    def exact(self) -> bool:
-        """Whether it says that it never errs."""
-        return self._part.exact
-
-    def locate(self, state: State) -> NDArray[np.float64]:
-        """The estimates, checked."""
-
-        def locate(given: State) -> NDArray[np.float64]:
-            found = self._part.locate(given)
-            return state.pose if found is given.pose else found  # what is only passed on is given back, not lent
-
-        return self._call(state.iteration, locate, state, check=lambda found: contracts.located(found, state))
-
-    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The estimates, as they are."""
-        return self._part.track(pose)
-
-
-class GuardedTopology(Guard):
-    """Links among live robots, in order."""
-
-    _part: Topology
-
-    def links(self, state: State) -> Links:
-        """The links, checked."""
-        return self._call(state.iteration, self._part.links, state, check=lambda found: contracts.links(found, state))
-
-
-class GuardedChannel(Guard):
-    """Letters among robots, in order."""
-
-    _part: Channel
-
-    def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What arrives, checked."""
-        return self._call(
-            state.iteration,
-            self._part.deliver,
-            state,
-            links,
-            sizes,
-            check=lambda found: contracts.delivery(found, state, len(links)),
-        )
-
-
-class GuardedComputation(Guard):
-    """Messages of the sizes they have, and knowledge that follows from what was sensed and heard."""
-
-    _part: Computation[Any, Knowledge]
-
-    def __init__(self, part: Computation[Any, Knowledge], setting: Setting) -> None:
-        super().__init__("computation", part)
-        self._auditor, self._robots = part.knows.auditor(setting), setting.swarm
-        self._form: contracts.Form | None = None
-
-    @property
-    def knows(self) -> type[Knowledge]:
-        """What it says it gives."""
-        return self._part.knows
-
-    @property
-    def codec(self) -> Codec[Any]:
-        """Its own."""
-        return self._part.codec
-
-    @property
-    def maps(self) -> Any:
-        """What all robots know, for those who map."""
-        return self._part.maps  # type: ignore[attr-defined]
-
-    def say(self, senses: Senses) -> Said[Any]:
-        """The messages, checked."""
-        return self._call(senses.iteration, self._part.say, senses, check=lambda found: contracts.said(found, senses))
-
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
-        """The knowledge, audited."""
-
-        def check(found: Knowledge) -> str | None:
-            wrong = contracts.knowledge(found, self._part.knows)
-            if wrong is None:
-                self._form, wrong = contracts.record(found.record(), "computation", self._robots, self._form)
-            return wrong if wrong is not None else self._auditor.audit(found, senses, inbox)
-
-        return self._call(senses.iteration, self._part.hear, senses, inbox, check=check)
-
-    def forget(self, robots: NDArray[np.int64]) -> None:
-        """Pass it on."""
-        self._call(self._iteration, self._part.forget, robots, check=nothing)
-        self._auditor.forget(robots)
-
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
-        """Pass it on."""
-        self._call(self._iteration, self._part.adopt, robots, source, check=nothing)
-        self._auditor.adopt(robots, source)
-
-
-class GuardedStrategy(Guard):
-    """Intents that motors can follow."""
-
-    _part: Strategy[Any]
-
-    def __init__(self, part: Strategy[Any], setting: Setting) -> None:
-        super().__init__("strategy", part)
-        self._lattice = setting.lattice
-
-    @property
-    def reads(self) -> type[Knowledge]:
-        """What it says it needs."""
-        return self._part.reads
-
-    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
-        """The intents, checked."""
-        return self._call(
-            senses.iteration,
-            self._part.step,
-            senses,
-            inbox,
-            knowledge,
-            check=lambda found: contracts.intents(found, senses, self._lattice),
-        )
-
-
-class GuardedTask(Guard):
-    """Measures that are numbers, of the same names in every iteration."""
-
-    _part: Task[Any]
-    _form: contracts.Form | None = None
-
-    def __init__(self, part: Task[Any], setting: Setting) -> None:
-        super().__init__("task", part)
-        self._taken = RunMeasures(setting.robots, setting.period, part.curve).summary().keys()
-
-    @property
-    def reads(self) -> type[Knowledge]:
-        """What it says it measures."""
-        return self._part.reads
-
-    @property
-    def curve(self) -> Curve:
-        """Its own."""
-        return self._part.curve
-
-    def measure(self, done: Done[Any]) -> Measured:
-        """The measures, checked."""
-
-        def check(found: Measured) -> str | None:
-            wrong = contracts.measured(found, done.state.robots, self._part.curve)
-            if wrong is None:
-                self._form, wrong = contracts.record(found.record(), "task", done.state.robots, self._form)
-            return wrong
-
-        return self._call(done.state.iteration, self._part.measure, done, check=check)
-
-    def summaries(self) -> Sequence[Summary[Any]]:
-        """Its own, held to their contracts."""
-        return [GuardedSummary(one, self._taken) for one in self._part.summaries()]
-
-
-class GuardedSummary(Guard):
-    """Numbers under names that what is measured of every run does not have."""
-
-    _part: Summary[Any]
-
-    def __init__(self, part: Summary[Any], taken: Collection[str]) -> None:
-        super().__init__("task", part)
-        self._taken = taken
-
-    def sample(self, moment: Moment[Any]) -> None:
-        """Pass it on."""
-        self._call(moment.state.iteration, self._part.sample, moment, check=nothing)
-
-    def summary(self) -> dict[str, float | int | None]:
-        """The numbers, checked."""
-        return self._call(
-            self._iteration, self._part.summary, check=lambda found: contracts.summary(found, self._taken)
-        )
-
-
-class GuardedMotion(Guard):
-    """Wheel speeds for every robot."""
-
-    _part: Motion
-
-    def __init__(self, part: Motion, setting: Setting) -> None:
-        super().__init__("motion", part)
-        self._robots, self.given = setting.swarm, copied
-
-    def follow(self, intents: Intents) -> None:
-        """Pass them on."""
-        self._call(self._iteration + 1, self._part.follow, intents, check=nothing)
-
-    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds, checked at every sub-step."""
-        return self._call(
-            self._iteration,
-            self._part.command,
-            pose,
-            check=lambda found: contracts.array("command", found, np.float64, self._robots, 2),
-        )
-
-
-class GuardedField(Guard):
-    """One number for each point."""
-
-    _part: Field
-
-    def __init__(self, part: Field, period: float) -> None:
-        """`period` of an iteration in s."""
-        super().__init__("field", part)
-        self._period = period
-
-    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The values, checked."""
-        return self._call(
-            round(time / self._period),
-            self._part.value,
-            time,
-            points,
-            check=lambda found: contracts.array("value", found, np.float64, len(points)),
-        )
-
-
-def held_sensor(sensor: Sensor) -> Sensor:
-    """The sensor held to its contract; code of others cannot write to what it is given."""
-    guard = GuardedSensor("sensor", sensor)
-    if registry.is_ours(sensor):
-        guard.given = as_it_is
+    """A part that raises PartError for what its verbs raise, and for what they give that breaks its contract.
+
+    All else that it has is the part's own.
+    """
+
+    def __init__(
+        self, seam: str, part: Any, author: Any, checks: Checks, clock: Clock, is_foreign: bool, lends: bool = True
+    ) -> None:
+        """The `checks` are by verb. The `author` is the class or function to blame.
+
+        A part that `is_foreign` cannot write to what it is given, nor to what it has given. Ours does not, which
+        kernels need not be compiled anew for: that is checked in strict runs, or not at all if nothing is to be lent.
+        """
+        file = getattr(sys.modules[author.__module__], "__file__", None) if registry.is_own(author) else None
+        place = f"{Path(file).name}:" if file else f"{author.__module__}."
+        self._part, self._author, self._clock = part, author, clock
+        self._name = f"{seam} {place}{author.__qualname__}"
+        for verb, check in checks.items():
+            given: Change = copied if verb in ("follow", "command") else clock.lender.lent  # asked in every sub-step
+            taken: Change = frozen
+            if verb in ("command", "summaries"):  # an array that is reused, and used at once; and guards
+                taken = _same
+            elif is_foreign:
+                taken = self._known if verb == "hear" else clock.lender.taken
+            setattr(self, verb, self._held(verb, check, given if lends else _same, taken if lends else _same))
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._part, name)
+
+    def _held(self, verb: str, check: Check, given: Change, taken: Change) -> Callable[..., Any]:
+        asked = getattr(self._part, verb)
+
+        def ask(*arguments: Any) -> Any:
+            try:
+                found = asked(*[given(one) for one in arguments])
+            except InputError:
+                raise
+            except BaseException as problem:  # a part must not end the process, least of all as if all were well
+                if not is_failure(problem):
+                    raise
+                raise self._failed(told(problem, line_of(self._author, verb))) from problem
+            wrong = check(found, *arguments)
+            if wrong is not None:
+                raise self._failed(wrong + ("" if registry.is_ours(self._author) else line_of(self._author, verb)))
+            return taken(found)
+
+        return ask
+
+    def _failed(self, why: str) -> PartError:
+        return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}")
+
+    def _known(self, found: Any) -> Any:
+        """The knowledge, of which views that cannot be written to are the part's own, unless they are digested."""
+        digested = {id(array) for array in found.arrays()}
+        return self._clock.lender.taken(found, lambda array: not array.flags.writeable and id(array) not in digested)
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def held(seam: str, part: Any, setting: Setting, clock: Clock, is_foreign: bool = True) -> Any:
+    """A part, held to its contract."""
+    author, checks = registry.author_of(part), promises.CHECKS[seam](part, setting)
+    guard = Guard(seam, part, author, checks, clock, is_foreign)
+    if seam == "task":
+        summaries = vars(guard)["summaries"]
+        judged = promises.of_summaries(part.curve, setting)
+        vars(guard)["summaries"] = lambda: [
+            Guard("task", one, registry.author_of(one), judged, clock, is_foreign) for one in summaries()
+        ]
     return guard
 
 
-def held_field(field: Field, period: float) -> Field:
-    """The field; one that is not ours is held to its contract. `period` of an iteration in s."""
-    return field if registry.is_ours(field) else GuardedField(field, period)
-
-
-def guarded(parts: Parts, setting: Setting, held: Collection[str], theirs: Collection[str]) -> Parts:
-    """The same parts, those of the seams `held` held to their contracts; in those of `theirs` there is code of others.
-
-    Code of others cannot write to what it is given. Ours does not, which kernels need not be compiled anew for.
-    """
-    kinds: dict[str, Callable[[Any], Guard]] = {
-        "localisation": lambda part: GuardedLocalisation("localisation", part),
-        "topology": lambda part: GuardedTopology("topology", part),
-        "motion": lambda part: GuardedMotion(part, setting),
-        "channel": lambda part: GuardedChannel("channel", part),
-        "computation": lambda part: GuardedComputation(part, setting),
-        "strategy": lambda part: GuardedStrategy(part, setting),
-        "task": lambda part: GuardedTask(part, setting),
-    }
-    guards = {seam: make(getattr(parts, seam)) for seam, make in kinds.items() if seam in held}
-    for seam in guards.keys() - set(theirs):
-        guards[seam].given = as_it_is
-    changed: dict[str, Any] = dict(guards)
+def guarded(parts: Parts, setting: Setting, seams: Collection[str], theirs: Collection[str], clock: Clock) -> Parts:
+    """The same parts, those of some seams held to their contracts; in those of `theirs` there is code of others."""
+    changed = {seam: held(seam, getattr(parts, seam), setting, clock, seam in theirs) for seam in HELD if seam in seams}
     return replace(parts, **changed)
+
+
+class Lending(Calendar):
+    """The calendar for somebody else's fault, of whom what happens is held."""
+
+    def __init__(self, calendar: Calendar, author: Any, clock: Clock) -> None:
+        self._calendar, self._author, self._clock = calendar, author, clock
+
+    def enter(self, happening: Happening) -> None:
+        """Add something that cannot write to what it is told."""
+        checks = {"advance": promises.nothing}
+        self._calendar.enter(Guard("fault", happening, self._author, checks, self._clock, is_foreign=True))
+
+    def advance(self, now: Now) -> Any:
+        """Let everything happen that is due."""
+        return self._calendar.advance(now)
+
+
+def with_fault(fault: Any, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
+    """The parts with a fault in them; what somebody else's fault has put there can write to nothing either."""
+    if registry.is_ours(fault):
+        return install(parts)
+    author = registry.author_of(fault)
+    found = install(replace(parts, calendar=Lending(parts.calendar, author, clock)))
+    changed: dict[str, Any] = {"calendar": parts.calendar}
+    for seam in HELD:
+        part = getattr(found, seam)
+        if part is not getattr(parts, seam):
+            protocol = SEAMS[seam].protocol
+            verbs = [verb for verb in SEAMS[seam].verbs if inspect.isfunction(getattr(protocol, verb, None))]
+            changed[seam] = Guard("fault", part, author, dict.fromkeys(verbs, promises.nothing), clock, True)
+    return replace(found, **changed)

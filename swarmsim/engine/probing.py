@@ -2,63 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import msgspec
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.own import brief, told
+from swarmsim.core.own import brief, is_failure, told
 from swarmsim.core.parts import Parts, Probe
 from swarmsim.core.probes import Declared, ProbeTable, Sampled, wrong
-from swarmsim.core.scenario import Scenario, lists
+from swarmsim.core.scenario import Scenario
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.foreign import built
-from swarmsim.engine.guard import Guard, as_it_is
+from swarmsim.engine.guard import Clock, Guard
 from swarmsim.recording import layout
 from swarmsim.recording.probes import Watching
 
 
-class GuardedProbe(Guard):
-    """Rows of the form that it declares."""
-
-    _part: Probe
-
-    def __init__(self, part: Probe, tables: tuple[ProbeTable, ...]) -> None:
-        super().__init__("probe", part)
-        self.tables = tables
-        if registry.is_ours(part):
-            self.given = as_it_is
-
-    def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
-        """The rows, checked."""
-        robots = moment.state.robots
-        return self._call(
-            moment.state.iteration, self._part.sample, moment, check=lambda found: wrong(found, self.tables, robots)
-        )
-
-
-def watching(scenario: Scenario, setting: Setting, parts: Parts) -> tuple[Watching, ...]:
+def watching(scenario: Scenario, setting: Setting, parts: Parts, clock: Clock) -> tuple[Watching, ...]:
     """The probes of a scenario, which can read what the parts let be read. Raises InputError."""
     found: list[Watching] = []
-    for seam, place, table in lists(scenario):
-        if seam != "probe":
-            continue
+    for number, part in enumerate(scenario.probes):
         try:
-            parameters = registry.part("probe", table)
-            probe: Probe = built("probe", table, replace(setting, gauges=parts.gauges))
-            declared = _declared(parameters, probe, table["use"])
+            probe = built(part, replace(setting, gauges=parts.gauges))
+            declared = _declared(part.parameters, probe, part.use)
             if declared.name in (one.declared.name for one in found):
                 raise InputError(f"name: another probe is called {declared.name!r} already; expected a name for each")
             for name in map(declared.called, declared.tables):
                 if problem := layout.wrong_name(name, "probe"):
                     raise InputError(f"name: {problem}")
         except InputError as problem:
-            raise InputError(f"{place}.{problem}") from problem
-        found.append(Watching(declared, GuardedProbe(probe, declared.tables)))
+            raise InputError(f"probes[{number}].{problem}") from problem
+        found.append(Watching(declared, _held(probe, declared.tables, setting.swarm, clock)))
     return tuple(found)
+
+
+def _held(probe: Probe, tables: tuple[ProbeTable, ...], robots: int, clock: Clock) -> Any:
+    """The probe, whose rows are of the form that it declares."""
+    ours, checks = registry.is_ours(probe), {"sample": lambda found, moment: wrong(found, tables, robots)}
+    return Guard("probe", probe, registry.author_of(probe), checks, clock, is_foreign=not ours, lends=not ours)
 
 
 def _declared(parameters: msgspec.Struct, probe: Probe, use: str) -> Declared:
@@ -69,7 +52,9 @@ def _declared(parameters: msgspec.Struct, probe: Probe, use: str) -> Declared:
         )
     try:
         tables = probe.tables
-    except (Exception, SystemExit) as problem:
+    except BaseException as problem:
+        if not is_failure(problem):
+            raise
         raise InputError(f"use: {use!r} cannot say what it records: {told(problem)}") from problem
     if not isinstance(tables, tuple) or not tables or not all(isinstance(one, ProbeTable) for one in tables):
         raise InputError(f"use: {use!r} declares {brief(tables)} as its tables; expected a tuple of ProbeTable")

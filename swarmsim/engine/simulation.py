@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import Columns, Delivery, Inbox, PostOffice
+from swarmsim.core.own import is_failure
 from swarmsim.core.parts import Motion, Now, Observer, Parts, Tracking, WheelSpeeds
 from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
+from swarmsim.engine.guard import Clock
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,11 +58,13 @@ class Simulation:
         when_done: Literal["stop", "go-on"] = "stop",
         blamed: Callable[[BaseException], str | None] = lambda problem: None,
         name: str = "",
+        clock: Clock | None = None,
     ) -> None:
         """`limit` is the number of iterations after which the run ends unfinished, `period` the duration of one in s.
 
         A run that goes on `when_done` ends at the limit, but finished. `blamed` tells which part that is not ours has
-        raised an exception, if one has. `name` is the scenario's file, for messages.
+        raised an exception, if one has. `name` is the scenario's file, for messages. The `clock` is that of the parts'
+        guards.
         """
         self.parts = parts
         self.state = parts.bodies.state()
@@ -69,6 +73,7 @@ class Simulation:
         self._period, self._limit, self._stops = period, limit, when_done == "stop"
         self._blamed = blamed
         self.name = name
+        self.clock = clock or Clock()
         self._post: PostOffice[Columns] = PostOffice()
         self._now = Now(0, self.state, self.state, 0.0)
         self._decided: Intents | None = None
@@ -117,14 +122,15 @@ class Simulation:
             raise InputError(f"{self.name}: {problem}" if self.name else str(problem)) from problem
         except PartError:
             raise
-        except (Exception, SystemExit) as problem:
-            whose = self._blamed(problem)
+        except BaseException as problem:
+            whose = self._blamed(problem) if is_failure(problem) else None
             if whose is None:
                 raise
-            raise PartError(f"iteration {self.state.iteration}, {whose}") from problem
+            raise PartError(f"iteration {self.clock.iteration}, {whose}") from problem
 
     def _perceive(self) -> Perceived:
         parts = self.parts
+        self.clock.turn(self.state.iteration)
         events = parts.calendar.advance(self._now)
         state = parts.bodies.state() if parts.calendar else self.state
         sensed = parts.sensor.sense(state)

@@ -47,7 +47,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sigma: Annotated[float, Meta(gt=0.0, le=1e6)] | None = None  # for noisy: in the channel's unit
     range: Annotated[float, Meta(gt=0.0)] | None = None  # for range: m
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
-    beams: Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
+    beams: Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
@@ -252,7 +252,7 @@ class FailingSensor:
 class DeadBeams(Lasting):
     """Wraps the ring of beams beneath all failures that spoil its tiles, whichever was installed first."""
 
-    def __init__(self, beams: list[int]) -> None:
+    def __init__(self, beams: tuple[int, ...]) -> None:
         self._beams = beams
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:

@@ -150,7 +150,7 @@ class Radio:
         # Walls only weaken: they are looked for where the signal would arrive without them.
         near = np.flatnonzero(margin >= 0.0)
         here, there = state.pose[pairs[near, 0], :2], state.pose[pairs[near, 1], :2]
-        margin[near] -= self._parameters.wall_loss * walls_between(here, there, self._building.walls)
+        margin[near] -= self._parameters.wall_loss * walls_between(here, there, self._building.walls.copy())
         return np.asarray(margin < 0.0)[which.reshape(-1)]
 
     def received(self, state: State, pairs: NDArray[np.int32]) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
-from swarmsim.core.scenario import Scenario, without_later
+from swarmsim.core.scenario import Scenario, table_of
 from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
 from swarmsim.recording.layout import declared_by
@@ -272,14 +272,7 @@ def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.floa
 
 def text_of(scenario: Scenario) -> str:
     """The scenario as recordings keep it: TOML, complete."""
-    return tomli_w.dumps(without_none(without_later(msgspec.to_builtins(scenario))))
-
-
-def without_none(value: Any) -> Any:
-    """The same without what TOML cannot say."""
-    if isinstance(value, dict):
-        return {key: without_none(inner) for key, inner in value.items() if inner is not None}
-    return [without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+    return tomli_w.dumps(table_of(scenario))
 
 
 def _with_column(letters: Letters, fate: int) -> NDArray[np.int32]:

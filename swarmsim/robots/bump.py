@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.readings import Channel, Channels, Readings
+from swarmsim.core.readings import Called, Channel, Channels, Readings
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
@@ -19,6 +19,7 @@ class Bump(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     gives: ClassVar[dict[str, str]] = {"bump": ""}
     margin: ClassVar[int] = 0  # cells that it maps
 
+    name: Called | None = None  # of one of several on a robot: its channel is called NAME_bump
     sectors: Annotated[int, Meta(ge=1, le=360)] = 4
     slack: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.005  # m, up to which a gap is a contact
 

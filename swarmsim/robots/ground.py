@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core import chance, registry
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table
-from swarmsim.core.readings import Channel, Channels, Readings
+from swarmsim.core.part import Part
+from swarmsim.core.readings import Called, Channel, Channels, Readings
 from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import State
 
@@ -25,21 +25,16 @@ class Ground(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     gives: ClassVar[dict[str, str]] = {"ground": ""}
     margin: ClassVar[int] = 0  # cells that it maps
 
-    floors: Annotated[list[Table], Meta(min_length=1, max_length=16)]
-    steps: list[float] = []
+    name: Called | None = None  # of one of several on a robot: its channel is called NAME_ground
+    floors: Annotated[tuple[Part[Field], ...], Meta(min_length=1, max_length=16)]
+    steps: tuple[float, ...] = ()
     error: Annotated[float, Meta(ge=0.0)] = 0.0  # standard deviation, in the unit of the floor, before steps
 
     def build(self, setting: Setting) -> GroundSensor:
         """The sensor. Raises InputError for a floor that is no field, and for steps that do not rise."""
-        if sorted(set(self.steps)) != self.steps:
-            raise InputError(f"steps: {self.steps}; expected numbers that rise")
-        floors = []
-        for number, table in enumerate(self.floors):
-            try:
-                part: Any = registry.part("field", table)
-                floors.append(part.build(setting))
-            except InputError as problem:
-                raise InputError(f"floors[{number}].{problem}") from problem
+        if sorted(set(self.steps)) != list(self.steps):
+            raise InputError(f"steps: {list(self.steps)}; expected numbers that rise")
+        floors = [part.build(setting, f"floors[{number}]") for number, part in enumerate(self.floors)]
         return GroundSensor(self, floors, setting)
 
 

@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.readings import Channels, Readings, ragged
+from swarmsim.core.readings import Called, Channels, Readings, ragged
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
@@ -29,6 +29,7 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     gives: ClassVar[dict[str, str]] = {"neighbours": ""}
     margin: ClassVar[int] = 0  # cells that it maps
 
+    name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
     reach: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # m, centre to centre
     most: Annotated[int, Meta(ge=1, le=1000)] | None = None  # how many are told; default: all others, up to 8
     view: Annotated[float, Meta(gt=0.0, le=360.0)] = 360.0  # degrees, with the middle straight ahead

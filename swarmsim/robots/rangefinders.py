@@ -57,7 +57,7 @@ class RangefinderSensor:
 
     def _prepare(self) -> None:
         """Sort the walls of this moment by place."""
-        self._walls, self._version = self._building.walls, self._building.version
+        self._walls, self._version = self._building.walls.copy(), self._building.version
         self._near = rays.bins(self._walls, self._parameters.reach, *self._coarse)
 
     def without(self, beams: Sequence[int]) -> RangefinderSensor:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Sensor
-from swarmsim.core.readings import FIELD, Channels, Readings, range_channel, tile_channels
+from swarmsim.core.readings import FIELD, Called, Channels, Readings, range_channel, tile_channels
 from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.kernels import rays
@@ -23,6 +23,7 @@ from swarmsim.robots.rangefinders import RangefinderSensor, held, radii_of
 from swarmsim.robots.suites import Suite, checked
 
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0)]
+Bearings = Annotated[tuple[Degrees, ...], Meta(min_length=1, max_length=10_000)]
 Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Error = Annotated[float, Meta(ge=0.0, le=10.0)]
 SIX: Final = (0.0, 45.0, 90.0, 180.0, -90.0, -45.0)  # degrees, the bearings of the reference paper's robots
@@ -57,11 +58,12 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     gives: ClassVar[dict[str, str]] = {"tiles": "", "ranges": "ranges = true"}
 
+    name: Called | None = None  # of one of several on a robot: its channels are called NAME_tiles and so on
     preset: Literal["ideal", "sharp-gp2y0a21", "gternal", "ebot"] = "ideal"
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
     frame: Literal["map", "robot"] = "map"  # what the tile's rows and columns keep to
     beams: Annotated[int, Meta(ge=1, le=10_000)] | None = None  # evenly round the robot; 72 without bearings
-    bearings: Annotated[list[Degrees], Meta(min_length=1, max_length=10_000)] | None = None  # degrees, + is to the left
+    bearings: Bearings | None = None  # degrees, + is to the left
     reach: Annotated[float, Meta(gt=0.0)] | None = None  # m; 1 by default
     blind: Annotated[float, Meta(ge=0.0)] | None = None  # m, nearer than this nothing is measured
     cone: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # degrees, of which a beam sees the nearest thing
@@ -82,7 +84,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             defaults.pop("bearings", None)
         for key, value in defaults.items():
             if getattr(self, key) is None:
-                force_setattr(self, key, list(value) if isinstance(value, tuple) else value)
+                force_setattr(self, key, value)
         if self.beams is None:
             force_setattr(self, "beams", 72 if self.bearings is None else len(self.bearings))
         elif self.bearings is not None and len(self.bearings) != self.beams:
@@ -102,6 +104,11 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def margin(self) -> int:
         """How many cells a tile reaches beyond the cell of its robot, at most."""
         return max(self.shape)
+
+    @property
+    def rays(self) -> tuple[int, float, bool]:
+        """How many beams there are, how far they go, in m, and whether it matters beyond the tile."""
+        return self.beams or 0, self.reach or 0.0, self.ranges
 
     @property
     def errs(self) -> bool:
@@ -182,7 +189,7 @@ class IrRingSensor:
 
     def _prepare(self) -> None:
         """Sort the walls of this moment by place."""
-        self._walls, self._version = self._building.walls, self._building.version
+        self._walls, self._version = self._building.walls.copy(), self._building.version
         self._near = rays.bins(self._walls, self._reach, *self._coarse)
 
     def sense(self, state: State) -> Readings:

@@ -86,7 +86,7 @@ def _weighed(computation: Computation[Any, Knowledge], problems: list[str]) -> I
     try:
         yield
     finally:
-        del computation.say
+        computation.say = say  # type: ignore[method-assign]
 
 
 def check_determinism(

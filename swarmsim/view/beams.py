@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.fitting import Fitted, sensors_of
+from swarmsim.core.scenario import Sensors, fitted
 from swarmsim.kernels import rays
 from swarmsim.recording.reader import Recording
 from swarmsim.robots.sensors import IrRing
@@ -28,9 +26,9 @@ class BeamReplay:
         scenario = recording.scenario
         self._arena = Arena.open(plan, scenario.grid.cell, 1, scenario.title)
         self._cell = scenario.grid.cell
-        groups, fitted = scenario.robots.groups, sensors_of(scenario)
-        counts = [group.count for group in groups] if len(fitted) > 1 else [scenario.robots.count]
-        self._rings = [ring for of, n in zip(fitted, counts, strict=True) for ring in [_ring(of)] * n]
+        rings = [_ring(sensors) for sensors in fitted(scenario)]
+        counts = [group.count for group in scenario.robots.groups] if len(rings) > 1 else [scenario.robots.count]
+        self._rings = [ring for ring, count in zip(rings, counts, strict=True) for _ in range(count)]
         self._boxes: tuple[Box, ...] = ()
         self._walls = self._arena.segments
 
@@ -66,11 +64,11 @@ class BeamReplay:
         return min(float(ring.reach or 0.0), self._cell * math.hypot((ring.tile[0] + 1) / 2, (ring.tile[1] + 1) / 2))
 
 
-def _ring(fitted: Sequence[Fitted]) -> IrRing | None:
+def _ring(sensors: Sensors) -> IrRing | None:
     """The first ring among the sensors of a robot."""
-    for one in fitted:
+    for _, sensor in sensors:
         try:
-            part = registry.part("sensor", one.table)
+            part = sensor.parameters
         except InputError:  # code of somebody's own, which pictures do not run
             continue
         if isinstance(part, IrRing):

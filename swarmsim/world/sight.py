@@ -24,7 +24,7 @@ class Sight:
 
     def _prepare(self) -> None:
         """Sort the walls of this moment by place, about one to a square."""
-        walls, self._version = self._building.walls, self._building.version
+        walls, self._version = self._building.walls.copy(), self._building.version
         ends = walls.reshape(-1, 2) if len(walls) else np.zeros((1, 2))
         (x0, y0), (width, height) = ends.min(axis=0), np.ptp(ends, axis=0)
         squares = min(max(len(walls), 1), MOST_SQUARES)

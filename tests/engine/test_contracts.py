@@ -12,7 +12,7 @@ from swarmsim import testing
 from swarmsim.cli import app
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load, tables
+from swarmsim.core.scenario import load, parts_of
 from swarmsim.engine.build import build
 from swarmsim.operations.mapping.exploring import Exploring
 
@@ -304,7 +304,7 @@ class Faults(Base, frozen=True):
             ["field={use='./failing.py:Fields', wrong=true}"],
             r"field failing\.py:Fields, .*value: float64 of shape",
         ),
-        (["motion={use='./failing.py:Motions'}"], r"motion failing\.py:Motion, iteration 3: ZeroDivisionError"),
+        (["motion={use='./failing.py:Motions'}"], r"motion failing\.py:Motion, iteration 2: ZeroDivisionError"),
         (["motion={use='./failing.py:Motions', wrong=true}"], r"motion .*command: \[0, 0\] is not finite"),
         (["physics={use='./failing.py:Physics'}"], r"iteration 2, physics .*failing\.py:Physics: ZeroDivisionError"),
         (["mind.computation.share={use='./failing.py:Shares'}"], r"computation .*, iteration 2: ZeroDivisionError"),
@@ -312,7 +312,7 @@ class Faults(Base, frozen=True):
             ["mind.computation.share={use='./failing.py:Shares', wrong=true}"],
             r"computation .*2: sizes: float64",
         ),
-        (["faults=[{use='./failing.py:Faults'}]"], r"iteration 2, fault .*failing\.py:Faults: ZeroDivisionError"),
+        (["faults=[{use='./failing.py:Faults'}]"], r"fault failing\.py:Faults, iteration 2: ZeroDivisionError"),
     ],
 )
 def test_whatever_part_of_somebody_elses_fails_is_named_with_its_own_lines(own, keys, words: str) -> None:
@@ -495,9 +495,9 @@ def path_of(scenario: str) -> Path:
 
 
 def test_every_computation_strategy_and_task_is_tried() -> None:
-    tried = [tables(load(path_of(scenario), [key])) for scenario, key in MINDS]
+    tried = [parts_of(load(path_of(scenario), [key])) for scenario, key in MINDS]
     for seam in ("computation", "strategy", "task"):
-        assert {parts[seam]["use"] for parts in tried} == registry.known(seam).keys()
+        assert {parts[seam].use for parts in tried} == registry.known(seam).keys()
 
 
 @pytest.mark.parametrize(("scenario", "key"), MINDS)

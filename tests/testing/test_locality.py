@@ -11,6 +11,7 @@ from conftest import ROOT, made, setting_of
 from swarmsim import testing
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.part import Part
 
 SCENARIOS = sorted(
     str(path.relative_to(ROOT / "scenarios").with_suffix(""))
@@ -69,11 +70,11 @@ def test_a_setting_for_some_robots_speaks_of_these() -> None:
 def test_keys_that_name_robots_are_held_against_the_swarm() -> None:
     alone = setting_of(3).serving(np.array([2]))
     with pytest.raises(InputError, match="leaders: there is no robot 3; expected ids from 0 to 2"):
-        registry.part("computation", {"use": "heading-consensus", "leaders": [2, 3]}).build(alone)
+        Part("computation", {"use": "heading-consensus", "leaders": [2, 3]}).build(alone)
     with pytest.raises(InputError, match="quorum: 3 of 2 others never agree"):
-        registry.part("computation", {"use": "occupancy-grid", "trust": "quorum", "quorum": 3}).build(alone)
+        Part("computation", {"use": "occupancy-grid", "trust": "quorum", "quorum": 3}).build(alone)
     with pytest.raises(InputError, match="places: 1 for 3 robots"):
-        registry.part("strategy", {"use": "formation", "places": [[0.0, 0.0]]}).build(alone)
+        Part("strategy", {"use": "formation", "places": [[0.0, 0.0]]}).build(alone)
 
 
 ROWS = """

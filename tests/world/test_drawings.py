@@ -15,6 +15,7 @@ from drawn import read_floor_plan
 from PIL import Image
 from scipy import ndimage
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world.arena import Arena
@@ -28,7 +29,7 @@ ACROSS, FINE = 48, 8  # cells across a page, pixels across a cell
 
 
 def opened(name: str) -> FloorPlan:
-    world = World(file=str(WORLDS / name), **DRAWINGS[name].get("world", {}))
+    world = convert({"file": str(WORLDS / name), **DRAWINGS[name].get("world", {})}, World)
     return floor_plan(read_world(world, 0.15), world)
 
 
@@ -71,7 +72,7 @@ def test_a_rasteriser_sees_the_same_cells(name: str) -> None:
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_drawing_is_refused_with_the_reason(name: str) -> None:
-    world = World(file=str(WORLDS / "broken" / name), **BROKEN[name].get("world", {}))
+    world = convert({"file": str(WORLDS / "broken" / name), **BROKEN[name].get("world", {})}, World)
     with pytest.raises(InputError) as caught:
         floor_plan(read_world(world, 0.15), world)
     for words in BROKEN[name]["says"]:

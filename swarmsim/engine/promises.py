@@ -1,0 +1,89 @@
+"""Which contract each verb of each seam has, as one table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from swarmsim.core.messages import Inbox
+from swarmsim.core.parts import Curve
+from swarmsim.core.setting import Setting
+from swarmsim.core.state import Done, Knowledge, Record, Senses
+from swarmsim.engine import contracts
+from swarmsim.recording.measures import RunMeasures
+
+Check = Callable[..., str | None]  # of what a verb has given, and of what it was given: what is wrong, or None
+Checks = Mapping[str, Check]  # by verb
+
+
+def nothing(found: Any, *given: Any) -> None:
+    """There is nothing to check."""
+
+
+def _of_computation(part: Any, setting: Setting) -> Checks:
+    auditor, form, count = part.knows.auditor(setting), _Form("computation"), setting.swarm
+
+    def heard(found: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
+        wrong = contracts.knowledge(found, part.knows)
+        wrong = wrong if wrong is not None else form.check(found.record(), count)
+        return wrong if wrong is not None else auditor.audit(found, senses, inbox)
+
+    return {
+        "say": contracts.said,
+        "hear": heard,
+        "forget": lambda found, robots: auditor.forget(robots),
+        "adopt": lambda found, robots, source: auditor.adopt(robots, source),
+    }
+
+
+def _of_task(part: Any, setting: Setting) -> Checks:
+    form, count = _Form("task"), setting.swarm
+
+    def measures(found: Any, done: Done[Knowledge]) -> str | None:
+        wrong = contracts.measured(found, count, part.curve)
+        return wrong if wrong is not None else form.check(found.record(), count)
+
+    return {"measure": measures, "summaries": nothing}
+
+
+def of_summaries(curve: Curve, setting: Setting) -> Checks:
+    """What the probes of a task promise that has this curve."""
+    taken = RunMeasures(setting.robots, setting.period, curve).summary().keys()
+    return {"sample": nothing, "summary": lambda found: contracts.summary(found, taken)}
+
+
+class _Form:
+    """What a part gives to be recorded has the same form in every iteration."""
+
+    def __init__(self, seam: str) -> None:
+        self._seam = seam
+        self._before: contracts.Form | None = None
+
+    def check(self, found: Record, robots: int) -> str | None:
+        self._before, wrong = contracts.record(found, self._seam, robots, self._before)
+        return wrong
+
+
+#: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
+CHECKS: Final[Mapping[str, Callable[[Any, Setting], Checks]]] = {
+    "sensor": lambda part, setting: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
+    "field": lambda part, setting: {
+        "value": lambda found, time, points: contracts.array("value", found, np.float64, len(points))
+    },
+    "localisation": lambda part, setting: {"locate": contracts.located},
+    "computation": _of_computation,
+    "strategy": lambda part, setting: {
+        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, setting.lattice)
+    },
+    "topology": lambda part, setting: {"links": contracts.links},
+    "channel": lambda part, setting: {
+        "deliver": lambda found, state, linked, sizes: contracts.delivery(found, state, len(linked))
+    },
+    "motion": lambda part, setting: {
+        "follow": nothing,
+        "command": lambda found, pose: contracts.array("command", found, np.float64, setting.swarm, 2),
+    },
+    "task": _of_task,
+}
