@@ -15,10 +15,11 @@ from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
+from swarmsim.core.readings import Channels, Readings, Tiles, tile_channels
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Readings, Senses
+from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Senses
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
@@ -60,7 +61,7 @@ def setting_of(
     start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
     of = Robots(count=count, spawn="anywhere", **robots)
     lattice = Lattice(0.0, 0.0, cell, *shape)
-    return Setting.of(of, lattice, period, Streams(seed), building(walls), start, tile)
+    return Setting.of(of, lattice, period, Streams(seed), building(walls), start, Channels(*tile_channels(tile, False)))
 
 
 def made(*overrides: str, scenario: str = "room") -> Run:
@@ -114,9 +115,17 @@ def worded_of(moments, run: Run) -> list[Worded]:
     return worded([event for moment in moments for event in moment.events], run.scenario)
 
 
+def readings_of(tiles: Tiles | None = None) -> Readings:
+    """What robots measure that have tiles, or no sensor."""
+    if tiles is None:
+        return Readings()
+    said = () if tiles.evidence is None else (tiles.evidence,)
+    return Readings(Channels(*tile_channels(tiles.values.shape[1:], bool(said))), (tiles.values, tiles.origins, *said))
+
+
 def seen_as(iteration, pose, alive, tiles) -> Senses:
     """What robots know that sense tiles."""
-    return Senses(iteration, pose, np.zeros_like(pose), alive, Readings(tiles))
+    return Senses(iteration, pose, np.zeros_like(pose), alive, readings_of(tiles))
 
 
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:

@@ -23,6 +23,7 @@ from swarmsim.core.probes import Row
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
+from swarmsim.recording.columns import columns_of, recorded
 from swarmsim.recording.reader import Recording, Summary
 
 if TYPE_CHECKING:
@@ -138,17 +139,21 @@ class Run:
         curve = self.recording.curve
         return np.asarray(curve.scale * self.recording[curve.name], np.float64)
 
-    def frame(self, probe: str | None = None) -> pd.DataFrame:
-        """One row for each iteration or, of a probe, for each sample and robot; columns are named with their units.
+    def frame(self, name: str | None = None) -> pd.DataFrame:
+        """One row for each iteration; columns are named with their units. Needs pandas.
 
-        A probe is named as in the scenario. Needs pandas. Raises InputError for a probe that there is not.
+        With the name of a probe, as in the scenario, one row for each sample and robot. With that of a channel of the
+        robots' sensors, such as `neighbours`, one for each iteration and robot and, where there are several of
+        something, for each of them. Raises InputError for what is neither.
         """
         try:
             import pandas as pd
         except ImportError as problem:
             raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
-        if probe is not None:
-            return pd.DataFrame(self._sampled(probe))
+        if name is not None and name in self.recording.channels:
+            return pd.DataFrame(columns_of(self.recording, name))
+        if name is not None:
+            return pd.DataFrame(self._sampled(name))
         recording, curve = self.recording, self.recording.curve
         iteration = np.arange(1, self.iterations + 1)
         columns: dict[str, object] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
@@ -165,7 +170,8 @@ class Run:
         """The columns of a probe: where it has a table with a row for each robot, others' numbers are repeated."""
         known = {one.name: one for one in self.recording.probes}
         if name not in known:
-            raise InputError(f"{self.recording.path}: no probe is called {name!r}; {nearest(name, known)}")
+            there = {**known, **recorded(self.recording)}
+            raise InputError(f"{self.recording.path}: no probe or channel is called {name!r}; {nearest(name, there)}")
         declared, robots = known[name], self.recording.scenario.robots.count
         of_each = [table.shape[:1] == ("robots",) for table in declared.tables]
         repeats = robots if any(of_each) else 1

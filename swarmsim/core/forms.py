@@ -15,8 +15,9 @@ from swarmsim.core import own
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
 from swarmsim.core.parts import Curve, Links, Summary
+from swarmsim.core.readings import Readings
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Done, Estimates, Intents, Knowledge, Measured, Moment, Readings, Senses, State
+from swarmsim.core.state import Done, Estimates, Intents, Knowledge, Measured, Moment, Senses, State
 
 OfFunction = Callable[[Callable[..., Any], dict[str, Any], Setting], object]  # from the function and its keys
 OfMind = Callable[[type, Callable[[], Any], Setting], object]  # from the class and what makes one robot's mind

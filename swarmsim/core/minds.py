@@ -22,6 +22,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import AS_IT_IS
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
+from swarmsim.core.readings import Readings
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 
@@ -36,7 +37,10 @@ class Intent:
 
 @dataclass(slots=True, eq=False)
 class Me:
-    """All that one robot may know in one iteration, its own memory aside; arrays cannot be written to."""
+    """All that one robot may know in one iteration, its own memory aside; arrays cannot be written to.
+
+    What other sensors give is in `reads`, and `me.neighbours` is `me.reads.neighbours`.
+    """
 
     id: int
     iteration: int
@@ -56,6 +60,17 @@ class Me:
     speed: float  # m/s, the most that its wheels do
     radius: float  # m
     random: np.random.Generator  # a stream of its own
+    reads: SimpleNamespace  # what its other sensors give, by the names of their channels
+
+    def __getattr__(self, name: str) -> Any:
+        found = {} if name == "reads" else vars(self.reads)  # which is not there while it is made
+        if name not in found:
+            raise AttributeError(f"'Me' object has no attribute {name!r}", name=name, obj=self)
+        return found[name]
+
+    def __dir__(self) -> list[str]:
+        """All that it has, what its other sensors give included."""
+        return [*object.__dir__(self), *vars(self.reads)]
 
     @property
     def walls(self) -> NDArray[np.float64]:
@@ -94,6 +109,10 @@ class Me:
         return Intent(way=places.astype(np.float64))
 
     _period: float = 1.0  # s, of an iteration
+
+
+#: What a mind finds of its own and a sensor cannot call a channel; `ranges` is the ring's.
+OF_ME: Final = frozenset(name for name in dir(Me) if not name.startswith("_")) - {"ranges"}
 
 
 def _number(verb: str, name: str, value: Any) -> float:
@@ -184,7 +203,7 @@ class Swarm:
                 None if field is None else float(field[i]),
                 [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
-                lattice, robots.speed, robots.radius, self._random[i], period,
+                lattice, robots.speed, robots.radius, self._random[i], _read(readings, i), period,
             )  # fmt: skip
 
     def forget(self, robots: NDArray[np.int64]) -> None:
@@ -196,6 +215,27 @@ class Swarm:
         """Give robots (r,) the memory of another one."""
         for robot in robots.tolist():
             self.minds[robot] = copy.deepcopy(self.minds[source])
+
+
+#: What a mind finds under names of its own.
+_SHOWN: Final = ("tiles.values", "tiles.origins", "tiles.evidence", "ranges", "field")
+_NONE: Final = SimpleNamespace()
+
+
+def _read(readings: Readings, robot: int) -> SimpleNamespace:
+    """What one robot's other sensors give: numbers, arrays, and of ragged channels as many rows as are used."""
+    if all(name in _SHOWN for name in readings.channels.places):
+        return _NONE
+    found: dict[str, Any] = {}
+    counts = {channel.count for channel in readings.channels}
+    for channel, column in zip(readings.channels, readings.columns, strict=True):
+        first, end = channel.robots or (0, len(column))
+        if channel.name in _SHOWN or channel.name in counts or not first <= robot < end:
+            continue
+        name = channel.name.replace(".", "_") if channel.group else channel.name.partition(".")[0]
+        row = column[robot] if not channel.count else column[robot][: int(readings[channel.count][robot])]
+        found[name] = _kept(row) if channel.shape else row.item()
+    return SimpleNamespace(**found)
 
 
 def _kept(array: NDArray[Any]) -> NDArray[Any]:
@@ -227,6 +267,8 @@ class MindComputation:
     def __init__(self, kind: type, make: Callable[[], Any], setting: Setting) -> None:
         #: Whose contract it is to keep.
         self.written_by = kind
+        #: The channels of sensors that it cannot do without.
+        self.requires = _required(kind)
         self._swarm = Swarm(make, setting)
         self._kinds = _said(kind)
         #: The attributes of minds that are recorded.
@@ -304,7 +346,7 @@ class MindComputation:
         try:
             return own.number_of(getattr(mind, name))
         except AttributeError:
-            ours = {"says", "shows"}
+            ours = {"says", "shows", "requires"}
             has = [
                 one for one in dir(mind) if one[0] != "_" and one not in ours and not callable(getattr(mind, one, len))
             ]
@@ -351,6 +393,14 @@ def _said(kind: type) -> dict[str, np.dtype[Any]]:
     return kinds
 
 
+def _required(kind: type) -> tuple[str, ...]:
+    """The channels that a class of minds needs. Raises MisfitError for what are no names."""
+    requires = getattr(kind, "requires", ())
+    if not isinstance(requires, tuple | list) or not all(isinstance(name, str) for name in requires):
+        raise MisfitError(f"requires is {own.brief(requires)}; expected names, as in ('tiles',)", kind, "requires")
+    return tuple(requires)
+
+
 def _shown(kind: type) -> tuple[str, ...]:
     """The attributes that a class of minds shows. Raises MisfitError for what are no names of attributes."""
     shows = getattr(kind, "shows", ())
@@ -373,6 +423,8 @@ class MindStrategy:
     def __init__(self, kind: type, make: Callable[[], Any], setting: Setting) -> None:
         #: Whose contract it is to keep.
         self.written_by = kind
+        #: The channels of sensors that it cannot do without.
+        self.requires = _required(kind)
         self._kind, self._lattice = kind, setting.lattice
         self._swarm = Swarm(make, setting)
         self._ways: dict[int, bytes] = {}

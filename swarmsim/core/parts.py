@@ -6,17 +6,19 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import C, Codec, Columns, Delivery, Inbox, Said
 from swarmsim.core.probes import ProbeTable
+from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.setting import Gauge
-from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Readings, Senses, State
+from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
@@ -34,16 +36,35 @@ class Generator(Protocol):
 class Sensor(Protocol):
     """Measures the world around each robot."""
 
+    @property
+    def channels(self) -> Channels:
+        """What it gives, which does not change."""
+        ...
+
     def sense(self, state: State) -> Readings:
         """The readings of all robots; of a dead robot all is unknown."""
         ...
 
 
 class Localisation(Protocol):
-    """Tells each robot where it is."""
+    """Tells each robot where it is; taken to err, by as much until the next iteration, unless it is Tracking."""
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
-        """Each robot's estimate (n, 3) of its pose, and its readings where that estimate puts them."""
+    def locate(self, state: State) -> NDArray[np.float64]:
+        """Each robot's estimate (n, 3) of its pose; to be asked once in each iteration."""
+        ...
+
+
+@runtime_checkable
+class Tracking(Localisation, Protocol):
+    """A localisation that tells as well where robots believe they are on their way to the next iteration."""
+
+    @property
+    def exact(self) -> bool:
+        """Whether estimates are the true poses in the whole run; else recordings keep them."""
+        ...
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where robots at `pose` (n, 3) believe they are, until they are located again."""
         ...
 
 
@@ -279,7 +300,7 @@ class Parts:
     """The parts of a swarm, one per seam, in their building."""
 
     sensor: Sensor
-    localisation: Localisation
+    localisation: Tracking
     computation: Computation[Any, Knowledge]
     strategy: Strategy[Any]
     topology: Topology
@@ -289,6 +310,7 @@ class Parts:
     task: Task[Any]
     building: Building
     calendar: Calendar
+    lattice: Lattice  # of tiles and maps
     gauges: tuple[Gauge, ...] = ()  # what can be read off them
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
@@ -35,6 +35,7 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     count: Count
     use: str = PLAIN
     sensor: Part[Any] = NONE  # the kind's own; none: the scenario's
+    sensors: tuple[Part[Any], ...] | UnsetType = UNSET  # more of its own
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):

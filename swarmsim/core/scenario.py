@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct
 from msgspec import inspect as types
 
 from swarmsim.core import registry
@@ -158,6 +158,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     robots: Robots
     physics: Part[Bodies] = Part("physics")
     sensor: Part[Sensor] = Part("sensor")
+    sensors: tuple[Part[Sensor], ...] = ()  # more of them or, without `sensor`, all
     field: Part[Field] = NONE
     localisation: Part[Localisation] = Part("localisation")
     network: Network
@@ -170,11 +171,12 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
+Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
 OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
-LATER: Final = ("probes",)
+LATER: Final = ("probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -205,18 +207,29 @@ def lists(scenario: Scenario) -> list[tuple[str, Part[Any]]]:
 
 
 def all_parts(scenario: Scenario) -> list[Part[Any]]:
-    """Every part that a scenario names: one a seam, those of groups of robots, and those of which there are many."""
-    own = [getattr(group, seam.name) for seam in SEAMS.values() if seam.of_groups for group in scenario.robots.groups]
-    return [*parts_of(scenario).values(), *(part for part in own if part), *(part for _, part in lists(scenario))]
+    """Every part that a scenario names: one a seam, and those of which there are many."""
+    single = [part for seam, part in parts_of(scenario).items() if seam != "sensor"]
+    return [*single, *(part for _, part in sensors_of(scenario)), *(part for _, part in lists(scenario))]
 
 
-def sensors_of(scenario: Scenario) -> tuple[tuple[str, Part[Sensor]], ...]:
-    """The sensor of each group of robots, or of all, with its place in the scenario."""
-    groups = enumerate(scenario.robots.groups)
-    own = [
-        (f"robots[{i}].sensor", group.sensor) if group.sensor else ("sensor", scenario.sensor) for i, group in groups
-    ]
-    return tuple(own) or (("sensor", scenario.sensor),)
+def fitted(scenario: Scenario) -> list[Sensors]:
+    """The sensors of each group of robots, with their places in the scenario; one entry if no group has any of its own.
+
+    `[sensor]` and all of `[[sensors]]`; without either, one sensor. A group that has its own has no others.
+    """
+    listed = tuple((f"sensors[{i}]", one) for i, one in enumerate(scenario.sensors))
+    all_have: Sensors = (("sensor", scenario.sensor), *listed) if scenario.sensor else listed
+    own: list[Sensors] = []
+    for i, group in enumerate(scenario.robots.groups):
+        place, more = f"robots[{i}].sensor", () if group.sensors is UNSET else group.sensors
+        found = tuple((f"{place}s[{j}]", one) for j, one in enumerate(more))
+        own.append(((place, group.sensor), *found) if group.sensor else found)
+    return [mine or all_have for mine in own] if any(own) else [all_have]
+
+
+def sensors_of(scenario: Scenario) -> Sensors:
+    """All sensors that some robots have, with their places in the scenario."""
+    return tuple(dict(one for of in fitted(scenario) for one in of).items())
 
 
 def table_of(scenario: Scenario) -> Table:
@@ -314,6 +327,8 @@ def _of_groups(table: Table) -> Table:
 
 
 def _of_group(key: str, value: Any) -> Any:
+    if key == "sensors" and isinstance(value, list):
+        return [_of_group("sensor", one) for one in value]
     is_part = key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str)
     return Part(key, value) if is_part else value
 
@@ -324,6 +339,8 @@ def _scenario(table: Table, name: str, take: Take) -> Scenario:
         if isinstance(mind := table.get("mind"), dict) and "use" in mind and set(HALVES) & mind.keys():
             raise InputError("mind.use: stands for computation and strategy at once; expected it without those")
         table = with_platforms(spelled_out(table))
+        if table.get("sensors") and not table.get("sensor"):
+            table = {**table, "sensor": NONE}
         for key, now in MOVED.items():
             inner: Any = table
             for step in key.split("."):

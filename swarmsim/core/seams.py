@@ -31,6 +31,7 @@ class Seam:
     default: str | None = None  # the part where a scenario names none
     required: bool = False  # whether a scenario has to name one
     many: bool = False  # whether its place holds a list of tables
+    more: str = ""  # the key of a list of further tables, of the scenario and of groups, if there can be several
     of_groups: bool = False  # whether a group of robots may have its own, at the key of the seam's name
     given: type = Setting  # what `build` of its parts gets
     function: OfFunction | None = None  # makes a part of a function
@@ -71,7 +72,7 @@ SEAMS: Final = {
     for seam in (
         Seam("generator", ("world", "generate"), parts.Generator, given=Site),
         Seam("physics", ("physics",), parts.Bodies, "pymunk"),
-        Seam("sensor", ("sensor",), parts.Sensor, "ir-ring", of_groups=True),
+        Seam("sensor", ("sensor",), parts.Sensor, "ir-ring", more="sensors", of_groups=True),
         Seam("field", ("field",), Field),
         Seam("localisation", ("localisation",), parts.Localisation, "perfect"),
         Seam(

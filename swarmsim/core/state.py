@@ -15,6 +15,7 @@ from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Columns, Delivery, Inbox
+from swarmsim.core.readings import Readings
 from swarmsim.core.setting import Setting
 
 UNKNOWN = 0  #: value of a cell that nobody observed
@@ -45,50 +46,6 @@ class Record:
 
     rows: Mapping[str, Any] = field(default_factory=dict)  # one row each, of the same shape in every iteration
     lists: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (c, ...): as many rows as there happen to be
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tiles:
-    """A small window of cells around every robot, aligned with the lattice."""
-
-    values: NDArray[np.uint8]  # (n, rows, columns): UNKNOWN, FREE or OCCUPIED
-    origins: NDArray[np.int32]  # (n, 2): row and column of each tile's lower-left cell
-    #: (n, rows, columns): the log-odds that the sensor itself gives each cell; NaN or None: those of the map's model.
-    evidence: NDArray[np.float32] | None = None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Beams:
-    """How far every robot's beams reach before they end."""
-
-    bearings: NDArray[np.float64]  # (b,): rad, counter-clockwise from straight ahead
-    ranges: NDArray[np.float64]  # (n, b): m; infinite where nothing is within reach, NaN where nothing was measured
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Readings:
-    """What the sensors of every robot measure now; None for what this swarm's robots have no sensor for."""
-
-    tiles: Tiles | None = None
-    beams: Beams | None = None
-    field: NDArray[np.float64] | None = None  # (n,): the field's value where each robot is, NaN for the dead
-
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """All that was measured, in a fixed order."""
-        tiles: tuple[NDArray[Any], ...] = () if self.tiles is None else (self.tiles.values, self.tiles.origins)
-        if self.tiles is not None and self.tiles.evidence is not None:
-            tiles = (*tiles, self.tiles.evidence)
-        beams = () if self.beams is None else (self.beams.ranges,)
-        return (*tiles, *beams, *(() if self.field is None else (self.field,)))
-
-    def record(self) -> Record:
-        """Tiles and samples; beams are left out, as they follow from poses and walls."""
-        rows: dict[str, Any] = {}
-        if self.tiles is not None:
-            rows |= {"tiles": self.tiles.values, "origins": self.tiles.origins}
-        if self.field is not None:
-            rows["samples"] = self.field
-        return Record(rows)
 
 
 class Auditor:

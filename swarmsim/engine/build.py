@@ -21,16 +21,19 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import lent
+from swarmsim.core.minds import OF_ME
 from swarmsim.core.own import not_ending
 from swarmsim.core.part import Buildable, Part
 from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
 from swarmsim.core.probes import Row
+from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import Scenario, World, all_parts, parts_of, sensors_of
+from swarmsim.core.scenario import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
+from swarmsim.engine import contracts
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.probing import watching
@@ -39,8 +42,9 @@ from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
 from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
-from swarmsim.robots.localisation import misled
-from swarmsim.robots.sensors import MixedSensor, with_field
+from swarmsim.robots.localisation import tracked
+from swarmsim.robots.sensors import with_field
+from swarmsim.robots.suites import MixedSensor, Suite, TwiceError
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
@@ -49,7 +53,6 @@ from swarmsim.world.unreached import unreached
 
 P = TypeVar("P")
 Asked = dict[str, Part[Any]]  # the parts of a scenario, by seam
-Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -88,7 +91,11 @@ class Run:
     def recorder(self, path: Path) -> Recorder:
         """An observer that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, self.probes)
+        parts = self.simulation.parts
+        return Recorder(
+            path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve,
+            not parts.localisation.exact, parts.sensor.channels, self.probes,
+        )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
         """What the probes sample in an iteration: rows by the names of their tables in a recording."""
@@ -175,32 +182,36 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         setting = replace(
             setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
         )
-    setting = replace(setting, tile=_tile(_sensors(robots, sensors, setting), setting))
+    sensor = with_field(_sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0)))
+    setting = replace(setting, channels=sensor.channels)
     mind, network = scenario.mind, scenario.network
-    bodies, localisation = _make(scenario.physics, setting), _make(scenario.localisation, setting)
+    bodies = _make(scenario.physics, setting)
     parts = Parts(
-        sensor=with_field(_sensors(robots, sensors, setting), setting, float(scenario.field.says("noise", 0.0))),
-        localisation=localisation,
+        sensor=sensor,
+        localisation=tracked(_make(scenario.localisation, setting), setting),
         computation=_make(mind.computation, setting),
         strategy=_make(mind.strategy, setting),
         topology=_make(network.topology, setting),
         channel=_make(network.channel, setting),
-        motion=misled(_make(scenario.motion, setting), localisation),
+        motion=_make(scenario.motion, setting),
         bodies=bodies,
         task=_make(scenario.task, setting),
         building=building,
         calendar=Calendar(bodies.state()),
+        lattice=arena.lattice,
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
         _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
+    _check_channels(parts, asked)
     _check_names(parts, asked)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    parts = guarded(parts, setting, HELD if strict else theirs, theirs, clock)
+    parts = guarded(parts, setting, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock)  # those are held
     parts = parts if watch is None else watch(parts)
     for number, one in enumerate(scenario.faults):
         fault = _make(one, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
+            parts = replace(parts, localisation=tracked(parts.localisation, setting))
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     probes = watching(scenario, setting, parts, clock)
@@ -216,24 +227,72 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     )  # fmt: skip
 
 
-def _sensors(robots: Robots, sensors: Sensors, setting: Setting) -> Sensor:
-    """The sensor of all robots or, of a mixed swarm, those of its groups."""
-    if not any(group.sensor for group in robots.groups):
-        return _make(sensors[0][1], setting)
-    ends = np.cumsum([group.count for group in robots.groups])
+def _sensors(scenario: Scenario, setting: Setting, strict: bool, clock: Clock) -> Sensor:
+    """The sensors of a swarm as one; of a mixed swarm, those of its groups. Raises InputError."""
+    suites = [_suite(sensors, setting, strict, clock) for sensors in fitted(scenario)]
+    if len(suites) == 1:
+        return suites[0]
+    counts = [group.count for group in scenario.robots.groups]
+    ends = np.cumsum(counts)
     return MixedSensor(
-        [
-            (_make(part, setting, place), np.arange(end - group.count, end))
-            for (place, part), group, end in zip(sensors, robots.groups, ends, strict=True)
-        ]
+        [(suite, np.arange(end - n, end)) for suite, end, n in zip(suites, ends.tolist(), counts, strict=True)]
     )
 
 
-def _tile(sensor: Sensor, setting: Setting) -> tuple[int, int] | None:
-    """Rows and columns of the tiles that a sensor gives; it is asked for that, and is of no use afterwards."""
-    pose, alive = setting.start, np.ones(setting.swarm, np.bool_)
-    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), np.zeros((setting.swarm, 2)), alive)).tiles
-    return None if tiles is None else (tiles.values.shape[1], tiles.values.shape[2])
+def _suite(sensors: Sensors, setting: Setting, strict: bool, clock: Clock) -> Sensor:
+    """The sensors of the same robots as one. Raises InputError that starts with the place in the scenario."""
+    made: list[Sensor] = []
+    for number, (place, one) in enumerate(sensors):
+        part = _make(one, replace(setting, number=number), place)
+        wrong = contracts.declared(part.channels, setting.swarm) or _wrong_names(part.channels)
+        if wrong is not None:
+            raise InputError(f"{place}.use: {one.use!r} declares {wrong}")
+        if strict or not registry.is_ours(part):
+            part = held("sensor", part, setting, clock, not registry.is_ours(part))
+        made.append(part)
+    names = [str(one.says("name", None) or "") for _, one in sensors]
+    try:
+        return made[0] if len(made) == 1 and not names[0] else Suite(made, names)
+    except TwiceError as problem:
+        raise InputError(problem.told([place for place, _ in sensors])) from problem
+
+
+def _wrong_names(channels: Channels) -> str | None:
+    """Why a channel of a sensor cannot be called so, or None: minds find it under that name, and recordings a table."""
+    for channel in channels:
+        if channel.name in OF_ME:
+            return f"{channel.name!r}: a mind finds something else as me.{channel.name}; expected 'my_{channel.name}'"
+        table = channel.recorded_as
+        wrong = table and (
+            layout.wrong_name(table, "sensor")
+            or layout.wrong_form(table, np.empty((1, *channel.shape), channel.dtype), layout.EACH, 1)
+        )
+        if wrong:
+            return f"{channel.name!r}: {wrong}"
+    return None
+
+
+def _check_channels(parts: Parts, asked: Asked) -> None:
+    """Raise InputError for a part that needs a channel which no sensor of these robots gives."""
+    channels = parts.sensor.channels
+    for seam, part in (("computation", parts.computation), ("strategy", parts.strategy), ("task", parts.task)):
+        for name in getattr(part, "requires", ()):
+            if name in channels:
+                continue
+            parted = [one.name for one in channels if one.name.partition(".")[0] == name]
+            if parted:
+                why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
+            else:
+                why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
+            use = asked[seam].use
+            raise InputError(f"{SEAMS[seam].at}.use: {use!r} needs {name!r} from the sensors of robots: {why}")
+
+
+def _giving(name: str) -> str:
+    """The sensors that give a channel, as far as they tell before they are built."""
+    known = {use: getattr(kind, "gives", {}) for use, kind in registry.known("sensor").items()}
+    found = [f"{use!r}{gives[name] and f' with {gives[name]}'}" for use, gives in known.items() if name in gives]
+    return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
 
 
 def _check_knowledge(
@@ -250,7 +309,7 @@ def _check_knowledge(
 
 def _check_names(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
-    used: dict[str, str] = {}  # which seam's part gives each name
+    used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
         place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
         for name, says, at in announced(seam, part):
@@ -362,6 +421,10 @@ def _observable(
     # What robots can see in the end does not depend on gaps between their beams.
     surveying: Buildable[Sensor] | None = part.says("surveying", None)
     sensor = _make(part, setting, place) if surveying is None else surveying.build(setting)
+    if "tiles" not in sensor.channels:
+        return None
+    if not registry.is_ours(sensor):
+        sensor = held("sensor", sensor, setting, Clock())
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
     work = budget.survey(len(places), *_beams(part, lattice.cell))
@@ -369,9 +432,7 @@ def _observable(
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
         none = np.zeros((len(cells), 2))
-        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiles
-        if tiles is None:
-            return None
+        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiled
         occupancy.note_observed(tiles.values, tiles.origins, observed)
     return observed
 

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.declarations import wrong_channels
 from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Columns, Delivery, Said
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
-from swarmsim.core.state import Intents, Knowledge, Measured, Readings, Record, Senses, State
+from swarmsim.core.readings import Channel, Channels, Readings
+from swarmsim.core.state import Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import checks
 from swarmsim.recording import layout
 
@@ -90,32 +92,45 @@ def delivery(found: Any, state: State, sent: int) -> str | None:
     return "heard: letters have to be sorted by receiver, sender and iteration sent"
 
 
-def readings(found: Any, state: State) -> str | None:
-    """Readings with a row for each robot."""
+def declared(found: Any, robots: int) -> str | None:
+    """What is wrong with what a sensor says it gives, or None."""
+    if not isinstance(found, Channels):
+        return f"channels: {brief(found)}; expected Channels"
+    return wrong_channels(found, robots)
+
+
+def readings(found: Any, state: State, channels: Channels) -> str | None:
+    """Readings with the columns that were declared, of their types, shapes and bounds, and a row for each robot."""
     if not isinstance(found, Readings):
         return f"sense: {type(found).__name__}; expected Readings"
-    n, tiles, wrong = state.robots, found.tiles, None
-    if tiles is not None:
-        wrong = first_of(
-            array("tiles.values", tiles.values, np.uint8, n, None, None),
-            array("tiles.origins", tiles.origins, np.int32, n, 2),
-        )
-        if wrong is None and tiles.evidence is not None:
-            wrong = array("tiles.evidence", tiles.evidence, np.float32, *tiles.values.shape, finite=False)
-        if wrong is None and not checks.cells_hold(tiles.values):
-            wrong = f"tiles.values: {tiles.values.max()}; expected UNKNOWN, FREE or OCCUPIED"
-    if wrong is None and found.beams is not None:
-        wrong = array("beams.ranges", found.beams.ranges, np.float64, n, None, finite=False)
-    if wrong is None and found.field is not None:
-        wrong = array("field", found.field, np.float64, n, finite=False)
-    return wrong
+    if found.channels is not channels and found.channels != channels:
+        return f"sense: gives {found.channels.listed()}; expected what it declares, {channels.listed()}"
+    if len(found.columns) != len(channels):
+        return f"sense: {len(found.columns)} columns; expected one for each of {len(channels)} channels"
+    for channel, column in zip(channels, found.columns, strict=True):
+        kind = np.dtype(channel.dtype).type
+        wrong = array(channel.name, column, kind, state.robots, *channel.shape, finite=False)
+        wrong = wrong or _out_of_bounds(channel, column)
+        if wrong is not None:
+            return wrong
+    return None
+
+
+def _out_of_bounds(channel: Channel, column: NDArray[Any]) -> str | None:
+    """What is wrong with the numbers of a channel, or None; where nothing is measured they are blank or NaN."""
+    if channel.dtype == "?" or (channel.low, channel.high) == (-math.inf, math.inf):
+        return None
+    strange = ~((column >= channel.low) & (column <= channel.high)) & (column != channel.empty)
+    if column.dtype.kind == "f":
+        strange &= ~np.isnan(column)
+    if not strange.any():
+        return None
+    return f"{channel.name}: {column[strange][0]} at {_first(strange)}; expected {channel.low:g} to {channel.high:g}"
 
 
 def located(found: Any, state: State) -> str | None:
-    """Estimated poses (n, 3), and the readings where these put them."""
-    if not isinstance(found, tuple) or len(found) != 2:
-        return f"locate: {type(found).__name__}; expected two: the estimated poses, and the readings"
-    return first_of(array("pose", found[0], np.float64, state.robots, 3), readings(found[1], state))
+    """Estimated poses (n, 3)."""
+    return array("locate", found, np.float64, state.robots, 3)
 
 
 def said(found: Any, senses: Senses) -> str | None:

@@ -68,11 +68,11 @@ class _Form:
 
 #: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
 CHECKS: Final[Mapping[str, Callable[[Any, Setting], Checks]]] = {
-    "sensor": lambda part, setting: {"sense": contracts.readings},
+    "sensor": lambda part, setting: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
     "field": lambda part, setting: {
         "value": lambda found, time, points: contracts.array("value", found, np.float64, len(points))
     },
-    "localisation": lambda part, setting: {"locate": lambda found, state, sensed: contracts.located(found, state)},
+    "localisation": lambda part, setting: {"locate": contracts.located},
     "computation": _of_computation,
     "strategy": lambda part, setting: {
         "step": lambda found, senses, inbox, known: contracts.intents(found, senses, setting.lattice)

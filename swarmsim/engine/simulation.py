@@ -14,7 +14,7 @@ from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import Columns, Delivery, Inbox, PostOffice
 from swarmsim.core.own import is_failure
-from swarmsim.core.parts import Now, Observer, Parts
+from swarmsim.core.parts import Motion, Now, Observer, Parts, Tracking, WheelSpeeds
 from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
 from swarmsim.engine.guard import Clock
 
@@ -30,6 +30,21 @@ class Perceived:
     senses: Senses
     inbox: Inbox[Columns]
     knowledge: Knowledge
+
+
+class Steered:
+    """Motion that steers by where robots believe they are."""
+
+    def __init__(self, inner: Motion, localisation: Tracking) -> None:
+        self._inner, self._localisation = inner, localisation
+
+    def follow(self, intents: Intents) -> None:
+        """Take up new intents."""
+        self._inner.follow(intents)
+
+    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
+        """The wheel speeds wanted at the poses that are believed of these."""
+        return self._inner.command(self._localisation.track(pose))
 
 
 class Simulation:
@@ -118,7 +133,9 @@ class Simulation:
         self.clock.turn(self.state.iteration)
         events = parts.calendar.advance(self._now)
         state = parts.bodies.state() if parts.calendar else self.state
-        pose, readings = parts.localisation.locate(state, parts.sensor.sense(state))
+        sensed = parts.sensor.sense(state)
+        pose = parts.localisation.locate(state)
+        readings = sensed.put(state.pose, pose, parts.lattice)
         senses = Senses(state.iteration, pose, state.velocity, state.alive, readings, self._decided)
         said = parts.computation.say(senses)
         self._post.post(state.iteration, said)
@@ -132,7 +149,8 @@ class Simulation:
         self._decided = intents
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
-        self.state = parts.bodies.drive(parts.motion, self._period)
+        motion = parts.motion if parts.localisation.exact else Steered(parts.motion, parts.localisation)
+        self.state = parts.bodies.drive(motion, self._period)
         all_of_it = (
             parts.building, senses.readings, perceived.links, perceived.delivery, perceived.inbox, perceived.knowledge,
             intents, senses.pose, people,

@@ -15,13 +15,12 @@ from swarmsim.core import chance
 from swarmsim.core.building import Building
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Localisation as LocalisationPart
-from swarmsim.core.parts import Parts
+from swarmsim.core.parts import Parts, Tracking
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Readings, State
+from swarmsim.core.state import State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
-from swarmsim.robots.localisation import Belief, MisledMotion, moved
+from swarmsim.robots.localisation import Belief
 
 TOUCH = 1e-9  # m: how far into a wall a disc may reach that touches it, by rounding
 
@@ -71,7 +70,7 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
 
 class Misplacement(Lasting):
-    """Wraps localisation and motion: both are given poses with an error, which is 0 until the fault begins."""
+    """Wraps the localisation: its estimates have an error, which is 0 until the fault begins."""
 
     def __init__(self, setting: Setting) -> None:
         self._lattice = setting.lattice
@@ -79,10 +78,9 @@ class Misplacement(Lasting):
         self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with localisation and motion wrapped."""
+        """The parts with the localisation wrapped."""
         belief = Belief(self.error, active, self._lattice)
-        localisation = WrongLocalisation(parts.localisation, self, belief, self._lattice)
-        return replace(parts, localisation=localisation, motion=MisledMotion(parts.motion, belief))
+        return replace(parts, localisation=WrongLocalisation(parts.localisation, self, belief))
 
     def grow(self, iteration: int, robots: Robots) -> None:
         """Let the error of these robots (r,) become that of an iteration."""
@@ -129,7 +127,7 @@ class Kidnapping(Misplacement):
         self._places = np.empty((0, 2))
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with localisation and motion wrapped; bodies can be carried as they are."""
+        """The parts with the localisation wrapped; bodies can be carried as they are."""
         self._bodies, self._building = parts.bodies, parts.building
         return super().wrap(parts, active)
 
@@ -175,16 +173,20 @@ def landing_places(building: Building, lattice: Lattice, radius: float) -> NDArr
 
 
 class WrongLocalisation:
-    """Localisation whose estimates err; each tile is moved by as many cells as its robot errs."""
+    """Localisation whose estimates err."""
 
-    def __init__(self, inner: LocalisationPart, source: Misplacement, belief: Belief, lattice: Lattice) -> None:
-        self._inner, self._source, self._belief, self._lattice = inner, source, belief, lattice
+    exact = False
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
-        """The estimates and the readings, with the errors of this iteration; to be asked once in each."""
-        pose, readings = self._inner.locate(state, readings)
-        if not self._belief.active.any():
-            return pose, readings
-        self._source.grow(state.iteration, np.flatnonzero(self._belief.active))
-        believed = self._belief.of(pose)
-        return believed, moved(readings, pose, believed, self._lattice)
+    def __init__(self, inner: Tracking, source: Misplacement, belief: Belief) -> None:
+        self._inner, self._source, self._belief = inner, source, belief
+
+    def locate(self, state: State) -> NDArray[np.float64]:
+        """The estimates, with the errors of this iteration."""
+        pose = self._inner.locate(state)
+        if self._belief.active.any():
+            self._source.grow(state.iteration, np.flatnonzero(self._belief.active))
+        return self._belief.of(pose)
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The estimates, with the errors of this iteration, of robots that have moved on."""
+        return self._inner.track(self._belief.of(pose))

@@ -15,7 +15,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Senses, State
+from swarmsim.core.state import Intents, Knowledge, Senses, State
 from swarmsim.faults.body import check_maps
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import TimedFault
@@ -117,12 +117,7 @@ class BlankComputation(WrappedComputation):
         blank = self._active & senses.alive
         if not blank.any():
             return self._inner.hear(senses, inbox)
-        readings = senses.readings
-        if readings.tiles is not None:
-            values = readings.tiles.values.copy()
-            values[blank] = UNKNOWN
-            readings = replace(readings, tiles=replace(readings.tiles, values=values))
-        deaf = replace(senses, alive=senses.alive & ~blank, readings=readings)
+        deaf = replace(senses, alive=senses.alive & ~blank, readings=senses.readings.blanked(blank))
         return self._inner.hear(deaf, inbox.take(~blank[inbox.receivers]))
 
 

@@ -1,58 +1,83 @@
-"""Faults of sensors: tiles that are blind, stuck, random, short-sighted, out of place, or lack beams."""
+"""Faults of sensors: readings that are missing, stuck, noisy, random, short-sighted, out of place, or lack beams."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
 from swarmsim.core.parts import Sensor as SensorPart
+from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Readings, State, Tiles
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
+from swarmsim.faults.effect import Effect, Lasting, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
-from swarmsim.robots.rangefinders import RangefinderSensor
-from swarmsim.robots.sensors import FieldSensor, IrRingSensor, MixedSensor
+from swarmsim.robots.suites import maimed
 
 Cells = Annotated[int, Meta(ge=-1000, le=1000)]
 
-#: Changes the tiles of these robots in place: state, robots (r,), values (n, rows, columns), origins (n, 2).
-Spoil = Callable[[State, Robots, NDArray[np.uint8], NDArray[np.int32]], None]
+Places = tuple[int, ...]  # of columns
+#: What the readings of these robots (r,) become, in these columns.
+Spoil = Callable[[State, Robots, Readings, Places], Readings]
 
 
 class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The tiles are wrong, and the robot maps and tells them as if they were right.
+    """Readings are wrong, and the robot uses and tells them as if they were right.
 
-    `off`: all cells are unknown. `stuck`: all cells have one `value`. `garbage`: each cell is unknown, free or
+    `off`: nothing is measured. `stuck`: all cells have one `value` or, of other `channels`, readings stay what they
+    were. `noisy`: normal errors of the standard deviation `sigma` are added. `garbage`: each cell is unknown, free or
     occupied, drawn anew in every iteration. `range`: cells with centres farther than `range` from the robot are
     unknown. `offset`: the tile is taken to lie so many cells aside. `beams`: these beams of a ring are dead.
+
+    `channels` are those that are off, stuck or noisy: all of them that can be, unless some are named.
     """
 
-    failure: Literal["off", "stuck", "garbage", "range", "offset", "beams"]
+    failure: Literal["off", "stuck", "noisy", "garbage", "range", "offset", "beams"]
+    channels: Annotated[list[str], Meta(min_length=1)] | None = None  # for off, stuck, noisy: names of channels
     value: Literal["free", "occupied"] | None = None  # for stuck
+    sigma: Annotated[float, Meta(gt=0.0, le=1e6)] | None = None  # for noisy: in the channel's unit
     range: Annotated[float, Meta(gt=0.0)] | None = None  # for range: m
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
     beams: Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
-        for key, failure in (("value", "stuck"), ("range", "range"), ("offset", "offset"), ("beams", "beams")):
+        keys = (
+            ("value", "stuck"), ("sigma", "noisy"), ("range", "range"), ("offset", "offset"), ("beams", "beams")
+        )  # fmt: skip
+        for key, failure in keys:
             given = getattr(self, key) is not None
             if given and self.failure != failure:
                 raise InputError(f"{key}: a sensor that is {self.failure!r} has none; expected failure = {failure!r}")
-            if not given and self.failure == failure:
+            if not given and self.failure == failure and not (key == "value" and self.channels):
                 raise InputError(f"{key}: required key is missing; expected it with failure = {failure!r}")
-        effect = (
-            DeadBeams(self.beams) if self.beams else SensorFailure(_spoil(self, setting), blind=self.failure == "off")
-        )
-        return TimedFault(Timeline(self, setting), effect, setting.number)
+        if self.channels and (self.failure not in ("off", "stuck", "noisy") or self.value):
+            what = "has a value" if self.value else f"is {self.failure!r}"
+            raise InputError(f"channels: a sensor that {what} has none; expected failure = 'off', 'stuck' or 'noisy'")
+        return TimedFault(Timeline(self, setting), _effect(self, setting), setting.number)
+
+
+def _effect(fault: Sensor, setting: Setting) -> Effect:
+    """What the fault does to parts."""
+    if fault.beams:
+        return DeadBeams(fault.beams)
+    if fault.failure == "off":
+        return ChannelFailure(fault.channels, None, lambda active: _blank)
+    if fault.failure == "noisy":
+        salt = int(setting.streams.open(f"fault sensor {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        return ChannelFailure(fault.channels, "noisy", lambda active: _noisy(salt, fault.sigma or 0.0))
+    if fault.channels:
+        return ChannelFailure(fault.channels, "stuck", lambda active: Stuck(len(active)))
+    return TileFailure(_spoil(fault, setting))
 
 
 def _spoil(fault: Sensor, setting: Setting) -> Spoil:
@@ -63,83 +88,165 @@ def _spoil(fault: Sensor, setting: Setting) -> Spoil:
         return _cut(fault.range, setting.lattice)
     if fault.offset is not None:
         return _aside(fault.offset)
-    if fault.failure == "garbage":
-        return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.swarm)])
-    return _filled(UNKNOWN)
+    return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.swarm)])
+
+
+def _blank(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+    return readings.blanked(robots, places)
+
+
+def _noisy(salt: int, sigma: float) -> Spoil:
+    def err(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        changed = {}
+        for place in places:
+            channel, column = tuple(readings.channels)[place], readings.columns[place].copy()
+            keys = (state.iteration, robots[:, None], np.arange(max(math.prod(channel.shape), 1)), place)
+            drawn = sigma * chance.normal(salt, *keys).reshape(len(robots), *channel.shape)
+            given = column[robots]
+            measured = (given >= channel.low) & (given <= channel.high)  # which what is blank or NaN is not, mostly
+            told = np.clip(given + drawn, channel.low, channel.high)
+            column[robots] = np.where(measured, np.rint(told) if column.dtype.kind == "i" else told, given)
+            changed[channel.name] = column
+        return readings.having(changed)
+
+    return err
+
+
+class Stuck:
+    """Readings that stay what they were when the fault began."""
+
+    def __init__(self, robots: int) -> None:
+        self._since = np.full(robots, -2)  # the last iteration in which each was stuck
+        self._held: dict[int, NDArray[Any]] = {}
+
+    def __call__(self, state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        """The readings with those of before in these columns."""
+        changed, names = {}, tuple(readings.channels)
+        counted = {readings.channels.place(names[place].count) for place in places if names[place].count}
+        new = robots[self._since[robots] < state.iteration - 1]
+        self._since[robots] = state.iteration
+        for place in {*places, *counted}:
+            held = self._held.setdefault(place, readings.columns[place].copy())
+            held[new] = readings.columns[place][new]
+            column = readings.columns[place].copy()
+            column[robots] = held[robots]
+            changed[names[place].name] = column
+        return readings.having(changed)
+
+
+def _made_up(readings: Readings, robots: Robots, values: NDArray[np.uint8]) -> Readings:
+    """The same with other values of tiles; what is made up is believed as any tile is."""
+    evidence = readings.channels.groups["tiles"][2:]
+    return readings.having({"tiles.values": values}).blanked(robots, evidence)
 
 
 def _filled(value: int) -> Spoil:
-    def fill(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def fill(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        values = readings.tiled.values.copy()
         values[robots] = value
+        return _made_up(readings, robots, values)
 
     return fill
 
 
 def _garbage(streams: list[np.random.Generator]) -> Spoil:
-    def draw(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def draw(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        values = readings.tiled.values.copy()
         for robot in robots:
             values[robot] = streams[robot].integers(UNKNOWN, OCCUPIED, values.shape[1:], np.uint8, endpoint=True)
+        return _made_up(readings, robots, values)
 
     return draw
 
 
 def _cut(reach: float, lattice: Lattice) -> Spoil:
-    def cut(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def cut(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        values, origins = readings.tiled.values.copy(), readings.tiled.origins
         within = np.moveaxis(np.indices(values.shape[1:]), 0, -1)  # (rows, columns, 2)
         centres = lattice.centres(origins[robots, None, None] + within)
         apart = centres - state.pose[robots, None, None, :2]
         values[robots] = np.where(np.hypot(apart[..., 0], apart[..., 1]) > reach, UNKNOWN, values[robots])
+        return _made_up(readings, robots, values)
 
     return cut
 
 
 def _aside(offset: tuple[int, int]) -> Spoil:
-    def move(state: State, robots: Robots, values: NDArray[np.uint8], origins: NDArray[np.int32]) -> None:
+    def move(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
+        tiles = readings.tiled
+        origins = tiles.origins.copy()
         origins[robots] += np.array(offset, np.int32)
+        return _made_up(readings.having({"tiles.origins": origins}), robots, tiles.values)
 
     return move
 
 
-class SensorFailure(Lasting):
+class TileFailure(Lasting):
     """Wraps the sensor: its tiles are spoilt."""
 
-    def __init__(self, spoil: Spoil, *, blind: bool) -> None:
-        self._spoil, self._blind = spoil, blind
+    def __init__(self, spoil: Spoil) -> None:
+        self._spoil = spoil
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with the sensor wrapped."""
-        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, self._blind))
+        """The parts with the sensor wrapped; one without tiles has none that could be spoilt."""
+        places = parts.sensor.channels.groups.get("tiles")
+        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, places)) if places else parts
+
+
+class ChannelFailure(Lasting):
+    """Wraps the sensor: some of its channels are spoilt."""
+
+    def __init__(
+        self, names: list[str] | None, failure: str | None, spoil: Callable[[NDArray[np.bool_]], Spoil]
+    ) -> None:
+        """`failure` is what numbers alone can be; None: any channel can."""
+        self._names, self._failure, self._spoil = names, failure, spoil
+
+    def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
+        """The parts with the sensor wrapped. Raises InputError for a channel that is not there or cannot fail so."""
+        channels = tuple(parts.sensor.channels)
+        try:
+            named = [place for name in self._names or () for place in parts.sensor.channels.chosen(name)]
+        except InputError as problem:
+            raise InputError(f"channels: {problem}") from problem
+        can = [place for place, one in enumerate(channels) if one.is_number or self._failure is None]
+        structure = [name for name in self._names or () if name in parts.sensor.channels.places]
+        wrong = [name for name in structure if parts.sensor.channels[name].structure]
+        wrong += [channels[place].group or channels[place].name for place in named if place not in can]
+        if wrong:
+            listed = ", ".join(dict.fromkeys(channels[one].group or channels[one].name for one in can)) or "none"
+            what = self._failure or "off"
+            raise InputError(f"channels: {wrong[0]!r} cannot be {what}; expected what is measured: {listed}")
+        chosen = tuple(named if self._names else can)
+        if self._failure is not None and not chosen:
+            given = parts.sensor.channels.listed()
+            raise InputError(f"failure: none of what these robots measure is a number ({given}); expected another one")
+        return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil(active), chosen))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FailingSensor:
-    """A sensor of which some tiles are spoilt; those of dead robots stay UNKNOWN."""
+    """A sensor of which some readings are spoilt; those of dead robots stay blank."""
 
     inner: SensorPart
     active: NDArray[np.bool_]  # (n,): a live view
     spoil: Spoil
-    blind: bool  # whether nothing at all is measured
+    places: Places
+
+    @property
+    def channels(self) -> Channels:
+        """What the sensor inside gives."""
+        return self.inner.channels
+
+    def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> FailingSensor:
+        """The same around a sensor that lacks beams: these die beneath all that spoils tiles."""
+        return replace(self, inner=maimed(self.inner, beams, active))
 
     def sense(self, state: State) -> Readings:
         """The readings, but for those that fail."""
         readings = self.inner.sense(state)
         failing = np.flatnonzero(self.active & state.alive)
-        if len(failing) == 0:
-            return readings
-        tiles, beams, field = readings.tiles, readings.beams, readings.field
-        if tiles is not None:
-            evidence = None if tiles.evidence is None else tiles.evidence.copy()
-            if evidence is not None:
-                evidence[failing] = np.nan  # what is made up is believed as any tile is
-            tiles = Tiles(tiles.values.copy(), tiles.origins.copy(), evidence)
-            self.spoil(state, failing, tiles.values, tiles.origins)
-        if self.blind and beams is not None:
-            beams = replace(beams, ranges=beams.ranges.copy())
-            beams.ranges[failing] = np.inf
-        if self.blind and field is not None:
-            field = field.copy()
-            field[failing] = np.nan
-        return Readings(tiles, beams, field)
+        return self.spoil(state, failing, readings, self.places) if len(failing) else readings
 
 
 class DeadBeams(Lasting):
@@ -150,41 +257,4 @@ class DeadBeams(Lasting):
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the sensor wrapped. Raises InputError for a sensor without a ring, or without these beams."""
-        return replace(parts, sensor=self._wrapped(parts.sensor, active))
-
-    def _wrapped(self, sensor: SensorPart, active: NDArray[np.bool_]) -> SensorPart:
-        if isinstance(sensor, FailingSensor):
-            return replace(sensor, inner=self._wrapped(sensor.inner, active))
-        if isinstance(sensor, FieldSensor | MixedSensor):
-            return sensor.wrapped(lambda inner: self._wrapped(inner, active))
-        if isinstance(sensor, IrRingSensor | RangefinderSensor | MaimedRing):
-            return MaimedRing(sensor, sensor.without(self._beams), active)
-        raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MaimedRing:
-    """A ring of beams of which some robots lack some."""
-
-    whole: IrRingSensor | RangefinderSensor | MaimedRing
-    maimed: IrRingSensor | RangefinderSensor | MaimedRing
-    active: NDArray[np.bool_]  # (n,): a live view of who senses with the maimed ring
-
-    def without(self, beams: tuple[int, ...]) -> MaimedRing:
-        """The same with these beams dead for everybody. Raises InputError for one not there."""
-        return MaimedRing(self.whole.without(beams), self.maimed.without(beams), self.active)
-
-    def sense(self, state: State) -> Readings:
-        """The readings, those of robots that lack beams sensed without these."""
-        whole = self.whole.sense(state)
-        if not self.active.any():
-            return whole
-        fewer, tiles = self.maimed.sense(state).tiles, whole.tiles
-        assert fewer is not None
-        assert tiles is not None
-        lacking = self.active[:, None, None]
-        values = np.where(lacking, fewer.values, tiles.values)
-        evidence = None
-        if tiles.evidence is not None and fewer.evidence is not None:
-            evidence = np.where(lacking, fewer.evidence, tiles.evidence)
-        return replace(whole, tiles=Tiles(values, tiles.origins, evidence))
+        return replace(parts, sensor=maimed(parts.sensor, self._beams, active))

@@ -18,6 +18,7 @@ from swarmsim.core.scenario import load
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment
 from swarmsim.engine.build import Run, build
 from swarmsim.engine.simulation import Perceived
+from swarmsim.learning.observed import observed, spaces_of
 
 #: What agents may decide: the place to go to straight, m from where they are, as far as `reach`; a velocity, ahead and
 #: turning; or the speeds of the left and the right wheel. All are numbers from -1 to 1, of the most there is.
@@ -68,12 +69,15 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         learners: Sequence[int] | None = None,
         hears: int = 5,
         reach: float = 1.0,
+        observe: Sequence[str] = (),
     ) -> None:
         """A scenario file, with values by dotted key in the place of its own.
 
         `action` is one of ACTIONS, `reward` one of REWARDS or a function like them, `learners` the robots that are
         agents, all by default, `hears` how many others an observation has room for, the nearest first, and `reach` how
-        far off a goal can be, in m. Raises InputError for a scenario that cannot be, or whose robots sense no tiles.
+        far off a goal can be, in m. `observe` names channels of sensors to be observed as well, each with NAME_known,
+        which is 1 where something was measured. Raises InputError for a scenario that cannot be, or whose robots sense
+        no tiles.
         """
         if action not in ACTIONS:
             raise InputError(f"action: {action!r}; expected one of {', '.join(ACTIONS)}")
@@ -87,7 +91,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(count)):
             raise InputError(f"learners: {chosen}; expected some of 0 to {count - 1}, each once")
         self._action, self._reward = action, REWARDS[reward] if isinstance(reward, str) else reward
-        self._hears, self._reach = hears, reach
+        self._hears, self._reach, self._observe = hears, reach, tuple(observe)
         self._learners = np.array(chosen, np.int64)
         self._robots = {f"robot_{robot}": robot for robot in chosen}
         self.possible_agents: list[str] = list(self._robots)
@@ -108,16 +112,23 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 "heard": spaces.Discrete(hears + 1),
                 "tiles": spaces.Box(0, 2, (hears, *shape), np.uint8),
                 "offsets": self._offsets,
+                **self._more_spaces(),
             }
         )
         self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def _tile_shape(self) -> tuple[int, int]:
-        state = self._run.simulation.state
-        tiles = self._run.simulation.parts.sensor.sense(state).tiles
-        if tiles is None:
+        channels = self._run.simulation.parts.sensor.channels
+        if "tiles" not in channels:
             raise InputError(f"{self._name}: sensor.use: robots that learn need tiles; expected ir-ring")
-        return tiles.values.shape[1], tiles.values.shape[2]
+        rows, columns = channels["tiles.values"].shape
+        return rows, columns
+
+    def _more_spaces(self) -> dict[str, spaces.Space[NDArray[np.generic]]]:
+        try:
+            return spaces_of(self._run.simulation.parts.sensor.channels, self._observe)
+        except InputError as problem:
+            raise InputError(f"{self._name}: {problem}") from problem
 
     @property
     def run(self) -> Run:
@@ -176,9 +187,9 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         ended = {agent: finished or not alive[robots[agent]] for agent in acted}
         cut = {agent: over and not ended[agent] for agent in acted}
         infos: dict[str, dict[str, Any]] = {agent: {} for agent in acted}
-        observed = self._observed(acted)
+        found = self._observed(acted)
         self.agents = [agent for agent in acted if not (ended[agent] or cut[agent])]
-        return observed, {agent: float(rewards[robots[agent]]) for agent in acted}, ended, cut, infos
+        return found, {agent: float(rewards[robots[agent]]) for agent in acted}, ended, cut, infos
 
     def _intents(self, actions: Mapping[str, NDArray[np.float32]]) -> Intents:
         simulation, robots = self._run.simulation, self._scenario.robots
@@ -224,8 +235,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         return {agent: self._of(self._perceived, self._robots[agent]) for agent in agents}
 
     def _of(self, seen: Perceived, robot: int) -> dict[str, NDArray[Any]]:
-        tiles, inbox = seen.senses.readings.tiles, seen.inbox
-        assert tiles is not None
+        tiles, inbox = seen.senses.readings.tiled, seen.inbox
         cell, lattice = self._run.setting.lattice.cell, self._run.setting.lattice
         shape = tiles.values.shape[1:]
         x, y, yaw = seen.senses.pose[robot]
@@ -247,6 +257,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
             "heard": np.array(count),
             "tiles": told,
             "offsets": np.clip(offsets, self._offsets.low, self._offsets.high),
+            **observed(seen.senses.readings, self._observe, robot),
         }
 
     def render(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import gymnasium
@@ -27,11 +27,13 @@ class RobotEnv(gymnasium.Env[dict[str, NDArray[np.generic]], NDArray[np.float32]
         reward: str | Reward = "own",
         hears: int = 5,
         reach: float = 1.0,
+        observe: Sequence[str] = (),
     ) -> None:
         """As for `SwarmEnv`; `robot` is the one that learns. Raises InputError."""
         self.swarm = SwarmEnv(
-            scenario, overrides, action=action, reward=reward, learners=[robot], hears=hears, reach=reach
-        )
+            scenario, overrides, action=action, reward=reward, learners=[robot], hears=hears, reach=reach,
+            observe=observe,
+        )  # fmt: skip
         (self._agent,) = self.swarm.possible_agents
         self.observation_space = self.swarm.observation_space(self._agent)
         self.action_space = self.swarm.action_space(self._agent)

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from typing import Annotated
 
-import numpy as np
 from msgspec import Meta, Struct
 
 from swarmsim.core.building import Building
 from swarmsim.core.parts import Links
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
-from swarmsim.kernels import graph, rays, sight
+from swarmsim.kernels import graph
 from swarmsim.network.topology import Degree, check_degree
+from swarmsim.world.sight import Sight
 
 Range = Annotated[float, Meta(gt=0.0)]
-
-MARGIN = 1e-6  # of a square of the coarse grid: rounding must not hide a wall that runs along its border
-MOST_SQUARES = 20_000  # of the coarse grid: sorting walls into it takes their number times this
 
 
 class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -64,28 +61,12 @@ class SightLinks:
     """Links among live robots that the walls of this moment leave in view of each other."""
 
     def __init__(self, radius: float, building: Building) -> None:
-        self._radius = radius
-        self._building = building
-        self._prepare()
-
-    def _prepare(self) -> None:
-        """Sort the walls of this moment by place, about one to a square."""
-        walls, self._version = self._building.walls.copy(), self._building.version
-        ends = walls.reshape(-1, 2) if len(walls) else np.zeros((1, 2))
-        (x0, y0), (width, height) = ends.min(axis=0), np.ptp(ends, axis=0)
-        squares = min(max(len(walls), 1), MOST_SQUARES)
-        side = max(math.sqrt(width * height / squares), max(width, height) / squares) or 1.0
-        coarse = (float(x0), float(y0), side, int(height / side) + 1, int(width / side) + 1)
-        self._walls, self._coarse = walls, coarse
-        self._start, self._members = rays.bins(walls, MARGIN * side, *coarse)
+        self._radius, self._sight = radius, Sight(building)
 
     def links(self, state: State) -> Links:
         """The links of this moment; with each its reverse."""
-        if self._version != self._building.version:
-            self._prepare()
         near = graph.within(state.pose, state.alive, self._radius)
-        seen = sight.in_sight(state.pose, near, self._walls, self._start, self._members, self._coarse)
-        links: Links = graph.both_ways(seen, state.robots)
+        links: Links = graph.both_ways(self._sight.clear(state.pose, near), state.robots)
         return links
 
 

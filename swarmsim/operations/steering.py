@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import OCCUPIED, Intents, Senses, Tiles
+from swarmsim.core.state import OCCUPIED, Intents, Senses
 
 STILL: Final = 0.01  # of the top speed: whoever wants to go slower than that stands
 

@@ -11,7 +11,6 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.parts import Curve, Summary
@@ -42,6 +41,7 @@ class Wander(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Wandering:
     """Velocities from beams."""
 
+    requires = ("ranges",)
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def __init__(self, parameters: Wander, setting: Setting) -> None:
@@ -54,19 +54,14 @@ class Wandering:
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """On, away from what is near."""
-        beams = senses.readings.beams
-        if beams is None:
-            raise InputError(
-                "sensor.ranges: robots that wander need to know how far their beams go; expected an ir-ring with "
-                "ranges = true"
-            )
+        readings = senses.readings
         block, within = divmod(senses.iteration, AHEAD)
         if block != self._block:
             when = np.arange(block * AHEAD, (block + 1) * AHEAD)[:, None]
             self._block, self._turns = block, self._bend * chance.normal(0, self._salts, when)
         twists: NDArray[np.float64] = wander.steer_clear(
-            beams.bearings, beams.ranges, senses.alive, self._turns[within], self._clearance, self._speed,
-            self._period,
+            readings.channels.axis("ranges"), readings["ranges"], senses.alive, self._turns[within],
+            self._clearance, self._speed, self._period,
         )  # fmt: skip
         return Intents.twisting(twists)
 

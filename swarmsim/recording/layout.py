@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.probes import Declared
+from swarmsim.core.readings import NAME, Channels
 
 EACH, MANY, ONCE = "each", "many", "once"  # one row for each iteration; many, with their ends in NAME_end; neither
 FAR: Final = 1e7  # m or cells: nothing lies farther off
@@ -29,6 +31,7 @@ class Table:
     #: What its numbers, or those of each column, lie within, both ends included; words as in `row`.
     low: tuple[float, ...] = ()
     high: tuple[float | str, ...] = ()
+    blank: float | None = None  # what may stand in it besides, and NaN; None: nothing
     by: str = ""  # the seam whose parts, ours and others, may give it in this form; none: the recording itself alone
     every: int = 1  # of EACH: iterations from one row to the next
 
@@ -44,9 +47,9 @@ TABLES: Final = {
     "alive": Table("?", ("robots",), EACH),
     "messages": Table("i8", (), EACH, (0.0,), (float(2**62),)),
     "progress": Table("f8", (), EACH, (0.0,), (1.0,)),
-    "tiles": Table("u1", ("robots", "any", "any"), EACH, (0.0,), (2.0,)),
-    "origins": Table("i4", ("robots", 2), EACH, (-FAR,) * 2, (FAR,) * 2),
-    "samples": Table("f8", ("robots",), EACH),
+    "tiles": Table("u1", ("robots", "any", "any"), EACH, (0.0,), (2.0,), by="sensor"),
+    "origins": Table("i4", ("robots", 2), EACH, (-FAR,) * 2, (FAR,) * 2, by="sensor"),
+    "samples": Table("f8", ("robots",), EACH, by="sensor"),
     "goals": Table("i4", ("robots", 2), EACH, (-1.0, -1.0), ("last row", "last column")),
     "twists": Table("f8", ("robots", 2), EACH),
     "links": Table("i4", (2,), MANY, (0.0, 0.0), ("last robot",) * 2),
@@ -133,13 +136,32 @@ def attribute(file: Any, name: str, kinds: str, shape: tuple[int, ...] = ()) -> 
     return file.attrs[name]
 
 
+def tables_of(channels: Channels) -> dict[str, Table]:
+    """The tables of what sensors have declared, besides those that every recording has in one form.
+
+    Raises ValueError for a name that no table can have.
+    """
+    found: dict[str, Table] = {}
+    for channel in channels:
+        name = channel.recorded_as
+        if not name or (name in TABLES and TABLES[name].by == "sensor"):
+            continue
+        wrong = wrong_name(name, "sensor") or (f"{name!r} is there twice" if name in found else None)
+        if wrong or not re.fullmatch(NAME, name):
+            raise ValueError(f"the declaration of readings: {wrong or f'{name!r} cannot be the name of a table'}")
+        bounded = channel.dtype != "?" and (channel.low, channel.high) != (-math.inf, math.inf)
+        low, high = ((channel.low,), (channel.high,)) if bounded else ((), ())
+        found[name] = Table(channel.dtype, ("robots", *channel.shape), EACH, low, high, channel.empty)
+    return found
+
+
 def check(
     file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
 ) -> None:
     """Raise ValueError, which names the table and what is wrong with it, unless all tables are as they should be.
 
     `file` is an HDF5 file, `sizes` those that words stand for; `rows` are the tables that say to have a row for each
-    iteration, `measures` those of them that a task has measured, `declared` those of probes.
+    iteration, `measures` those of them that a task has measured, `declared` those of probes and sensors.
     """
     tables = {**TABLES, **declared}
     begun = "pose" in file
@@ -208,5 +230,7 @@ def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int], declared:
     low = np.array(table.low)
     high = np.array([sizes.get(one, 0) if isinstance(one, str) else one for one in table.high])
     outside = (rows < low) | (rows > high) if name in declared else ~((rows >= low) & (rows <= high))  # NaN is neither
+    if table.blank is not None:
+        outside &= rows != table.blank
     if outside.any():
         raise ValueError(f"table {name!r} has numbers that cannot be; expected {low.tolist()} to {high.tolist()}")

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import files, hdf5
+from swarmsim.core import declarations, files, hdf5
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
@@ -131,8 +131,11 @@ class Recording:
         told = layout.attribute(file, "probes", "S") if "probes" in file.attrs else b"[]"
         #: What probes declare of their tables.
         self.probes = msgspec.json.decode(told, type=list[Declared])
-        self._declared = layout.declared_by(self.probes)
         robots = self.scenario.robots.count
+        told = layout.attribute(file, "channels", "S") if "channels" in file.attrs else b"[]"
+        #: What the robots' sensors gave; nothing in recordings that are older than declarations.
+        self.channels = declarations.read(told.decode(), robots)
+        self._declared = {**layout.declared_by(self.probes), **layout.tables_of(self.channels)}
         self._sizes = {
             "robots": robots, "rows": int(rows), "columns": int(columns), "fields": len(self.digested),
             "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,

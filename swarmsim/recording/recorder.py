@@ -14,6 +14,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
+from swarmsim.core import declarations
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import encoded
 from swarmsim.core.hdf5 import Growing, to_the_end
@@ -21,6 +22,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Row
+from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import Scenario, table_of
 from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
@@ -61,9 +63,14 @@ class Recorder:
         domain: NDArray[np.bool_],
         truth: NDArray[np.bool_],
         curve: Curve,
+        errs: bool,
+        channels: Channels,
         probes: Sequence[Watching] = (),
     ) -> None:
         """`world` is the floor plan's text, `curve` what is drawn of the task's measures.
+
+        `errs` says whether robots may err about their poses, so that their estimates are kept,
+        `channels` what they measure.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
@@ -73,8 +80,7 @@ class Recorder:
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
-        astray = any(fault.use == "localisation" for fault in scenario.faults)
-        self._errs = astray or scenario.localisation.use != "perfect"  # whether estimates of poses are kept
+        self._errs = errs
         #: The HDF5 file, which the same process may read while it grows.
         self.file = self._growing.file
         place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
@@ -83,6 +89,7 @@ class Recorder:
             "versions": json.dumps(versions()),
             "digested": " ".join(DIGESTED),
             "curve": msgspec.json.encode(curve).decode(),
+            "channels": declarations.text_of(channels),
             "measures": "[]",
             "rows": "[]",
             **({"probes": msgspec.json.encode([one.declared for one in probes]).decode()} if probes else {}),
@@ -244,7 +251,7 @@ def _check_names(records: Sequence[tuple[str, Record]], path: Path) -> None:
 def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     """What the parts give to be recorded, and what of theirs it is."""
     return (
-        ("the readings", moment.readings.record()), ("the knowledge", moment.knowledge.record()),
+        ("the readings", Record(moment.readings.rows())), ("the knowledge", moment.knowledge.record()),
         ("the intents", moment.intents.record()), ("the task", moment.measured.record()),
     )  # fmt: skip
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core import chance
+from swarmsim.core import chance, registry
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Motion, WheelSpeeds
+from swarmsim.core.parts import Localisation, Tracking
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Readings, State
+from swarmsim.core.state import State
 
 Spread = Annotated[float, Meta(ge=0.0, le=100.0)]
 
@@ -28,11 +27,17 @@ class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class PerfectLocalisation:
-    """Gives the true pose and leaves what was sensed where it was sensed."""
+    """Gives the true pose."""
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
+    exact = True
+
+    def locate(self, state: State) -> NDArray[np.float64]:
         """The pose as it is."""
-        return state.pose, readings
+        return state.pose
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The pose as it is."""
+        return pose
 
 
 class Noisy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -67,20 +72,23 @@ class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Erring(ABC):
-    """Localisation with errors: tiles lie, and robots steer, where they believe to be."""
+    """Localisation whose errors stay the same from one iteration to the next."""
+
+    exact = False
 
     def __init__(self, setting: Setting) -> None:
-        self._lattice = setting.lattice
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
         self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
-        #: Where robots believe to be, wherever they are.
-        self.belief = Belief(self.error, np.ones(setting.swarm, np.bool_), setting.lattice)
+        self._belief = Belief(self.error, np.ones(setting.swarm, np.bool_), setting.lattice)
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
-        """The estimates, and the readings where they put them; to be asked once in each iteration."""
+    def locate(self, state: State) -> NDArray[np.float64]:
+        """The estimates (n, 3) of this iteration."""
         self.err(state)
-        believed = self.belief.of(state.pose)
-        return believed, moved(readings, state.pose, believed, self._lattice)
+        return self._belief.of(state.pose)
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The estimates (n, 3), with the errors of this iteration, of robots that have moved on."""
+        return self._belief.of(pose)
 
     @abstractmethod
     def err(self, state: State) -> None:
@@ -151,18 +159,32 @@ def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def moved(readings: Readings, pose: NDArray[np.float64], believed: NDArray[np.float64], lattice: Lattice) -> Readings:
-    """The readings of robots at `pose` where they put them that are `believed` to be elsewhere, in whole cells."""
-    tiles = readings.tiles
-    if tiles is None:
-        return readings
-    aside = lattice.cells(believed[:, :2]) - lattice.cells(pose[:, :2])
-    return replace(readings, tiles=replace(tiles, origins=(tiles.origins + aside).astype(np.int32)))
+def tracked(localisation: Localisation, setting: Setting) -> Tracking:
+    """The localisation; one that says nothing of the time between two iterations is taken to err."""
+    return localisation if isinstance(localisation, Tracking) else Tracked(localisation, setting)
 
 
-def misled(motion: Motion, localisation: object) -> Motion:
-    """The motion, steering by where a localisation that errs has robots believe to be."""
-    return MisledMotion(motion, localisation.belief) if isinstance(localisation, Erring) else motion
+class Tracked:
+    """A localisation whose errors are taken to stay the same from one iteration to the next."""
+
+    exact = False
+
+    def __init__(self, inner: Localisation, setting: Setting) -> None:
+        #: Whose contract it is to keep.
+        self.written_by = registry.author_of(inner)
+        self._inner, self._error = inner, np.zeros((setting.swarm, 3))
+        self._belief = Belief(self._error, np.ones(setting.swarm, np.bool_), setting.lattice)
+        self._true = self._found = self._error
+
+    def locate(self, state: State) -> NDArray[np.float64]:
+        """The estimates (n, 3) of this iteration."""
+        self._true, self._found = state.pose, self._inner.locate(state)
+        return self._found
+
+    def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The estimates (n, 3), with the errors of this iteration, of robots that have moved on."""
+        self._error[:] = self._found - self._true
+        return self._belief.of(pose)
 
 
 class Belief:
@@ -183,18 +205,3 @@ class Belief:
         believed = pose + self._error
         believed[:, :2] = np.clip(believed[:, :2], self._low, self._high)
         return np.where(self.active[:, None], believed, pose)
-
-
-class MisledMotion:
-    """Motion that steers by where robots believe to be."""
-
-    def __init__(self, inner: Motion, belief: Belief) -> None:
-        self._inner, self._belief = inner, belief
-
-    def follow(self, intents: Intents) -> None:
-        """Take up new intents."""
-        self._inner.follow(intents)
-
-    def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds wanted at the poses believed of these."""
-        return self._inner.command(self._belief.of(pose))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from copy import copy
 from typing import TYPE_CHECKING, Final
 
@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.errors import InputError
+from swarmsim.core.readings import Readings
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import UNKNOWN, Beams, Readings, State, Tiles
+from swarmsim.core.state import UNKNOWN, State
 from swarmsim.kernels import evidence, rays
+from swarmsim.robots.suites import checked
 
 if TYPE_CHECKING:
     from swarmsim.robots.sensors import IrRing
@@ -35,7 +36,6 @@ class RangefinderSensor:
         assert parameters.step is not None
         self._parameters, self._lattice = parameters, (lattice.x0, lattice.y0, lattice.cell)
         beams = parameters.angles()
-        self._bearings = np.where(beams > np.pi, beams - 2.0 * np.pi, beams)
         self._working = np.ones(len(beams), np.bool_)
         aside = math.radians(parameters.cone) * (np.linspace(-0.5, 0.5, ACROSS) if parameters.cone else np.zeros(1))
         angles = beams[:, None] + aside
@@ -49,7 +49,9 @@ class RangefinderSensor:
         spread = (parameters.error or 0.0, parameters.error_share or 0.0, parameters.error_square or 0.0)
         self._noise = np.array([math.hypot(spread[0], rounding), *spread[1:]])
         self._drawn = np.array(spread)
-        self._salt = int(setting.streams.open("sensor").integers(0, 2**64, dtype=np.uint64))
+        purpose = f"sensor {setting.number}" if setting.number else "sensor"  # two on one robot err differently
+        self._salt = int(setting.streams.open(purpose).integers(0, 2**64, dtype=np.uint64))
+        self.channels = parameters.channels(evidence=True)
         self._building, self._radii = setting.building, setting.robots.each("radius")
         self._prepare()
 
@@ -58,14 +60,11 @@ class RangefinderSensor:
         self._walls, self._version = self._building.walls.copy(), self._building.version
         self._near = rays.bins(self._walls, self._parameters.reach, *self._coarse)
 
-    def without(self, beams: Iterable[int]) -> RangefinderSensor:
+    def without(self, beams: Sequence[int]) -> RangefinderSensor:
         """The same sensor with these beams dead, counted from 0. Raises InputError for one not there."""
         left = copy(self)
         left._working = self._working.copy()
-        for beam in beams:
-            if not 0 <= beam < len(self._working):
-                raise InputError(f"beams: there is no beam {beam}; expected 0 to {len(self._working) - 1}")
-            left._working[beam] = False
+        left._working[checked(beams, len(self._working))] = False
         return left
 
     def sense(self, state: State) -> Readings:
@@ -85,8 +84,7 @@ class RangefinderSensor:
         )  # fmt: skip
         if parameters.frame == "robot":
             values[~held(state.pose, origins, parameters.tile, parameters.shape, self._lattice)] = UNKNOWN
-        beams = Beams(self._bearings, readings) if parameters.ranges else None
-        return Readings(Tiles(values, origins, said), beams)
+        return Readings(self.channels, (values, origins, said, *((readings,) if parameters.ranges else ())))
 
     def _distances(self, state: State, occlude: bool) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """How far each beam (n, b) goes before it meets the first thing within its cone, and the tiles' origins."""
@@ -105,7 +103,7 @@ class RangefinderSensor:
         parameters, salt, at = self._parameters, self._salt, state.iteration
         assert parameters.reach is not None
         assert parameters.blind is not None
-        robot, beam = np.arange(state.robots)[:, None], np.arange(len(self._bearings))
+        robot, beam = np.arange(state.robots)[:, None], np.arange(len(self._working))
         constant, share, square = self._drawn
         with np.errstate(invalid="ignore"):  # what is infinite stays so
             sigma = np.sqrt(constant**2 + (share * seen) ** 2 + (square * seen**2) ** 2)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -16,10 +15,12 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Sensor
+from swarmsim.core.readings import FIELD, Called, Channels, Readings, range_channel, tile_channels
 from swarmsim.core.setting import Field, Setting
-from swarmsim.core.state import UNKNOWN, Beams, Readings, State, Tiles
+from swarmsim.core.state import UNKNOWN, State
 from swarmsim.kernels import rays
 from swarmsim.robots.rangefinders import RangefinderSensor, held, radii_of
+from swarmsim.robots.suites import Suite, checked
 
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0)]
 Bearings = Annotated[tuple[Degrees, ...], Meta(min_length=1, max_length=10_000)]
@@ -55,6 +56,9 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     columns run ahead; then it is told in the cells of the map whose centres it holds.
     """
 
+    gives: ClassVar[dict[str, str]] = {"tiles": "", "ranges": "ranges = true"}
+
+    name: Called | None = None  # of one of several on a robot: its channels are called NAME_tiles and so on
     preset: Literal["ideal", "sharp-gp2y0a21", "gternal", "ebot"] = "ideal"
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
     frame: Literal["map", "robot"] = "map"  # what the tile's rows and columns keep to
@@ -125,6 +129,14 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         assert self.beams is not None
         return np.asarray(np.arange(self.beams) * (2.0 * np.pi / self.beams))
 
+    def channels(self, evidence: bool) -> Channels:
+        """What such a ring gives, with or without what its tiles are worth."""
+        assert self.reach is not None
+        angles = self.angles()
+        ahead = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
+        ranges = (range_channel(ahead, self.reach),) if self.ranges else ()
+        return Channels(*tile_channels(self.shape, evidence), *ranges)
+
     def build(self, setting: Setting) -> IrRingSensor | RangefinderSensor:
         """The sensor for a swarm among these walls. Raises InputError for even beams with gaps between them."""
         lattice = setting.lattice
@@ -162,19 +174,16 @@ class IrRingSensor:
         angles = parameters.angles()
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._working = np.arange(len(angles))
-        self._bearings = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
+        self._beams = len(angles)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
         self._radii = setting.robots.each("radius")
         self._parameters = parameters
+        self.channels = parameters.channels(evidence=False)
 
-    def without(self, beams: Iterable[int]) -> IrRingSensor:
+    def without(self, beams: Sequence[int]) -> IrRingSensor:
         """The same sensor with these beams dead, counted from 0 straight ahead. Raises InputError for one not there."""
-        dead = np.array(sorted(beams), np.int64)
-        strange = dead[(dead < 0) | (dead >= len(self._bearings))]
-        if len(strange):
-            raise InputError(f"beams: there is no beam {strange[0]}; expected 0 to {len(self._bearings) - 1}")
         left = copy(self)
-        kept = ~np.isin(self._working, dead)
+        kept = ~np.isin(self._working, checked(beams, self._beams))
         left._ring, left._working = self._ring[kept], self._working[kept]
         return left
 
@@ -210,40 +219,13 @@ class IrRingSensor:
         )
         if parameters.frame == "robot":
             values[~held(state.pose, origins, parameters.tile, parameters.shape, self._lattice)] = UNKNOWN
-        beams = Beams(self._bearings[self._working], ranges) if parameters.ranges else None
-        return Readings(Tiles(values, origins), beams)
-
-
-class MixedSensor:
-    """The sensors of a mixed swarm: each group of robots has its own, whose tile lies in the middle of the largest."""
-
-    def __init__(self, sensors: Sequence[tuple[Sensor, NDArray[np.int64]]]) -> None:
-        """Each sensor with the robots (r,) that have it."""
-        self._sensors = sensors
-
-    def wrapped(self, wrap: Callable[[Sensor], Sensor]) -> MixedSensor:
-        """The same with every group's sensor wrapped."""
-        return MixedSensor([(wrap(sensor), robots) for sensor, robots in self._sensors])
-
-    def sense(self, state: State) -> Readings:
-        """Everybody's readings; None of what some have no sensor for, NaN where a sensor says nothing of its worth."""
-        found = [(sensor.sense(state), robots) for sensor, robots in self._sensors]
-        tiles = [(one.tiles, robots) for one, robots in found if one.tiles is not None]
-        if not tiles:
-            return Readings()
-        rows, columns = np.max([one.values.shape[1:] for one, _ in tiles], axis=0).tolist()
-        values = np.full((state.robots, rows, columns), UNKNOWN, np.uint8)
-        origins = np.zeros((state.robots, 2), np.int32)
-        said = np.full(values.shape, np.nan, np.float32)
-        for one, robots in tiles:
-            height, width = one.values.shape[1:]
-            first = (rows - height) // 2, (columns - width) // 2
-            part = np.s_[first[0] : first[0] + height, first[1] : first[1] + width]
-            values[(robots, *part)] = one.values[robots]
-            origins[robots] = one.origins[robots] - np.array(first)
-            if one.evidence is not None:
-                said[(robots, *part)] = one.evidence[robots]
-        return Readings(Tiles(values, origins, None if np.isnan(said).all() else said))
+        if not parameters.ranges:
+            return Readings(self.channels, (values, origins))
+        if len(self._working) < self._beams:
+            whole = np.full((state.robots, self._beams), np.nan)
+            whole[:, self._working] = ranges
+            ranges = whole
+        return Readings(self.channels, (values, origins, ranges))
 
 
 class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -262,28 +244,28 @@ class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Senseless:
     """Gives nothing."""
 
+    channels = Channels()
+
     def sense(self, state: State) -> Readings:
         """No readings."""
         return Readings()
 
 
 class FieldSensor:
-    """A sensor that besides samples a scalar field where each robot is, with normal noise."""
+    """Samples a scalar field where each robot is, with normal noise."""
 
-    def __init__(self, inner: Sensor, field: Field, period: float, noise: float, salt: int) -> None:
+    channels = Channels(FIELD)
+
+    def __init__(self, field: Field, period: float, noise: float, salt: int) -> None:
         """`period` (s) of an iteration; `noise` is the standard deviation, in the field's unit."""
-        self._inner, self._field, self._period, self._noise, self._salt = inner, field, period, noise, salt
-
-    def wrapped(self, wrap: Callable[[Sensor], Sensor]) -> FieldSensor:
-        """The same samples, besides what the wrapped sensor measures."""
-        return FieldSensor(wrap(self._inner), self._field, self._period, self._noise, self._salt)
+        self._field, self._period, self._noise, self._salt = field, period, noise, salt
 
     def sense(self, state: State) -> Readings:
-        """The readings, with the field's value where each robot is; NaN for the dead."""
+        """The field's value where each robot is; NaN for the dead."""
         value = self._field.value(state.iteration * self._period, state.pose[:, :2])
         if self._noise > 0.0:
             value = value + self._noise * chance.normal(self._salt, state.iteration, np.arange(state.robots), 0)
-        return replace(self._inner.sense(state), field=np.where(state.alive, value, np.nan))
+        return Readings(self.channels, (np.where(state.alive, value, np.nan),))
 
 
 def with_field(sensor: Sensor, setting: Setting, noise: float) -> Sensor:
@@ -291,4 +273,4 @@ def with_field(sensor: Sensor, setting: Setting, noise: float) -> Sensor:
     if setting.scalar_field is None:
         return sensor
     salt = int(setting.streams.open("field noise").integers(0, 2**64, dtype=np.uint64))
-    return FieldSensor(sensor, setting.scalar_field, setting.period, noise, salt)
+    return Suite([sensor, FieldSensor(setting.scalar_field, setting.period, noise, salt)])

@@ -14,7 +14,7 @@ from swarmsim.core import registry
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Beams, Intents, Knowledge, Readings, Senses, Tiles
+from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
 from swarmsim.faults.disguise import WrappedComputation
@@ -120,20 +120,13 @@ def _copied(senses: Senses) -> Senses:
 
 def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
     """The same with the rows of arrays in this order."""
-    readings = senses.readings
-    tiles, evidence = readings.tiles, None
-    if tiles is not None:
-        evidence = None if tiles.evidence is None else tiles.evidence[rows]
-        tiles = Tiles(tiles.values[rows], tiles.origins[rows], evidence)
-    beams = readings.beams and Beams(readings.beams.bearings, readings.beams.ranges[rows])
-    field = None if readings.field is None else readings.field[rows]
     decided = senses.decided
     if decided is not None:
         columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
         decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
     return replace(
         senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
-        readings=Readings(tiles, beams, field), decided=decided,
+        readings=senses.readings.take(rows), decided=decided,
     )  # fmt: skip
 
 

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.part import Part
-from swarmsim.core.parts import Sensor
-from swarmsim.core.scenario import sensors_of
+from swarmsim.core.scenario import Sensors, fitted
 from swarmsim.kernels import rays
 from swarmsim.recording.reader import Recording
 from swarmsim.robots.sensors import IrRing
@@ -28,8 +26,8 @@ class BeamReplay:
         scenario = recording.scenario
         self._arena = Arena.open(plan, scenario.grid.cell, 1, scenario.title)
         self._cell = scenario.grid.cell
-        rings = [_ring(sensor) for _, sensor in sensors_of(scenario)]
-        counts = [group.count for group in scenario.robots.groups] or [scenario.robots.count]
+        rings = [_ring(sensors) for sensors in fitted(scenario)]
+        counts = [group.count for group in scenario.robots.groups] if len(rings) > 1 else [scenario.robots.count]
         self._rings = [ring for ring, count in zip(rings, counts, strict=True) for _ in range(count)]
         self._boxes: tuple[Box, ...] = ()
         self._walls = self._arena.segments
@@ -66,9 +64,13 @@ class BeamReplay:
         return min(float(ring.reach or 0.0), self._cell * math.hypot((ring.tile[0] + 1) / 2, (ring.tile[1] + 1) / 2))
 
 
-def _ring(sensor: Part[Sensor]) -> IrRing | None:
-    try:
-        part = sensor.parameters
-    except InputError:  # code of somebody's own, which pictures do not run
-        return None
-    return part if isinstance(part, IrRing) else None
+def _ring(sensors: Sensors) -> IrRing | None:
+    """The first ring among the sensors of a robot."""
+    for _, sensor in sensors:
+        try:
+            part = sensor.parameters
+        except InputError:  # code of somebody's own, which pictures do not run
+            continue
+        if isinstance(part, IrRing):
+            return part
+    return None

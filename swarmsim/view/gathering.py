@@ -75,8 +75,7 @@ class Gathering:
 
     def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""
-        tiles, frames = moment.readings.tiles, moment.knowledge.frames
-        assert tiles is not None
+        tiles, frames = moment.readings.tiled, moment.knowledge.frames
         self._moment = moment
         mark_sensed(self._sensed, moment.state.alive, tiles)
         for robot in range(len(self._roots)):

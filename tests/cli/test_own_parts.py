@@ -121,6 +121,7 @@ class Mine(Struct, frozen=True):
 class Wrapped:
     def __init__(self, inner):
         self.inner = inner
+        self.channels = getattr(inner, "channels", None)
 
     def {verb}(self, *given):
         found = self.inner.{verb}(*given)
@@ -526,18 +527,30 @@ MISTAKES: dict[str, tuple[str, str, int, list[str]]] = {
     ),
     "masked tiles": (
         "sensor",
-        wrapping("sense", SENSOR, "replace(found, tiles=replace(found.tiles, values=np.ma.array(found.tiles.values)))"),
+        wrapping("sense", SENSOR, "found.having({'tiles.values': np.ma.array(found.tiles.values)})"),
         3,
         [
             "sensor mine.py:Wrapped, iteration 0: tiles.values: MaskedArray; expected",
             "in sense: def sense(self, *given):",
         ],
     ),
-    "one thing instead of two": (
-        "localisation",
-        wrapping("locate", PERFECT, "found[0]"),
+    "other readings than declared": (
+        "sensor",
+        wrapping("sense", SENSOR, "type(found)()"),
         3,
-        ["locate: ndarray; expected two: the estimated poses, and the readings", "in locate"],
+        ["sense: gives nothing; expected what it declares, tiles", "in sense: def sense(self, *given):"],
+    ),
+    "tiles of no known value": (
+        "sensor",
+        wrapping("sense", SENSOR, "found.having({'tiles.values': found.tiles.values + np.uint8(7)})"),
+        3,
+        ["tiles.values: ", " at [0, 0, 0]; expected 0 to 2"],
+    ),
+    "two things instead of one": (
+        "localisation",
+        wrapping("locate", PERFECT, "(found, found)"),
+        3,
+        ["locate: tuple; expected an array, float64 of shape (3, 3)", "in locate"],
     ),
     "a masked field": (
         "field",

@@ -23,7 +23,8 @@ import numpy as np
 from msgspec import Struct
 
 from swarmsim.core.messages import Delivery
-from swarmsim.core.state import Intents, Measured, Readings, Tiles
+from swarmsim.core.readings import Readings, Tiles
+from swarmsim.core.state import Intents, Measured
 from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.operations.mapping.frontier import NearestFrontier
 from swarmsim.operations.mapping.maps import Maps

@@ -129,6 +129,13 @@ def test_a_run_in_which_a_body_ends_in_or_beyond_a_wall_is_no_result() -> None:
 
 
 def test_what_parts_find_out_of_each_other_while_they_run_names_the_scenario_file() -> None:
-    run = made('mind.strategy={use="wander"}', 'task={use="travelled", distance=1}')
-    with pytest.raises(InputError, match=r"room\.toml: sensor\.ranges: robots that wander"):
+    run = made()
+    step = run.simulation.parts.strategy.step
+
+    def asking(senses, inbox, knowledge):
+        assert senses.readings["ranges"] is not None
+        return step(senses, inbox, knowledge)
+
+    run.simulation.parts.strategy.step = asking
+    with pytest.raises(InputError, match=r"room\.toml: the sensors of these robots give no 'ranges'; they give tiles"):
         run.simulation.run()

@@ -13,8 +13,9 @@ from numpy.testing import assert_equal
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.lending import Lender, copied, frozen, lent
+from swarmsim.core.readings import Readings, Tiles
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Readings, State, Tiles
+from swarmsim.core.state import State
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests
 

@@ -16,8 +16,9 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
 from swarmsim.core.part import Part
 from swarmsim.core.parts import Parts
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Senses, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Senses
 from swarmsim.faults.byzantine import Byzantine, LyingComputation
 from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.maps import Maps
@@ -76,7 +77,7 @@ class Talk:
         self.active = np.zeros(SWARM, np.bool_)
         if lie is not None:
             effect = Byzantine(at=0, **lie).build(setting()).effect
-            parts = Parts(None, None, self.computation, *[None] * 8)
+            parts = Parts(None, None, self.computation, *[None] * 9)
             self.computation = effect.wrap(parts, self.active).computation
             assert isinstance(self.computation, LyingComputation)
         self.post, self.chance = PostOffice(), np.random.default_rng(seed)

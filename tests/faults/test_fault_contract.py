@@ -19,7 +19,7 @@ from swarmsim.recording.digests import Digests
 
 RADIUS = 0.055  # m: the default of robots
 ITERATIONS = {"room": 30, "basilica": 40}
-MORE = {"room": (), "basilica": ("robots.count=4",)}
+MORE = {"room": (), "basilica": ("robots.count=4",), "operations/wandering": ("robots.count=4",)}
 DOORWAY = "[3.15, 1.65, 3.3, 2.55]"  # of the room
 WHEN = "at=8, lasts=12"
 
@@ -53,8 +53,8 @@ def wheels(failure: str, keys: str = "") -> Case:
     return Case(f'use="motor", failure="{failure}", count=2, {WHEN}{keys}', words=over(f"motor {failure}"))
 
 
-def sensor(failure: str, keys: str = "") -> Case:
-    return Case(f'use="sensor", failure="{failure}", count=2, {WHEN}{keys}', words=over(f"sensor {failure}"))
+def sensor(failure: str, keys: str = "", **more) -> Case:
+    return Case(f'use="sensor", failure="{failure}", count=2, {WHEN}{keys}', words=over(f"sensor {failure}"), **more)
 
 
 def radio(failure: str, keys: str = "", **more) -> Case:
@@ -96,6 +96,7 @@ CASES = [
     sensor("off"),
     sensor("stuck", ', value="free"'),
     sensor("stuck", ', value="occupied"'),
+    sensor("noisy", ", sigma=0.1", scenario="operations/wandering"),
     sensor("garbage"),
     sensor("range", ", range=0.3"),
     sensor("offset", ", offset=[2, -3]"),

@@ -16,6 +16,7 @@ from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Moment, Senses, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
+from swarmsim.engine.simulation import Steered
 from swarmsim.faults.localisation import Belief, Localisation, landing_places
 from swarmsim.operations.mapping.measures import MapMeasures
 from swarmsim.recording.digests import Digests
@@ -106,7 +107,7 @@ def test_motion_is_asked_at_believed_poses_and_others_rows_are_bit_equal(plain: 
 
     parts = replace(run.simulation.parts, motion=Still())
     fault = Localisation(failure="bias", dx=0.3, dyaw=0.5, at=0, robots=[1]).build(setting(run))
-    motion = fault.install(parts).motion
+    motion = Steered(parts.motion, fault.install(parts).localisation)
     pose = np.array([[-0.0, 1.0, -0.0], [2.0, 1.0, 0.0], [3.0, 1.0, -0.0]])
     given = pose.copy()
     motion.command(given)
@@ -276,7 +277,7 @@ def test_a_robot_stays_where_there_is_nowhere_to_put_it() -> None:
     before = parts.bodies.state()
     installed = Localisation(failure="kidnap", at=0, robots=[1]).build(setting(run)).install(parts)
     np.testing.assert_array_equal(installed.bodies.state().pose, before.pose)
-    pose, _ = installed.localisation.locate(before, parts.sensor.sense(before))
+    pose = installed.localisation.locate(before)
     np.testing.assert_array_equal(pose, before.pose)
 
 
@@ -349,7 +350,8 @@ def test_localisation_beneath_keeps_its_own_arrays() -> None:
     tiles = readings.tiles
     pose, origins = state.pose.copy(), tiles.origins.copy()
     fault = Localisation(failure="bias", dx=1.0, at=0, robots=[1]).build(setting(run))
-    believed, moved = fault.install(parts).localisation.locate(state, readings)
+    believed = fault.install(parts).localisation.locate(state)
+    moved = readings.put(state.pose, believed, parts.lattice)
     assert (believed[1] != pose[1]).any()
     assert (moved.tiles.origins[1] != origins[1]).any()
     np.testing.assert_array_equal(state.pose, pose)

@@ -47,7 +47,7 @@ class Trial:
         self.calendar, self.events = Calendar(self.bodies.state()), []
         setting = setting_of(len(pose), seed=seed)
         inner = PerfectChannel() if inner is None else inner
-        parts = Parts(*[None] * 5, inner, None, self.bodies, None, None, self.calendar)
+        parts = Parts(*[None] * 5, inner, None, self.bodies, None, None, self.calendar, None)
         for number, fault in enumerate(faults):
             parts = fault.build(replace(setting, number=number)).install(parts)
         self.parts = parts

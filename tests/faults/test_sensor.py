@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import made, moments_of
+from conftest import made, moments_of, readings_of
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends
 from swarmsim.core.parts import Parts
+from swarmsim.core.readings import Readings, Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Readings, State, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
 from swarmsim.faults.sensor import Sensor
@@ -200,8 +201,10 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
     own = parts.sensor.sense(state).tiles
 
     class Same:
+        channels = parts.sensor.channels
+
         def sense(self, state: State) -> Readings:
-            return Readings(own)
+            return readings_of(own)
 
     before = own.values.copy(), own.origins.copy()
     for fault in (
@@ -217,8 +220,10 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
 
 def test_a_sensor_without_beams_cannot_lose_any(parts: Parts, plain: Run) -> None:
     class Blind:
+        channels = parts.sensor.channels
+
         def sense(self, state: State) -> Readings:
-            return Readings(Tiles(np.zeros((3, 6, 7), np.uint8), np.zeros((3, 2), np.int32)))
+            return readings_of(Tiles(np.zeros((3, 6, 7), np.uint8), np.zeros((3, 2), np.int32)))
 
     fault = Sensor(failure="beams", beams=[1], at=0).build(setting(plain))
     with pytest.raises(InputError, match=r"failure: this sensor has no beams.*ir-ring"):

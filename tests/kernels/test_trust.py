@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
+from swarmsim.core.readings import Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 
 SHAPE, TILE, SWARM = (5, 8), (2, 3), 4

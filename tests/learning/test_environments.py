@@ -199,3 +199,28 @@ def test_actions_of_nobody_and_rewards_that_are_none_are_refused() -> None:
     env.reset(seed=1)
     with pytest.raises(InputError, match=r"reward: 1\.0, of shape \(\); expected a number for each of 3 robots"):
         env.step(still(env))
+
+
+def test_channels_of_sensors_are_observed_on_request_and_nothing_else_changes() -> None:
+    near = {"sensors": [{"use": "neighbours", "reach": 9.0}, {"use": "bump"}], "sensor": {"use": "ir-ring"}}
+    short = {"stop.iterations": 3}
+    plain, more = SwarmEnv(ROOM, short), SwarmEnv(ROOM, {**short, **near}, observe=["neighbours", "bump"])
+    names = ["neighbours", "neighbours_known", "bump", "bump_known"]
+    first, second = plain.observation_space("robot_0"), more.observation_space("robot_0")
+    assert set(second) - set(first) == set(names)
+    assert all(second[name] == first[name] for name in first)
+    ours, theirs = plain.reset(seed=1)[0]["robot_0"], more.reset(seed=1)[0]["robot_0"]
+    for name, value in ours.items():
+        assert np.array_equal(value, theirs[name])
+    seen = 0
+    while more.agents:
+        observed, *_ = more.step({})
+        for one in observed.values():
+            assert second.contains(one)
+            seen += int(one["neighbours_known"].any())
+            assert not one["neighbours"][one["neighbours_known"] == 0].any()
+    assert seen
+    with pytest.raises(InputError, match=r"observe: .* no 'echo'; they give tiles, neighbours, neighbours_count, bump"):
+        SwarmEnv(ROOM, near, observe=["echo"])
+    with pytest.raises(InputError, match="observe: 'field' has no bounds; expected a channel that declares low"):
+        SwarmEnv(ROOM, {"field": {"use": "formula", "formula": "x"}}, observe=["field"])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import made, moments_of, setting_of
+from conftest import made, moments_of, readings_of, setting_of
 from scipy import stats
 
 from swarmsim.core.decoding import convert
-from swarmsim.core.state import Readings, State, Tiles
-from swarmsim.robots.localisation import MisledMotion, Noisy, Odometry
+from swarmsim.core.readings import Tiles
+from swarmsim.core.state import State
+from swarmsim.robots.localisation import Noisy, Odometry
 
 ROBOTS = 3000
 
@@ -24,14 +25,14 @@ def walked(keys: dict, ways: list[tuple[float, float, float]], robots: int = ROB
     part = convert({"slip": 0.0, "veer": 0.0, "spin": 0.0, "bias": 0.0, "tick": 0.0, **keys}, Odometry)
     localisation = part.build(setting_of(robots, shape=(200, 200)))
     pose = np.tile([15.0, 15.0, 0.3], (robots, 1))
-    believed, _ = localisation.locate(state_of(0, pose), Readings())
+    believed = localisation.locate(state_of(0, pose))
     assert (believed == pose).all()  # at the start they know
     for iteration, (metres, before, behind) in enumerate(ways, 1):
         pose = pose.copy()
         pose[:, 2] += before
         pose[:, :2] += metres * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
         pose[:, 2] += behind
-        believed, _ = localisation.locate(state_of(iteration, pose), Readings())
+        believed = localisation.locate(state_of(iteration, pose))
     return pose, believed
 
 
@@ -75,17 +76,19 @@ def test_ticks_add_their_rounding_when_wheels_turn() -> None:
 def test_noise_is_drawn_anew_and_is_the_robots_own() -> None:
     few, many = (convert({"sigma": 0.1}, Noisy).build(setting_of(n, shape=(99, 99))) for n in (3, ROBOTS))
     poses = [np.tile([7.0, 7.0, 0.0], (n, 1)) for n in (3, ROBOTS)]
-    first, second = (many.locate(state_of(t, poses[1]), Readings())[0] - poses[1] for t in (0, 1))
+    first, second = (many.locate(state_of(t, poses[1])) - poses[1] for t in (0, 1))
     assert stats.kstest(first[:, 0] / 0.1, "norm").pvalue > 1e-3
     assert abs(np.corrcoef(first[:, 0], second[:, 0])[0, 1]) < 0.08
-    assert (few.locate(state_of(0, poses[0]), Readings())[0] - poses[0] == first[:3]).all()
+    assert (few.locate(state_of(0, poses[0])) - poses[0] == first[:3]).all()
 
 
 def test_tiles_lie_where_robots_believe_to_be() -> None:
     localisation = convert({"sigma": 0.5}, Noisy).build(setting_of(50, shape=(99, 99)))
     pose = np.tile([7.05, 7.05, 0.0], (50, 1))
     tiles = Tiles(np.zeros((50, 3, 3), np.uint8), np.full((50, 2), 46, np.int32))
-    believed, readings = localisation.locate(state_of(0, pose), Readings(tiles))
+    lattice = setting_of(50, shape=(99, 99)).lattice
+    believed = localisation.locate(state_of(0, pose))
+    readings = readings_of(tiles).put(pose, believed, lattice)
     cells = np.floor(believed[:, 1::-1] / 0.15).astype(int) - np.floor(pose[:, 1::-1] / 0.15).astype(int)
     assert (readings.tiles.origins == 46 + cells).all()
     assert len(np.unique(readings.tiles.origins, axis=0)) > 10
@@ -94,9 +97,9 @@ def test_tiles_lie_where_robots_believe_to_be() -> None:
 def test_robots_that_join_know_where_they_are() -> None:
     localisation = convert({"slip": 0.5}, Odometry).build(setting_of(2, shape=(99, 99)))
     pose, alive = np.array([[5.0, 5.0, 0.0], [6.0, 6.0, 0.0]]), np.array([True, False])
-    localisation.locate(state_of(0, pose, alive), Readings())
+    localisation.locate(state_of(0, pose, alive))
     pose = pose + np.array([1.0, 0.0, 0.0])
-    believed, _ = localisation.locate(state_of(1, pose, np.ones(2, bool)), Readings())
+    believed = localisation.locate(state_of(1, pose, np.ones(2, bool)))
     assert believed[0, 0] != pose[0, 0]
     assert (believed[1] == pose[1]).all()
 
@@ -104,7 +107,7 @@ def test_robots_that_join_know_where_they_are() -> None:
 @pytest.mark.parametrize("use", ["noisy", "odometry"])
 def test_robots_act_on_what_they_believe_and_recordings_keep_it(use: str) -> None:
     run = made(f'localisation={{use="{use}"}}', "stop.iterations=40")
-    assert isinstance(run.simulation.parts.motion, MisledMotion)
+    assert not run.simulation.parts.localisation.exact
     moments = moments_of(run)
     apart = [np.abs(moment.believed - moment.state.pose).max() for moment in moments]
     assert 0.0 < apart[-1] < 1.0

@@ -105,6 +105,7 @@ MOST = 1000  # bells: with more, an iteration takes seconds
 class FieldComputation:
     """One information matrix a robot."""
 
+    requires = ("field",)
     knows: type[Knowledge] = Reconstruction
 
     def __init__(self, parameters: FieldEstimate, count: int, basis: Basis) -> None:
@@ -119,15 +120,13 @@ class FieldComputation:
 
     def say(self, senses: Senses) -> Said[Sample]:
         """Every robot's sample."""
-        field = senses.readings.field
-        assert field is not None
+        field = senses.readings["field"]
         place = senses.pose
         return Said.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Sample]) -> Reconstruction:
         """Take in the own sample and all that were heard."""
-        field = senses.readings.field
-        assert field is not None
+        field = senses.readings["field"]
         heard = inbox.content
         starts = np.searchsorted(inbox.receivers, np.arange(len(field) + 1))
         if self._kept < 1.0:

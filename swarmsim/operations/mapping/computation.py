@@ -19,8 +19,9 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.part import Part
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Senses, Tiles
+from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 from swarmsim.operations.mapping.maps import Maps
@@ -88,6 +89,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class MapComputation:
     """One occupancy grid per robot, of which nobody else can write a cell."""
 
+    requires = ("tiles",)
     knows: type[Knowledge] = Maps
 
     def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing) -> None:

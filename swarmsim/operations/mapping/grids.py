@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
-from swarmsim.core.state import Tiles
+from swarmsim.core.readings import Tiles
 from swarmsim.kernels import occupancy, trust
 from swarmsim.operations.mapping.message import TileItems
 

@@ -95,8 +95,7 @@ class MapAuditor(Auditor):
 
     def _learn(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
         """Note what was shown; robots that place what they hear by an estimate are shown it there."""
-        tiles = senses.readings.tiles
-        assert tiles is not None
+        tiles = senses.readings.tiled
         if knowledge.frames is not None:
             heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
             inbox = knowledge.taken

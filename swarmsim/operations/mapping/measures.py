@@ -171,8 +171,7 @@ class MapMeasures:
 
     def _read(self, moment: Moment[Maps]) -> None:
         """Count what was sensed, then what was heard."""
-        robots, tiles, inbox = len(self._robots), moment.readings.tiles, moment.knowledge.taken
-        assert tiles is not None
+        robots, tiles, inbox = len(self._robots), moment.readings.tiled, moment.knowledge.taken
         values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.content.values])
         origins = np.concatenate([tiles.origins, inbox.content.origins])
         owners = np.concatenate([self._robots, inbox.receivers])

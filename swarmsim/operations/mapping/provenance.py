@@ -37,8 +37,7 @@ class MapProvenance:
 
     def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
-        tiles, taken, state = moment.readings.tiles, moment.knowledge.taken, moment.state
-        assert tiles is not None
+        tiles, taken, state = moment.readings.tiled, moment.knowledge.taken, moment.state
         content = taken.content
         hops = content.hops if isinstance(content, RelayedItems) else np.ones(len(taken), np.uint8)
         heard = content.values if len(taken) else np.empty((0, *tiles.values.shape[1:]), np.uint8)

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from swarmsim.core import parts
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
@@ -130,17 +131,15 @@ class TileAndGoalSharing(CurrentTileSharing):
 
 def tile_shape(setting: Setting) -> tuple[int, int]:
     """Rows and columns of the tiles that robots sense. Raises InputError if their sensor gives none."""
-    if setting.tile is None:
+    if "tiles" not in setting.channels:
         raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
-    return setting.tile
+    rows, columns = setting.channels["tiles.values"].shape
+    return rows, columns
 
 
 def tiles_of(senses: Senses) -> Tiles:
-    """The tiles that robots sense. Raises InputError if their sensor gives none."""
-    tiles = senses.readings.tiles
-    if tiles is None:
-        raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
-    return tiles
+    """The tiles that robots sense."""
+    return senses.readings.tiled
 
 
 def cells_of(maps: Maps) -> NDArray[np.uint8]:

@@ -21,8 +21,7 @@ class Sightings:
 
     def add(self, done: Done[Knowledge]) -> None:
         """Take in the tiles of one iteration; those of robots that err about their place go back where they belong."""
-        tiles, state = done.readings.tiles, done.state
-        assert tiles is not None
+        tiles, state = done.readings.tiled, done.state
         origins = tiles.origins
         if done.believed is not None and done.believed is not state.pose:
             cells = self._lattice.cells

@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.recording.columns import plain, shown
 from swarmsim.recording.reader import Recording
 from swarmsim.view.scene import Scene, Shot
 from swarmsim.view.theme import DARK, Colour, colour_of
@@ -35,7 +36,8 @@ def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], N
 
     /tf has a frame for each robot in `world`, /poses all poses, /walls and /robots what is solid, /links who heard
     (white) and did not hear (red) whom, /map the collective map, /robot_I/map each robot's own map every tenth
-    iteration, /numbers the task's curve and the counts of messages, /events what happened.
+    iteration, /numbers the task's curve and the counts of messages, /events what happened, and /readings/CHANNEL what
+    each robot's sensors gave, but for tiles, which maps show: numbers in lists, null for nothing.
     """
     scene = Scene(recording)
     context = foxglove.Context()
@@ -49,6 +51,7 @@ def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], N
         own = [channels.GridChannel(f"/robot_{robot}/map", context=context) for robot in range(scene.robots)]
         events = channels.LogChannel("/events", context=context)
         numbers = foxglove.Channel("/numbers", context=context)
+        measured = {one: foxglove.Channel(f"/readings/{one.name}", context=context) for one in shown(recording)}
         walls.log(fm.SceneUpdate(entities=[_walls(scene)]), log_time=0)
         robots.log(fm.SceneUpdate(entities=[_body(scene, robot) for robot in range(scene.robots)]), log_time=0)
         for row in range(recording.iterations):
@@ -62,6 +65,9 @@ def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], N
             heard, lost = scene.messages(row)
             value = float(scene.curve.scale * scene.curves.union[row])
             numbers.log({scene.curve.name: value, "heard": heard, "lost": lost}, log_time=now)
+            for channel, topic in measured.items():
+                rows = recording[channel.recorded_as][row]
+                topic.log({"unit": channel.unit, "robots": plain(rows)}, log_time=now)
             if scene.has_maps:
                 union.log(_grid(stamp, scene, scene.cells(row)), log_time=now)
                 for robot in range(scene.robots) if row % OWN_MAPS == 0 or row == recording.iterations - 1 else ():

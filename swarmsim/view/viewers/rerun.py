@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import UNKNOWN
+from swarmsim.recording.columns import shown
 from swarmsim.recording.reader import Recording
 from swarmsim.view.scene import Scene
 from swarmsim.view.theme import DARK, colour_of
@@ -21,7 +22,8 @@ def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], No
     """Write a run to `out`, on the timelines `iteration` and `time` (simulated).
 
     world/walls, world/robots (with headings), world/links, world/lost, world/map (an occupancy grid), `curve`,
-    `messages` and `events`. Y points down in Rerun's 2D views, so all y are turned over.
+    `messages`, `events` and, in readings/CHANNEL, what robots' sensors gave but tiles, which the map shows. Y points
+    down in Rerun's 2D views, so all y are turned over.
     Raises InputError where rerun-sdk is not installed.
     """
     try:
@@ -62,6 +64,10 @@ def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], No
             data = np.ascontiguousarray(grid[::-1]).tobytes()  # pictures begin at the top
             stream.log("world/map", rr.GridMap(data=data, format=shape, cell_size=lattice.cell, translation=origin,
                                                colormap=colormap))  # fmt: skip
+        for channel in shown(recording):
+            rows = recording[channel.recorded_as][row]
+            entry = rr.Tensor(rows) if channel.shape else rr.Scalars(rows.astype(np.float64))
+            stream.log(f"readings/{channel.name}", entry)
         told, missed = scene.messages(row)
         stream.log("curve", rr.Scalars(float(scene.curve.scale * scene.curves.union[row])))
         stream.log("messages", rr.Scalars([told, missed]))

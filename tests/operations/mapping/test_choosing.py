@@ -13,8 +13,8 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox
 from swarmsim.core.part import Part
+from swarmsim.core.readings import Tiles
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Tiles
 from swarmsim.engine.build import build
 from swarmsim.operations.mapping.choosing import (
     AssignedFrontier,

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
+from swarmsim.core.readings import Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.kernels import occupancy, search
 from swarmsim.recording.digests import Digests
 

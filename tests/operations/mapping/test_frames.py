@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, PostOffice
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Tiles
+from swarmsim.core.readings import Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.engine import contracts
 from swarmsim.operations.mapping.frames import (
     MAP,

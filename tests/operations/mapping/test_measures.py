@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import building, inbox_of, made
+from conftest import building, inbox_of, made, readings_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from swarmsim.core.events import Ended
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
+from swarmsim.core.readings import Tiles
 from swarmsim.core.robots import Robots
-from swarmsim.core.state import Intents, Measured, Moment, Readings, State, Tiles
+from swarmsim.core.state import Intents, Measured, Moment, State
 from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.coverage import CURVE as CURVED
 from swarmsim.operations.mapping.grids import OccupancyGrids
@@ -82,7 +83,7 @@ def moment(iteration, xy, alive, tiles, origins, links, heard, covered, events=(
     share = covered[0] / 20
     measured = Measured({"coverage": share}, {"covered": np.array(covered[1:]) / 20}, share)
     knowledge = replace(believer(), taken=inbox)
-    readings = Readings(Tiles(values, origins))
+    readings = readings_of(Tiles(values, origins))
     return Moment(state, tuple(events), HALL, readings, links, delivery, inbox, knowledge, intents, measured=measured)
 
 

@@ -12,8 +12,9 @@ from swarmsim.core import registry
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
 from swarmsim.core.part import Part
+from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State, Tiles
+from swarmsim.core.state import State
 from swarmsim.engine import contracts
 from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.replay import MapReplay

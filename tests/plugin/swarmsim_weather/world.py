@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.probes import ProbeTable, Sampled
+from swarmsim.core.readings import Readings
 from swarmsim.core.setting import Field, Setting, Site
-from swarmsim.core.state import UNKNOWN, Moment, Readings, State
+from swarmsim.core.state import Moment, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
 
@@ -75,13 +74,12 @@ class Foggy:
     """A sensor that is blind in places."""
 
     def __init__(self, inner, x: float) -> None:
-        self._inner, self._x = inner, x
+        self._inner, self._x, self.channels = inner, x, inner.channels
 
     def sense(self, state: State) -> Readings:
         """The readings of those outside the fog."""
         readings = self._inner.sense(state)
-        values = np.where((state.pose[:, 0] < self._x)[:, None, None], UNKNOWN, readings.tiles.values)
-        return replace(readings, tiles=replace(readings.tiles, values=values.astype(np.uint8)))
+        return readings.blanked(state.pose[:, 0] < self._x)
 
 
 class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -110,11 +108,11 @@ class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The localisation is what describes it."""
         return self
 
-    def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
-        """The poses, rounded; readings stay where they are."""
+    def locate(self, state: State) -> NDArray[np.float64]:
+        """The poses, rounded."""
         pose = state.pose.copy()
         pose[:, :2] = np.round(pose[:, :2] / self.to) * self.to
-        return pose, readings
+        return pose
 
 
 class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):

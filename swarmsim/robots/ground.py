@@ -1,0 +1,63 @@
+"""What the floor under each robot is like: a grey level, a colour or any other value that a field gives."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from swarmsim.core import chance
+from swarmsim.core.errors import InputError
+from swarmsim.core.part import Part
+from swarmsim.core.readings import Called, Channel, Channels, Readings
+from swarmsim.core.setting import Field, Setting
+from swarmsim.core.state import State
+
+
+class Ground(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The value of the floor under the robot's middle, one for each of `floors`: one for grey, three for a colour.
+
+    Each is a field as in `[field]`, such as {use = "picture", values = {file = "floor.png"}} or a formula. With
+    `steps`, what is told is how many of these values it reaches: 0 or 1 with one step, as of black and white.
+    """
+
+    gives: ClassVar[dict[str, str]] = {"ground": ""}
+    margin: ClassVar[int] = 0  # cells that it maps
+
+    name: Called | None = None  # of one of several on a robot: its channel is called NAME_ground
+    floors: Annotated[tuple[Part[Field], ...], Meta(min_length=1, max_length=16)]
+    steps: tuple[float, ...] = ()
+    error: Annotated[float, Meta(ge=0.0)] = 0.0  # standard deviation, in the unit of the floor, before steps
+
+    def build(self, setting: Setting) -> GroundSensor:
+        """The sensor. Raises InputError for a floor that is no field, and for steps that do not rise."""
+        if sorted(set(self.steps)) != list(self.steps):
+            raise InputError(f"steps: {list(self.steps)}; expected numbers that rise")
+        floors = [part.build(setting, f"floors[{number}]") for number, part in enumerate(self.floors)]
+        return GroundSensor(self, floors, setting)
+
+
+class GroundSensor:
+    """Samples what lies under the robots."""
+
+    def __init__(self, parameters: Ground, floors: list[Field], setting: Setting) -> None:
+        self._floors, self._steps, self._error = floors, np.array(parameters.steps), parameters.error
+        high = float(len(parameters.steps)) if parameters.steps else np.inf
+        shape = (len(floors),) if len(floors) > 1 else ()
+        self.channels = Channels(Channel("ground", "f8", shape, low=0.0 if parameters.steps else -np.inf, high=high))
+        self._period = setting.period
+        self._salt = int(setting.streams.open(f"ground {setting.number}").integers(0, 2**64, dtype=np.uint64))
+
+    def sense(self, state: State) -> Readings:
+        """The floor's values; NaN for the dead."""
+        points, time, robots = state.pose[:, :2], state.iteration * self._period, np.arange(state.robots)
+        found = np.stack([floor.value(time, points) for floor in self._floors], axis=1)
+        if self._error:
+            found += self._error * chance.normal(
+                self._salt, state.iteration, robots[:, None], np.arange(found.shape[1])
+            )
+        if len(self._steps):
+            found = np.searchsorted(self._steps, found, side="right").astype(np.float64)
+        found[~state.alive] = np.nan
+        return Readings(self.channels, (found if len(self._floors) > 1 else found[:, 0],))

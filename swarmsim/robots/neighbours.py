@@ -1,0 +1,87 @@
+"""Range and bearing: where the robots nearby are, and where they head, as seen from each robot."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import chance
+from swarmsim.core.readings import Called, Channels, Readings, ragged
+from swarmsim.core.setting import Setting
+from swarmsim.core.state import State
+from swarmsim.kernels import graph
+from swarmsim.world.sight import Sight
+
+Spread = Annotated[float, Meta(ge=0.0, le=10.0)]
+
+
+class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How far off the nearest robots are, in which direction, and how they are turned against the robot's own heading.
+
+    The nearest come first, ties by number; walls hide robots, robots do not. Errors are normal, and a robot is missed
+    with the probability `missed`, both drawn for each pair and iteration.
+    """
+
+    gives: ClassVar[dict[str, str]] = {"neighbours": ""}
+    margin: ClassVar[int] = 0  # cells that it maps
+
+    name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
+    reach: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # m, centre to centre
+    most: Annotated[int, Meta(ge=1, le=1000)] | None = None  # how many are told; default: all others, up to 8
+    view: Annotated[float, Meta(gt=0.0, le=360.0)] = 360.0  # degrees, with the middle straight ahead
+    error: Spread = 0.0  # m, standard deviation of distances
+    error_angle: Spread = 0.0  # rad, of bearings and headings
+    missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
+    walls: bool = True  # whether they hide what is behind them
+
+    def build(self, setting: Setting) -> NeighbourSensor:
+        """The sensor."""
+        return NeighbourSensor(self, setting)
+
+
+class NeighbourSensor:
+    """Distance, bearing and heading of others."""
+
+    def __init__(self, parameters: Neighbours, setting: Setting) -> None:
+        self._parameters = parameters
+        self._most = parameters.most or min(max(setting.swarm - 1, 1), 8)
+        names = ("range", "bearing", "heading")
+        far = max(parameters.reach, math.pi)
+        self.channels = Channels(*ragged("neighbours", self._most, names, "m, rad, rad", -far, far))
+        self._sight = Sight(setting.building) if parameters.walls else None
+        self._salt = int(setting.streams.open(f"neighbours {setting.number}").integers(0, 2**64, dtype=np.uint64))
+
+    def sense(self, state: State) -> Readings:
+        """The nearest robots of each; none for the dead, which nobody sees either."""
+        given, at, pose = self._parameters, state.iteration, state.pose
+        near = graph.within(pose, state.alive, given.reach)
+        seer, seen = graph.both_ways(near if self._sight is None else self._sight.clear(pose, near), state.robots).T
+        apart = pose[seen, :2] - pose[seer, :2]
+        distance = np.hypot(apart[:, 0], apart[:, 1])
+        bearing = _turn(np.arctan2(apart[:, 1], apart[:, 0]) - pose[seer, 2])
+        told = np.abs(bearing) <= 0.5 * math.radians(given.view)
+        told &= chance.uniform(self._salt, at, seer, seen, 3) >= given.missed
+        order = np.flatnonzero(told)
+        order = order[np.lexsort((seen[order], distance[order], seer[order]))]
+        seer, seen, distance, bearing = seer[order], seen[order], distance[order], bearing[order]
+        noise = [chance.normal(self._salt, at, seer, seen, what) for what in range(3)]
+        heading = pose[seen, 2] - pose[seer, 2] + given.error_angle * noise[2]
+        found = np.stack([
+            np.clip(distance + given.error * noise[0], 0.0, given.reach),
+            _turn(bearing + given.error_angle * noise[1]), _turn(heading),
+        ], axis=1)  # fmt: skip
+        rank = np.arange(len(seer)) - np.searchsorted(seer, seer)
+        kept = rank < self._most
+        column, count = (channel.blanks(state.robots) for channel in self.channels)
+        column[seer[kept], rank[kept]] = found[kept]
+        count[:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
+        return Readings(self.channels, (column, count))
+
+
+def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same angle between half a turn to the right and half a turn to the left."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

@@ -1,0 +1,211 @@
+"""Several sensors as one: those of a robot side by side, those of a mixed swarm one below the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Sensor
+from swarmsim.core.readings import Channel, Channels, Readings, tile_channels
+from swarmsim.core.state import State
+
+
+@runtime_checkable
+class Ring(Protocol):
+    """A sensor of beams that can die."""
+
+    def without(self, beams: Sequence[int]) -> Sensor:
+        """The same sensor with these beams dead, counted from 0. Raises InputError for one that is not there."""
+        ...
+
+
+@runtime_checkable
+class Around(Protocol):
+    """A sensor around others, some of which may be rings."""
+
+    def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> Sensor:
+        """The same with beams dead of its rings, as `maimed`."""
+        ...
+
+
+def maimed(sensor: Sensor, beams: Sequence[int], active: NDArray[np.bool_]) -> Sensor:
+    """The sensor, of which active robots (n,), a live view, lack these beams.
+
+    Raises InputError for a sensor without beams, or without these.
+    """
+    if isinstance(sensor, Around):
+        return sensor.maimed(beams, active)
+    if isinstance(sensor, Ring):
+        return MaimedRing(sensor, sensor.without(beams), active)
+    raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")
+
+
+def checked(beams: Sequence[int], count: int) -> list[int]:
+    """The numbers of beams, of so many. Raises InputError for one that is not there."""
+    for beam in sorted(beams):
+        if not 0 <= beam < count:
+            raise InputError(f"beams: there is no beam {beam}; expected 0 to {count - 1}")
+    return list(beams)
+
+
+class MaimedRing:
+    """A ring of beams of which some robots lack some: what these measure is NaN, and their tiles know nothing of it."""
+
+    def __init__(self, whole: Sensor, lacking: Sensor, active: NDArray[np.bool_]) -> None:
+        """`active` (n,) is a live view of those that lack beams."""
+        self.channels = whole.channels
+        self._whole, self._lacking, self._active = whole, lacking, active
+
+    def without(self, beams: Sequence[int]) -> MaimedRing:
+        """The same with these beams dead for everybody. Raises InputError for one not there."""
+        whole, lacking = (one.without(beams) for one in (self._whole, self._lacking) if isinstance(one, Ring))
+        return MaimedRing(whole, lacking, self._active)
+
+    def sense(self, state: State) -> Readings:
+        """The readings, those of robots that lack beams sensed without these."""
+        whole = self._whole.sense(state)
+        return whole.joined(self._lacking.sense(state), self._active) if self._active.any() else whole
+
+
+class TwiceError(InputError):
+    """Two sensors of the same robots give channels of one name."""
+
+    def __init__(self, name: str, first: int, second: int) -> None:
+        super().__init__(f"two sensors give {name!r}")
+        self._name, self._first, self._second = name, first, second
+
+    def told(self, places: Sequence[str]) -> str:
+        """The message, with the sensors' places in the scenario."""
+        return (
+            f"{places[self._second]}.name: gives {self._name!r}, as {places[self._first]} does; expected a name to "
+            "tell them apart, as in name = 'second'"
+        )
+
+
+class Suite:
+    """Several sensors of the same robots."""
+
+    def __init__(self, sensors: Sequence[Sensor], names: Sequence[str] = ()) -> None:
+        """What sensors that have a name give is called NAME_CHANNEL. Raises TwiceError for channels of one name."""
+        self._sensors, self._names = sensors, names or [""] * len(sensors)
+        found: dict[str, int] = {}
+        channels: list[Channel] = []
+        for number, (sensor, name) in enumerate(zip(sensors, self._names, strict=True)):
+            for channel in sensor.channels:
+                mine = channel.prefixed(name)
+                if mine.name in found:
+                    raise TwiceError(mine.group or mine.name, found[mine.name], number)
+                found[mine.name] = number
+                channels.append(mine)
+        self.channels = Channels(*channels)
+
+    def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> Suite:
+        """The same with beams of the first ring among them dead. Raises InputError if there is none."""
+        ring = next((i for i, one in enumerate(self._sensors) if isinstance(one, Around | Ring)), 0)
+        sensors = [maimed(one, beams, active) if i == ring else one for i, one in enumerate(self._sensors)]
+        return Suite(sensors, self._names)
+
+    def sense(self, state: State) -> Readings:
+        """What all of them measure."""
+        return Readings(self.channels, tuple([one for sensor in self._sensors for one in sensor.sense(state).columns]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Member:
+    """Where a column of one group's readings goes in those of all."""
+
+    robots: NDArray[np.int64]  # (r,)
+    column: int  # of the group's readings
+    part: tuple[slice, slice] | None = None  # which part of a larger tile; None: all of what the whole has
+    aside: NDArray[np.int32] | None = None  # (2,): what is taken from origins, since their tiles lie in larger ones
+
+
+class MixedSensor:
+    """The sensors of a mixed swarm: each group of robots has its own.
+
+    A channel that all groups declare alike is one column. Each other one is NAME.GROUP, blank for the robots of other
+    groups. Tiles alone are one whatever their sizes: a smaller one lies in the middle of the largest.
+    """
+
+    def __init__(self, sensors: Sequence[tuple[Sensor, NDArray[np.int64]]]) -> None:
+        """The sensor of each group with the robots (r,) that have it."""
+        self._sensors = sensors
+        self._plan: list[tuple[Channel, list[tuple[int, Member]]]] = []  # with the number of each member's group
+        every = [sensor.channels for sensor, _ in sensors]
+        for name in dict.fromkeys(name for channels in every for name in channels.groups):
+            self._plan += self._tiles(name)
+        for name in dict.fromkeys(channel.name for channels in every for channel in channels if not channel.group):
+            self._plan += self._column(name)
+        self.channels = Channels(*(channel for channel, _ in self._plan))
+
+    def _tiles(self, group: str) -> list[tuple[Channel, list[tuple[int, Member]]]]:
+        """The columns of tiles, those of all groups of robots in one."""
+        having = [
+            (number, robots, sensor.channels)
+            for number, (sensor, robots) in enumerate(self._sensors)
+            if group in sensor.channels
+        ]
+        shapes = [next(one.shape for one in channels if one.group == group) for _, _, channels in having]
+        rows, columns = np.max(shapes, axis=0).tolist()
+        plan = []
+        for channel in tile_channels((rows, columns), any(len(one.groups[group]) > 2 for _, _, one in having)):
+            mine, members = channel.prefixed(group.removesuffix("tiles").rstrip("_")), []
+            for (number, robots, channels), (height, width) in zip(having, shapes, strict=True):
+                if mine.name in channels:
+                    low, left = (rows - height) // 2, (columns - width) // 2
+                    part = (slice(low, low + height), slice(left, left + width))
+                    place = channels.place(mine.name)
+                    if mine.structure:
+                        members.append((number, Member(robots, place, aside=np.array([low, left], np.int32))))
+                    else:
+                        members.append((number, Member(robots, place, part)))
+            plan.append((mine, members))
+        return plan
+
+    def _column(self, name: str) -> list[tuple[Channel, list[tuple[int, Member]]]]:
+        """One column of all robots if they declare the same, else one of each group."""
+        having = [
+            (number, robots, sensor.channels)
+            for number, (sensor, robots) in enumerate(self._sensors)
+            if name in sensor.channels
+        ]
+        first = having[0][2][name]
+        if len(having) == len(self._sensors) and all(channels[name] == first for _, _, channels in having):
+            return [(first, [(number, Member(robots, one.place(name))) for number, robots, one in having])]
+        plan = []
+        for number, robots, channels in having:
+            one = channels[name]
+            count = one.count and (one.count if self._alike(one.count) else f"{one.count}.{number}")
+            ends = int(robots[0]), int(robots[-1]) + 1
+            mine = one.called(f"{name}.{number}", count=count, robots=ends)
+            plan.append((mine, [(number, Member(robots, channels.place(name)))]))
+        return plan
+
+    def _alike(self, name: str) -> bool:
+        """Whether all groups declare a channel, and the same."""
+        found = {channel for sensor, _ in self._sensors for channel in sensor.channels if channel.name == name}
+        return len(found) == 1 and all(name in sensor.channels for sensor, _ in self._sensors)
+
+    def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> MixedSensor:
+        """The same with beams of every group's ring dead. Raises InputError for a group without one."""
+        return MixedSensor([(maimed(sensor, beams, active), robots) for sensor, robots in self._sensors])
+
+    def sense(self, state: State) -> Readings:
+        """Everybody's readings."""
+        found = [sensor.sense(state).columns for sensor, _ in self._sensors]
+        columns: list[NDArray[Any]] = []
+        for channel, members in self._plan:
+            whole = channel.blanks(state.robots)
+            for number, member in members:
+                rows = found[number][member.column][member.robots]
+                if member.part is None:
+                    whole[member.robots] = rows if member.aside is None else rows - member.aside
+                else:
+                    whole[member.robots, member.part[0], member.part[1]] = rows
+            columns.append(whole)
+        return Readings(self.channels, tuple(columns))
