@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
+from swarmsim.core.code import Code, code_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
@@ -73,11 +74,13 @@ class Run:
     setting: Setting  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    code: Code  # all that makes it
 
     def recorder(self, path: Path) -> Recorder:
         """A probe that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve)
+        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve,
+                        self.code.hashes)  # fmt: skip
 
     def simulate(self, probes: Sequence[Probe] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
@@ -187,7 +190,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
     )
-    return Run(scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices)
+    return Run(
+        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, code_of(scenario)
+    )
 
 
 def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -56,8 +57,10 @@ class Recorder:
         domain: NDArray[np.bool_],
         truth: NDArray[np.bool_],
         curve: Curve,
+        code: Mapping[str, str],
     ) -> None:
-        """`world` is the floor plan's text, `curve` what is drawn of the task's measures.
+        """`world` is the floor plan's text, `curve` what is drawn of the task's measures, `code` a hash
+        of each piece of code that makes the run.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
@@ -75,6 +78,7 @@ class Recorder:
         texts = {
             "scenario": text_of(scenario),
             "versions": json.dumps(versions()),
+            "code": json.dumps(dict(code)),
             "digested": " ".join(DIGESTED),
             "curve": msgspec.json.encode(curve).decode(),
             "measures": "[]",

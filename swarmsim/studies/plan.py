@@ -15,10 +15,11 @@ import msgspec
 from msgspec import Meta, Struct
 
 from swarmsim.core import budget, registry
+from swarmsim.core.code import Code, known
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, tables
+from swarmsim.core.scenario import Scenario, assign, decode, files_outside
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -66,6 +67,7 @@ class Condition:
     changes: dict[str, Any]  # dotted key: value, as compared with the study's scenario
     scenario: Scenario
     curve: Curve  # what is drawn of its task
+    code: Code  # that makes its runs
     x: float | None = None  # where it stands on the study's axis
     series: str = ""
 
@@ -80,6 +82,7 @@ class Plan:
     seeds: tuple[int, ...]
     worlds: dict[bytes, str]  # floor plans' texts, by what `_world_key` says
     notices: tuple[str, ...] = ()  # how floor plans were taken, and which files lie outside of the scenario's folder
+    keep_old: bool = False  # whether runs that were made by other code count, where there are none by the present one
 
     @property
     def runs(self) -> list[tuple[Condition, int]]:
@@ -90,16 +93,18 @@ class Plan:
         """The text of a condition's floor plan."""
         return self.worlds[_world_key(condition.scenario)]
 
-    def identity(self, condition: Condition, seed: int) -> str:
-        """A hash of all that its row depends on, versions and files of parts that are not ours included."""
+    def asks(self, condition: Condition, seed: int) -> str:
+        """A hash of what is asked for: the scenario with its floor plan, and how it is measured."""
         hashed = hashlib.blake2b(digest_size=16)
         hashed.update(asked(msgspec.structs.replace(condition.scenario, seed=seed)))
         hashed.update(self.world_of(condition).encode())
-        kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
-        hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
-        parts = [*tables(condition.scenario).items(), *(("fault", fault) for fault in condition.scenario.faults)]
-        for seam, table in parts:
-            hashed.update(registry.source_of(seam, table["use"]))
+        hashed.update(str(measures.EDITION).encode())
+        return hashed.hexdigest()
+
+    def identity(self, condition: Condition, seed: int) -> str:
+        """A hash of all that its row depends on: what is asked for, versions of libraries, and code by content."""
+        hashed = hashlib.blake2b(self.asks(condition, seed).encode(), digest_size=16)
+        hashed.update(msgspec.json.encode([libraries(versions()), dict(condition.code.hashes)], order="sorted"))
         return hashed.hexdigest()
 
 
@@ -110,15 +115,23 @@ def asked(scenario: Scenario) -> bytes:
     return msgspec.json.encode({**msgspec.structs.asdict(scenario), "world": unnamed}, order="deterministic")
 
 
+def libraries(found: dict[str, str]) -> dict[str, str]:
+    """Those of the versions that a run's identity has: not of Python and the machine, on which few results depend."""
+    return {name: version for name, version in found.items() if name not in ("python", "platform")}
+
+
 def _world_key(scenario: Scenario) -> bytes:
     """All that a floor plan's text depends on."""
     return msgspec.json.encode([scenario.world, scenario.grid.cell], order="deterministic")
 
 
-def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None) -> Plan:
+def open_study(
+    path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None, keep_old: bool = False
+) -> Plan:
     """Read a study and check every condition, down to a swarm ready to start; `seeds` replaces their number.
 
-    `changes`, by dotted key, come on top of what the study sets; its conditions come on top of those.
+    `changes`, by dotted key, come on top of what the study sets; its conditions come on top of those. `keep_old` as in
+    Plan.
 
     Raises InputError that names the file, the condition and the key.
     """
@@ -153,14 +166,14 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
             except InputError as problem:
                 raise InputError(f"{place}: {problem}") from problem
         made = build(scenario, place, worlds[key])
-        curve = made.simulation.parts.task.curve
+        curve, code = made.simulation.parts.task.curve, known(made.code, place)
         notices.update(dict.fromkeys(made.notices))
         if name in named:
-            return Condition(name, change, scenario, curve, named[name].x, named[name].series)
-        return Condition(name, change, scenario, curve, *_place(study, change))
+            return Condition(name, change, scenario, curve, code, named[name].x, named[name].series)
+        return Condition(name, change, scenario, curve, code, *_place(study, change))
 
     conditions = tuple(condition(name, change) for name, change in cells.items())
-    return Plan(path, study, conditions, numbers, worlds, tuple(notices))
+    return Plan(path, study, conditions, numbers, worlds, tuple(notices), keep_old)
 
 
 def changes_of(path: Path, study: Study) -> dict[str, dict[str, Any]]:
