@@ -53,7 +53,7 @@ def test_links_are_quick() -> None:
     for table, most in CASES:
         costs = []
         for size in SIZES:
-            setting = Setting(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1), building)
+            setting = Setting.of(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1), building)
             net: Topology = registry.part("topology", table).build(setting)
             pose = np.zeros((size, 3))
             pose[:, :2] = free[rng.choice(len(free), size, replace=False)]

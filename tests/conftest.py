@@ -4,7 +4,7 @@ import io
 import signal
 import subprocess
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from swarmsim.core.messages import Inbox
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Observations, Readings
+from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Readings, Senses
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
@@ -57,7 +57,7 @@ def setting_of(count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(),
     """What parts are built for: so many robots on a lattice of this shape, in a building of these walls alone."""
     start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
     of = Robots(count=count, spawn="anywhere", **robots)
-    return Setting(of, Lattice(0.0, 0.0, cell, *shape), period, Streams(seed), building(walls), start)
+    return Setting.of(of, Lattice(0.0, 0.0, cell, *shape), period, Streams(seed), building(walls), start)
 
 
 def made(*overrides: str, scenario: str = "room") -> Run:
@@ -111,9 +111,9 @@ def worded_of(moments, run: Run) -> list[Worded]:
     return worded([event for moment in moments for event in moment.events], run.scenario)
 
 
-def seen_as(iteration, pose, alive, tiles, inbox=None) -> Observations:
-    """What robots observe that sense tiles."""
-    return Observations(iteration, pose, np.zeros_like(pose), alive, Readings(tiles), inbox)
+def seen_as(iteration, pose, alive, tiles) -> Senses:
+    """What robots know that sense tiles."""
+    return Senses(iteration, pose, np.zeros_like(pose), alive, Readings(tiles))
 
 
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
@@ -150,9 +150,8 @@ class Mapping:
         self.computation, self.strategy = computation, strategy
         self.observed, self.log_odds = computation._grids.observed, computation._grids.log_odds  # for tests to write
 
-    def step(self, observations: Observations) -> Intents:
-        knowledge = self.computation.hear(observations)
-        return self.strategy.step(replace(observations, knowledge=knowledge))
+    def step(self, senses: Senses, inbox: Inbox) -> Intents:
+        return self.strategy.step(senses, inbox, self.computation.hear(senses, inbox))
 
 
 def called(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

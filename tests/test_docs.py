@@ -15,8 +15,8 @@ import typer
 from conftest import ROOT
 
 from swarmsim.cli import app
-from swarmsim.core import registry
 from swarmsim.core.scenario import decode, load
+from swarmsim.core.seams import SEAMS
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.studies.plan import open_study
@@ -125,7 +125,7 @@ def test_every_listing_of_a_scenario_or_study_can_be_read(page: str, text: str, 
             decode({**ROOM, **tomllib.loads(line)}, page, ROOT)
         return
     if "project" in table:
-        assert all(group.removeprefix("swarmsim.") in registry.SEAMS for group in table["project"]["entry-points"])
+        assert all(group.removeprefix("swarmsim.") in SEAMS for group in table["project"]["entry-points"])
         return
     if "scenario" in table or "vary" in table:
         given = {"title": "t", "scenario": str(ROOT / "scenarios/room.toml"), "seeds": 1, **table}

@@ -33,11 +33,11 @@ class Teller:
     knows = Headings
     codec = PlainCodec(Heading(np.zeros(0)))
 
-    def say(self, observations):
-        return Said.each(Heading(observations.pose[:, 2].copy()), self.codec.size)
+    def say(self, senses):
+        return Said.each(Heading(senses.pose[:, 2].copy()), self.codec.size)
 
-    def hear(self, observations):
-        return Headings(observations.pose[:, 2].copy())
+    def hear(self, senses, inbox):
+        return Headings(senses.pose[:, 2].copy())
 
     def forget(self, robots):
         pass
@@ -62,10 +62,10 @@ class Driver:
     def __init__(self, parameters):
         self._parameters = parameters
 
-    def step(self, observations):
-        if observations.iteration == self._parameters.breaks_at:
+    def step(self, senses, inbox, knowledge):
+        if senses.iteration == self._parameters.breaks_at:
             raise RuntimeError("the wheel came off")
-        twists = np.zeros((len(observations.alive), 2))
+        twists = np.zeros((len(senses.alive), 2))
         twists[:, 0] = self._parameters.speed
         return Intents.twisting(twists)
 

@@ -11,24 +11,27 @@ from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.errors import InputError, nearest, unwritten
 from swarmsim.core.parts import Curve
+from swarmsim.core.probes import Row
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
-from swarmsim.recording.reader import Recording
+from swarmsim.recording.reader import Recording, Summary
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-Overrides = Mapping[str, Any]  # dotted key: value, as in {"robots.count": 20}
+    from swarmsim.view.look import LookKeys
+
+Overrides = Mapping[str, object]  # dotted key: value, as in {"robots.count": 20}
 
 
 def run(
@@ -78,7 +81,7 @@ def simulate(
     seed: int | None = None,
     overrides: Overrides | None = None,
     allow_code: bool = False,
-) -> Iterator[Moment]:
+) -> Iterator[Moment[Knowledge]]:
     """Step a scenario to its end: everything that happened in each iteration, and nothing is recorded.
 
     Parameters and errors are those of `run`. The swarm is made before the first step is asked for.
@@ -86,7 +89,7 @@ def simulate(
     with registry.own_code(allow_code):
         simulation = _made(scenario, seed, overrides).simulation
 
-    def steps() -> Iterator[Moment]:
+    def steps() -> Iterator[Moment[Knowledge]]:
         while not simulation.over:
             yield simulation.tick()
 
@@ -111,7 +114,7 @@ class Run:
         self.recording = recording
 
     @cached_property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Summary:
         """The run in a few numbers, as in its `summary.json`."""
         return self.recording.summary()
 
@@ -135,15 +138,20 @@ class Run:
         curve = self.recording.curve
         return np.asarray(curve.scale * self.recording[curve.name], np.float64)
 
-    def frame(self) -> pd.DataFrame:
-        """One row for each iteration; columns are named with their units. Needs pandas."""
+    def frame(self, probe: str | None = None) -> pd.DataFrame:
+        """One row for each iteration or, of a probe, for each sample and robot; columns are named with their units.
+
+        A probe is named as in the scenario. Needs pandas. Raises InputError for a probe that there is not.
+        """
         try:
             import pandas as pd
         except ImportError as problem:
             raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
+        if probe is not None:
+            return pd.DataFrame(self._sampled(probe))
         recording, curve = self.recording, self.recording.curve
         iteration = np.arange(1, self.iterations + 1)
-        columns: dict[str, Any] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
+        columns: dict[str, object] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
         for name, values in self.measures.items():
             columns |= {named(curve): self.curve()} if name == curve.name else {name: values}
         columns |= {
@@ -152,6 +160,29 @@ class Run:
             "messages": recording["messages"],
         }
         return pd.DataFrame(columns)
+
+    def _sampled(self, name: str) -> dict[str, Row]:
+        """The columns of a probe: where it has a table with a row for each robot, others' numbers are repeated."""
+        known = {one.name: one for one in self.recording.probes}
+        if name not in known:
+            raise InputError(f"{self.recording.path}: no probe is called {name!r}; {nearest(name, known)}")
+        declared, robots = known[name], self.recording.scenario.robots.count
+        of_each = [table.shape[:1] == ("robots",) for table in declared.tables]
+        repeats = robots if any(of_each) else 1
+        iteration = declared.every * np.arange(declared.samples(self.iterations))
+        columns: dict[str, Row] = {"iteration": iteration, "time (s)": iteration * self.recording.scenario.period}
+        columns = {title: np.repeat(values, repeats) for title, values in columns.items()}
+        if any(of_each):
+            columns["robot"] = np.tile(np.arange(robots), len(iteration))
+        for table, each in zip(declared.tables, of_each, strict=True):
+            rows = self.recording[declared.called(table)]
+            width = int(np.prod(rows.shape[2 if each else 1 :]))
+            flat = np.repeat(rows.reshape(-1, width) if width else np.empty((0, 0)), 1 if each else repeats, axis=0)
+            labels = table.columns if len(table.columns) == width else [str(i) for i in range(width)]
+            for label, values in zip(labels, flat.T, strict=True):
+                title = f"{table.name} {label}" if width > 1 or table.columns else table.name
+                columns[f"{title} ({table.unit})" if table.unit else title] = values
+        return columns
 
     def plot(self) -> Figure:
         """What the task is about, over the iterations."""
@@ -171,7 +202,7 @@ class Run:
         size: tuple[int, int] = (1280, 720),
         cards: bool = True,
         beside: Run | None = None,
-        **look: Any,
+        **look: Unpack[LookKeys],
     ) -> Path:
         """Write a film, .mp4, .gif or numbered .png, and give its path.
 
@@ -186,7 +217,7 @@ class Run:
         return Path(path)
 
     def picture(
-        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Any
+        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Unpack[LookKeys]
     ) -> NDArray[np.uint8]:
         """The picture (height, width, 3) after so many iterations, by default at the end. Raises InputError.
 
@@ -203,7 +234,8 @@ class Run:
         return f"<Run {self.recording.scenario.title!r}: {status} after {self.iterations} iterations{last}>"
 
     def _repr_html_(self) -> str:
-        rows = {name: self.summary[name] for name in ("status", "iterations", "robots", "alive", "messages", "seed")}
+        shown = ("status", "iterations", "robots", "alive", "messages", "seed")
+        rows = {name: value for name, value in self.summary.items() if name in shown}
         rows |= {name: f"{value:.4g}" for name, value in self.summary["measures"].items()}
         table = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(str(v))}</td></tr>" for k, v in rows.items())
         title = html.escape(self.recording.scenario.title)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ class StudyRun:
         """What the task is about in each run of a condition (t,), where the study keeps curves."""
         return self.results[condition].curves
 
-    def records(self) -> list[dict[str, Any]]:
+    def records(self) -> list[dict[str, object]]:
         """One record for each run: condition, what it changes, seed, outcome and all measures."""
         return found.records(self.plan, self.results)
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import msgspec
 
 
 def set_keys(incomplete: str) -> list[str]:
@@ -46,21 +49,22 @@ def _settings() -> Iterator[str]:
     import msgspec
 
     from swarmsim.core import registry
-    from swarmsim.core.scenario import PLACES, Scenario
+    from swarmsim.core.scenario import Scenario
+    from swarmsim.core.seams import SEAMS
 
-    places = {".".join(place): seam for seam, place in PLACES.items()}
+    places = {seam.at: seam for seam in SEAMS.values()}
 
-    def keys(kind: Any, place: str) -> Iterator[str]:
+    def keys(kind: type[msgspec.Struct], place: str) -> Iterator[str]:
         for field in msgspec.structs.fields(kind):
             path = f"{place}{field.encode_name}"
             inner = field.type
-            if path in places:
-                for name, part in registry.known(places[path]).items():
+            if path in places and not places[path].many:
+                for name, part in registry.known(places[path].name).items():
                     yield f'{path}={{use="{name}"}}'
                     yield from keys(part, f"{path}.")
             elif isinstance(inner, type) and issubclass(inner, msgspec.Struct):
                 yield from keys(inner, f"{path}.")
-            elif path != "faults":
+            elif path not in places:
                 yield f"{path}="
 
     return iter(dict.fromkeys(keys(Scenario, "")))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Required, TypedDict
 
 import typer
+
+from swarmsim.cli.bare import CELL, bare
 
 if TYPE_CHECKING:
     from swarmsim.core.scenario import World
@@ -18,6 +20,20 @@ ROBOTS = 5
 COARSE = 1_000_000  # cells of 0.15 m, beyond which larger ones are proposed
 PAPER = 3.0  # m; what is drawn in mm or cm on less is a sheet of paper
 DOOR = 0.9  # m
+
+
+class Keys(TypedDict, total=False):
+    """The keys of [world] that answers give."""
+
+    file: Required[str]
+    width: float
+    level: str
+    scale: float
+    layers: dict[str, list[str]]
+    solid: str
+    border: bool
+    doors: float
+    spawn: list[float]
 
 
 class Answers:
@@ -84,7 +100,7 @@ def import_(
     if scenario.exists():
         raise InputError(f"{scenario}: there is such a file already; name another one: --out NAME.toml")
     answers = Answers(yes)
-    keys: dict[str, Any] = {"file": str(file)}
+    keys: Keys = {"file": str(file)}
     if width is not None:
         keys["width"] = width
     if level:
@@ -108,14 +124,14 @@ def import_(
     print(f"Next: swarmsim run {scenario} --video {scenario.stem}.mp4{took}")
 
 
-def _world(keys: dict[str, Any]) -> World:
+def _world(keys: Keys) -> World:
     from swarmsim.core.registry import convert
     from swarmsim.core.scenario import World
 
     return convert(keys, World)
 
 
-def _shown(file: Path, keys: dict[str, Any], answers: Answers) -> Drawing | None:
+def _shown(file: Path, keys: Keys, answers: Answers) -> Drawing | None:
     """What the file shows, in metres; None for a map in pixels."""
     from swarmsim.core.errors import InputError
     from swarmsim.world import advice
@@ -156,7 +172,7 @@ def _shown(file: Path, keys: dict[str, Any], answers: Answers) -> Drawing | None
     return drawing_of(_world(keys))
 
 
-def _map(file: Path, keys: dict[str, Any], answers: Answers) -> None:
+def _map(file: Path, keys: Keys, answers: Answers) -> None:
     """Find out how large the pixels of a map are."""
     from swarmsim.core.errors import InputError
     from swarmsim.world import rosmap
@@ -169,7 +185,7 @@ def _map(file: Path, keys: dict[str, Any], answers: Answers) -> None:
         keys["width"] = answers.length(f"{file.name} is a picture. How wide is it, in metres?", "--width METRES")
 
 
-def _layers(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) -> None:
+def _layers(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
     """Ask about layers that would be decoration."""
     from swarmsim.world import advice
 
@@ -185,7 +201,7 @@ def _layers(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) -> 
         keys["layers"] = {"walls": [*dict.fromkeys([*walls, *taken])]}
 
 
-def _reading(drawing: Drawing | None, keys: dict[str, Any], answers: Answers) -> None:
+def _reading(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
     """Read the floor plan, and ask about what a rule has decided."""
     from swarmsim.core.errors import InputError
     from swarmsim.world.source import floor_plan, is_map, read_world
@@ -245,9 +261,8 @@ def _start(plan: FloorPlan, answers: Answers) -> list[float]:
     return [round(value, 3) for value in (x - half, y - half, 2.0 * half, 2.0 * half)]
 
 
-def _inspected(keys: dict[str, Any], answers: Answers) -> tuple[float, Inspection]:
+def _inspected(keys: Keys, answers: Answers) -> tuple[float, Inspection]:
     """The building as a swarm finds it, with cells that are not too many."""
-    from swarmsim.cli.worlds import CELL, bare
     from swarmsim.core.scenario import decode
     from swarmsim.engine.inspection import inspect
     from swarmsim.world.source import floor_plan, read_world
@@ -264,14 +279,13 @@ def _inspected(keys: dict[str, Any], answers: Answers) -> tuple[float, Inspectio
     for notice in found.notices:
         if notice not in plan.notices:
             print(f"{notice.replace(keys['file'], Path(keys['file']).name)}.")
-    if not found.problem:
+    if found.floor is not None and not found.problem:
         rooms = f"{len(found.rooms)} room{'' if len(found.rooms) == 1 else 's'}"
-        assert found.floor is not None
         print(f"{rooms}, {float(found.floor.sum()) * cell**2:.1f} m2 of floor; 100 % is attainable.")
     return cell, found
 
 
-def _write(path: Path, keys: dict[str, Any], cell: float, found: Inspection) -> None:
+def _write(path: Path, keys: Keys, cell: float, found: Inspection) -> None:
     """Write the scenario, from whose folder the file's path leads."""
     import os
 

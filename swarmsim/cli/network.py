@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypedDict
 
 import typer
 
@@ -37,6 +37,78 @@ MEASURES = {
 }
 
 
+_Spelled = Literal["contacts", "times between contacts", "contacts, one way", "times between contacts, one way"]
+_SPELLED: Final[tuple[_Spelled, ...]] = (
+    "contacts",
+    "times between contacts",
+    "contacts, one way",
+    "times between contacts, one way",
+)
+
+
+class _Spread(TypedDict):
+    mean: float
+    least: float
+    most: float
+
+
+#: How many spells there are of each length: seen from beginning to end, or not.
+_Spells = TypedDict(
+    "_Spells",
+    {
+        "number": int,
+        "median": float | None,
+        "whole": dict[int, int],
+        "censored": dict[int, int],
+        "begun before": dict[int, int],
+    },
+)
+
+_Described = TypedDict(
+    "_Described",
+    {
+        "measures": dict[str, _Spread | None],
+        "in-degrees": list[int],
+        "out-degrees": list[int],
+        "union strongly connected": bool,
+        "every pair has met": int | None,
+        "every robot has heard every other": int | None,
+        "share of others heard": list[float | None],
+        "contacts": _Spells,
+        "times between contacts": _Spells,
+        "contacts, one way": _Spells,
+        "times between contacts, one way": _Spells,
+    },
+)
+
+
+class _Fate(TypedDict):
+    messages: int
+    bytes: int
+
+
+class _Link(TypedDict):
+    receiver: int
+    sender: int
+    heard: int
+    bytes: int
+
+
+_Found = TypedDict(
+    "_Found",
+    {
+        "title": str,
+        "seed": int,
+        "robots": int,
+        "from": int,
+        "to": int,
+        "graphs": dict[str, _Described],
+        "messages": dict[str, _Fate],
+        "busiest links": list[_Link],
+    },
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Graph:
     """One graph of a run, linked or heard, in a window of iterations."""
@@ -65,14 +137,16 @@ def network(
     linked = [opened.links(t) for t in window]
     heard = [rows[rows[:, 4] == 0, :2] for rows in map(opened.letters, window)]
     graphs = {"linked": _graph(linked, opened, window), "heard": _graph(heard, opened, window)}
-    found = {
+    messages, busiest = _messages(opened, window)
+    found: _Found = {
         "title": opened.scenario.title,
         "seed": opened.scenario.seed,
         "robots": opened.scenario.robots.count,
         "from": window.start,
         "to": window.stop,
         "graphs": {name: _described(graph) for name, graph in graphs.items()},
-        **_messages(opened, window),
+        "messages": messages,
+        "busiest links": busiest,
     }
     if as_json:
         print(json.dumps(found, indent=2))
@@ -123,23 +197,21 @@ def _graph(links: Sequence[NDArray[np.int32]], recording: Recording, window: ran
     )
 
 
-def _described(graph: Graph) -> dict[str, Any]:
+def _described(graph: Graph) -> _Described:
     """All measures of one graph, ready for JSON; None where nothing is defined."""
     import numpy as np
 
-    def spells(found: Spells) -> dict[str, Any]:
-        kinds = {
-            "whole": found.begun & found.ended,
-            "censored": found.begun & ~found.ended,
-            "begun before": ~found.begun,
+    def counted(lengths: NDArray[np.int64]) -> dict[int, int]:
+        return dict(zip(*(part.tolist() for part in np.unique(lengths, return_counts=True)), strict=True))
+
+    def spells(found: Spells) -> _Spells:
+        return {
+            "number": len(found.length),
+            "median": found.median(),
+            "whole": counted(found.length[found.begun & found.ended]),
+            "censored": counted(found.length[found.begun & ~found.ended]),
+            "begun before": counted(found.length[~found.begun]),
         }
-        counts = {
-            kind: dict(
-                zip(*(part.tolist() for part in np.unique(found.length[which], return_counts=True)), strict=True)
-            )
-            for kind, which in kinds.items()
-        }
-        return {"number": len(found.length), "median": found.median(), **counts}
 
     series = {name: np.array([getattr(s, name) for s in graph.snapshots], float) for name in MEASURES}
     defined = {name: values[np.isfinite(values)] for name, values in series.items()}
@@ -168,12 +240,12 @@ def _described(graph: Graph) -> dict[str, Any]:
     }
 
 
-def _messages(recording: Recording, window: range) -> dict[str, Any]:
+def _messages(recording: Recording, window: range) -> tuple[dict[str, _Fate], list[_Link]]:
     """Messages and bytes by fate, and the links over which most was heard."""
     import numpy as np
 
     letters = np.concatenate([recording.letters(t) for t in window])
-    fates = {
+    fates: dict[str, _Fate] = {
         name: {"messages": int((letters[:, 4] == fate).sum()), "bytes": int(letters[letters[:, 4] == fate, 3].sum())}
         for fate, name in enumerate(recording.fates)
     }
@@ -181,21 +253,18 @@ def _messages(recording: Recording, window: range) -> dict[str, Any]:
     pairs, where, counts = np.unique(heard[:, :2], axis=0, return_inverse=True, return_counts=True)
     sizes = np.bincount(where.ravel(), weights=heard[:, 3], minlength=len(pairs))
     busiest = np.argsort(-counts, kind="stable")[:BUSIEST]
-    return {
-        "messages": fates,
-        "busiest links": [
-            {
-                "receiver": int(pairs[at, 0]),
-                "sender": int(pairs[at, 1]),
-                "heard": int(counts[at]),
-                "bytes": int(sizes[at]),
-            }
-            for at in busiest
-        ],
-    }
+    return fates, [
+        {
+            "receiver": int(pairs[at, 0]),
+            "sender": int(pairs[at, 1]),
+            "heard": int(counts[at]),
+            "bytes": int(sizes[at]),
+        }
+        for at in busiest
+    ]
 
 
-def _print_tables(found: dict[str, Any]) -> None:
+def _print_tables(found: _Found) -> None:
     graphs = found["graphs"]
     title = f"{found['title']}\nseed {found['seed']}, {found['robots']} robots, iterations {found['from']} to"
     rows = [
@@ -204,10 +273,13 @@ def _print_tables(found: dict[str, Any]) -> None:
     ]
     print_table(f"{title} {found['to'] - 1}", ("each iteration", "linked: mean", "range", "heard: mean", "range"), rows)
 
-    def pick(label: str, key: str) -> list[str]:
+    def pick(
+        label: str,
+        key: Literal["union strongly connected", "every pair has met", "every robot has heard every other"],
+    ) -> list[str]:
         return [label, *(_said(graph[key]) for graph in graphs.values())]
 
-    def shares(graph: dict[str, Any]) -> str:
+    def shares(graph: _Described) -> str:
         there = [share for share in graph["share of others heard"] if share is not None]
         return f"{sum(there) / len(there):.1%} ({min(there):.1%} to {max(there):.1%})" if there else "-"
 
@@ -217,7 +289,7 @@ def _print_tables(found: dict[str, Any]) -> None:
         pick("every robot has heard every other, at iteration", "every robot has heard every other"),
         ["share of the others each has heard at the end: mean (range)", *map(shares, graphs.values())],
     ]
-    for key in ("contacts", "times between contacts", "contacts, one way", "times between contacts, one way"):
+    for key in _SPELLED:
         spells = [graph[key] for graph in graphs.values()]
         censored = [sum(one["censored"].values()) for one in spells]
         numbers = [f"{one['number']} ({cut})" for one, cut in zip(spells, censored, strict=True)]
@@ -230,11 +302,11 @@ def _print_tables(found: dict[str, Any]) -> None:
         for name, fate in found["messages"].items()
     ]
     print_table("messages", ("what became of them", "messages", "share", "bytes"), fates)
-    busiest = [[f"{link[key]}" for key in ("receiver", "sender", "heard", "bytes")] for link in found["busiest links"]]
+    busiest = [list(map(str, link.values())) for link in found["busiest links"]]
     print_table("busiest links", ("receiver", "sender", "heard", "bytes"), busiest)
 
 
-def _spread(measure: dict[str, float] | None) -> tuple[str, str]:
+def _spread(measure: _Spread | None) -> tuple[str, str]:
     if measure is None:
         return "-", "-"
     return f"{measure['mean']:.3g}", f"{measure['least']:.3g} to {measure['most']:.3g}"

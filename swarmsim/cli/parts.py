@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swarmsim.cli import skeletons
+
 if TYPE_CHECKING:
     from swarmsim.core.describe import Description
 
@@ -20,7 +22,8 @@ def parts(
 
     Example: swarmsim parts topology.knn
     """
-    from swarmsim.core import describe, registry
+    from swarmsim.core import describe
+    from swarmsim.core.seams import SEAMS
 
     seam, _, name = (which or "").partition(".")
     found = [describe.part(seam, name)] if name else list(describe.parts(seam or None))
@@ -29,7 +32,7 @@ def parts(
     elif name:
         _one(found[0])
     else:
-        for each in registry.SEAMS:
+        for each in SEAMS:
             _all(each, [one for one in found if one.seam == each])
 
 
@@ -74,7 +77,7 @@ def _one(one: Description) -> None:
 
 
 def new(
-    kind: Annotated[str, typer.Argument(help="mind, strategy, computation, task, topology, channel, sensor or fault.")],
+    kind: Annotated[str, typer.Argument(help=f"{', '.join(skeletons.kinds()[:-1])} or {skeletons.kinds()[-1]}.")],
     name: Annotated[str, typer.Argument(help="A word such as my_rule; the part is called MyRule.")],
     to: Annotated[Path, typer.Option(help="Folder, such as that of your scenario.")] = Path(),
 ) -> None:
@@ -82,8 +85,6 @@ def new(
 
     Example: swarmsim new mind explorer --to .
     """
-    from swarmsim.cli import skeletons
-
     files = skeletons.written(kind, name, to)
     for path in files:
         print(path)

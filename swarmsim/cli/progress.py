@@ -13,7 +13,7 @@ from swarmsim.cli.interruption import end_if_asked, told_if_interrupted
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from swarmsim.core.state import Moment
+    from swarmsim.core.state import Knowledge, Moment
     from swarmsim.engine.build import Run
     from swarmsim.studies.engine import Task
     from swarmsim.studies.store import Store
@@ -65,7 +65,7 @@ def compiling(progress: Progress) -> Iterator[None]:
 
 
 class RunBar:
-    """A probe that moves the progress bar, every tenth iteration and at the end.
+    """An observer that moves the progress bar, every tenth iteration and at the end.
 
     Its clock starts with the first iteration done, which on a new machine includes compiling.
     """
@@ -74,7 +74,7 @@ class RunBar:
         self._progress, self._task, self._made = progress, task, made
         self._begun: float | None = None
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Move the bar."""
         end_if_asked()
         self._begun = self._begun or time.perf_counter()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -117,14 +117,13 @@ def verify(
     recorded = Recording(recording)
     with progress_bar(quiet) as progress:
         made = build(recorded.scenario, str(recording), recorded.world)
-        simulation = made.simulation
-        digests = Digests()
+        simulation, digests = made.simulation, Digests()
         task = progress.add_task("verifying", total=recorded.iterations, text="")
         difference = None
         with told_if_interrupted(lambda: f"{simulation.state.iteration} iterations were equal"):
             while difference is None and simulation.state.iteration < recorded.iterations and not simulation.over:
-                simulation.tick([digests])
-                difference = recorded.difference(simulation.state.iteration - 1, digests.rows[-1])
+                moment = simulation.tick([digests])
+                difference = recorded.difference(moment.state.iteration, digests.rows[-1], made.sampled(moment))
                 progress.update(task, completed=simulation.state.iteration)
     other = differences(recorded.code, made.code.hashes) if recorded.code else ""
     if difference is None and simulation.state.iteration < recorded.iterations:
@@ -236,9 +235,9 @@ def _table(recording: Recording, folder: Path) -> Table:
     table = Table(title=summary["title"], show_header=False)
     lines = [noted(event, recording.scenario).text for event in recording.events()]
     hidden = len(lines) - EVENT_LINES
-    shown: dict[str, Any] = {}
+    shown: dict[str, object] = {}
     for name, value in summary.items():
-        shown |= _measures(value, recording) if name == "measures" else {name: value}
+        shown |= _measures(summary["measures"], recording) if name == "measures" else {name: value}
     times = summary["reached"].items()
     shown["reached"] = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in times) or "-"
     shown["lost"] = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items()) or "none"

@@ -342,7 +342,7 @@ def worst(
     print(f"{answer.timelines} timelines tried in {answer.runs} runs")
     if answer.smallest is None:
         raise typer.Exit(FAILED)
-    search.write(opened, answer, out)
+    search.write(opened, answer.smallest.timeline, answer.limit[0], out)
     print(f"{out}: swarmsim run {out}")
 
 

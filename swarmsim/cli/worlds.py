@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swarmsim.cli import imports
+from swarmsim.cli.bare import CELL, bare
 
 if TYPE_CHECKING:
     from swarmsim.core.scenario import Scenario, World
@@ -24,7 +25,6 @@ app = typer.Typer(
 app.command("import")(imports.import_)
 
 UNATTAINABLE = 2  # exit code: 100 % cannot be reached
-CELL = 0.15  # m, of buildings that are looked at without a scenario
 SHOWN = 12  # rooms, doors and pockets in a table
 _PLACE = re.compile(r"\((-?[0-9.]+) m, (-?[0-9.]+) m\)")
 
@@ -182,7 +182,7 @@ def generate(
     from swarmsim.world import drawing, geojson, rosmap
     from swarmsim.world.source import floor_plan, read_world
 
-    table: dict[str, Any] = {"use": kind}
+    table: dict[str, object] = {"use": kind}
     for override in set_ or []:
         set_key(table, override)
     scenario = decode(bare({"generate": table, "seed": seed}, cell), kind)
@@ -195,13 +195,6 @@ def generate(
         raise InputError(f"{out}: expected a name that ends in .svg or .geojson")
     for path in rosmap.save({out: text.encode()}):
         print(path)
-
-
-def bare(world: dict[str, Any], cell: float = CELL) -> dict[str, Any]:
-    """A scenario with nothing in it but its world and what a scenario cannot do without."""
-    return {
-        "world": world, "grid": {"cell": cell}, "robots": {"count": 10}, "network": {"topology": {"use": "none"}}
-    }  # fmt: skip
 
 
 def _scenario(path: Path, overrides: list[str] | None) -> Scenario:
@@ -262,7 +255,7 @@ def _lines(found: Inspection) -> list[list[str]]:
     return lines
 
 
-def _plain(found: Inspection) -> dict[str, Any]:
+def _plain(found: Inspection) -> dict[str, object]:
     """What was found, for JSON."""
     from swarmsim.engine.inspection import free_area
 

@@ -28,13 +28,12 @@ class Code:
 
 def code_of(scenario: msgspec.Struct) -> Code:
     """The code that makes the runs of a scenario, whose own code is loaded."""
-    uses = set(_uses(msgspec.to_builtins(scenario)))
-    places = sorted({use.rpartition(":")[0] for use in uses if ":" in use})
+    named = set(uses(msgspec.to_builtins(scenario)))
+    places = sorted({use.rpartition(":")[0] for use in named if ":" in use})
     hashes = {OURS: distributions.ours()}
-    for named in distributions.parts().values():
-        hashes |= dict(
-            distributions.plugin(named[use]) for use in uses & named.keys() if not _is_ours(named[use].module)
-        )
+    for entries in distributions.parts().values():
+        used = [entries[use] for use in named & entries.keys()]
+        hashes |= dict(distributions.plugin(entry) for entry in used if not _is_ours(entry.module))
     if not places:
         return Code(hashes)
     now = snapshot.present()
@@ -78,7 +77,7 @@ def _is_ours(module: str) -> bool:
     return module.partition(".")[0] == OURS
 
 
-def _uses(value: object) -> Iterator[str]:
+def uses(value: object) -> Iterator[str]:
     """What parts are called, at any depth of a scenario's tables."""
     if isinstance(value, dict):
         if isinstance(use := value.get("use"), str):
@@ -87,4 +86,4 @@ def _uses(value: object) -> Iterator[str]:
     elif not isinstance(value, list | tuple):
         return
     for inner in value:
-        yield from _uses(inner)
+        yield from uses(inner)

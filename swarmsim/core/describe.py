@@ -9,13 +9,14 @@ import textwrap
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 from msgspec import inspect as types
 
 from swarmsim.core import registry
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.seams import SEAMS
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,23 +44,25 @@ class Description:
 
 def parts(seam: str | None = None) -> Iterator[Description]:
     """Every installed part, or those of a seam, in the order of seams and names. Raises InputError for no such seam."""
-    if seam is not None and seam not in registry.SEAMS:
-        raise InputError(f"{seam}: no such seam; {registry.nearest(seam, registry.SEAMS)}")
-    for each in registry.SEAMS if seam is None else (seam,):
+    for each in SEAMS if seam is None else (_known(seam),):
         for name in registry.entries(each):
             yield part(each, name)
 
 
+def _known(seam: str) -> str:
+    if seam not in SEAMS:
+        raise InputError(f"{seam}: no such seam; {nearest(seam, SEAMS)}")
+    return seam
+
+
 def part(seam: str, name: str) -> Description:
     """One installed part. Raises InputError if there is none of that name."""
-    if seam not in registry.SEAMS:
-        raise InputError(f"{seam}: no such seam; {registry.nearest(seam, registry.SEAMS)}")
-    kind, entry = registry.find(seam, name), registry.entries(seam)[name]
+    kind, entry = registry.find(_known(seam), name), registry.entries(seam)[name]
     text = inspect.cleandoc(kind.__doc__ or "")
     return Description(
         seam=seam,
         name=name,
-        default=registry.SEAMS[seam] == name,
+        default=SEAMS[seam].default == name,
         origin=f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown",
         first=_first_sentence(text),
         text=text,
@@ -144,7 +147,18 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
     return low + high
 
 
-def plain(description: Description) -> dict[str, Any]:
+def seams_in_markdown() -> str:
+    """The table of all seams, as the page about parts has it."""
+    rows = [("seam", "in a scenario", "default", "what a part does", "what it has"), ("---",) * 5]
+    for seam in SEAMS.values():
+        place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else "in another part's table"
+        default = "must be named" if seam.required else f"`{seam.default}`" if seam.default else "none"
+        does = _first_sentence(inspect.cleandoc(seam.protocol.__doc__ or "")).rstrip(".")
+        rows.append((seam.name, place, default, does, ", ".join(f"`{verb}`" for verb in seam.verbs)))
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def plain(description: Description) -> dict[str, object]:
     """A description as what JSON holds."""
-    found: dict[str, Any] = msgspec.to_builtins(description)
+    found: dict[str, object] = msgspec.to_builtins(description)
     return found

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import errno
+from collections.abc import Mapping
 from typing import Final
 
 #: Errors of the machine: no other name, folder or permission would mend them.
@@ -45,3 +47,10 @@ def unwritten(what: object, problem: OSError, expected: str = "a place for a fil
     if problem.errno is None or is_of_the_machine(problem):
         return StorageError(f"{what}: cannot be written ({told})")
     return InputError(f"{what}: cannot be written ({told}); expected {expected}")
+
+
+def nearest(word: str, words: Mapping[str, object]) -> str:
+    """A clause that suggests the known word most like `word`, or lists all of them."""
+    similar = difflib.get_close_matches(word, words, n=1)
+    listed = ", ".join(sorted(words)) or "none"
+    return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"

@@ -12,31 +12,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import own
-from swarmsim.core.messages import Columns, PlainCodec, Said
-from swarmsim.core.minds import MindComputation, MindStrategy
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
 from swarmsim.core.parts import Curve, Links, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Estimates, Intents, Knowledge, Measured, Moment, Observations, State
+from swarmsim.core.state import Done, Estimates, Intents, Knowledge, Measured, Moment, Readings, Senses, State
+
+OfFunction = Callable[[Callable[..., Any], dict[str, Any], Setting], object]  # from the function and its keys
+OfMind = Callable[[type, Callable[[], Any], Setting], object]  # from the class and what makes one robot's mind
 
 
-def adapted(seam: str, found: Any) -> type[msgspec.Struct] | None:
-    """The parameter struct of a part in a simpler form, or None if it has none that this seam knows.
+def adapted(found: Any, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
+    """The parameter struct of a part in a simpler form, or None if it has none of those that its seam takes.
 
     Its keys are a function's keyword-only parameters, or those of a class's constructor.
     """
     if isinstance(found, type):
-        if not callable(getattr(found, "step", None)) or seam not in ("computation", "strategy"):
+        if mind is None or not callable(getattr(found, "step", None)):
             return None
-        kind = MindComputation if seam == "computation" else MindStrategy
         parameters = [p for p in inspect.signature(found).parameters.values() if p.kind is not p.VAR_KEYWORD]
         make = vars(found).get("__init__", found)  # where its parameters have their types
-        return _struct(found, make, parameters, lambda keys, setting: kind(found, lambda: found(**keys), setting))
-    form = FUNCTIONS.get(seam)
-    if form is None or not inspect.isfunction(found):
+        return _struct(found, make, parameters, lambda keys, setting: mind(found, lambda: found(**keys), setting))
+    if function is None or not inspect.isfunction(found):
         return None
     parameters = [p for p in inspect.signature(found).parameters.values() if p.kind is p.KEYWORD_ONLY]
-    return _struct(found, found, parameters, lambda keys, setting: form(found, keys, setting))
+    return _struct(found, found, parameters, lambda keys, setting: function(found, keys, setting))
 
 
 def _struct(
@@ -83,17 +83,43 @@ class FunctionForm:
         return MisfitError(f"{self._function.__name__} gave {wrong}", self._function)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Observations:
+    """All that a function may know in one iteration; robot i may use row i and its inbox alone.
+
+    A computation is asked twice: for what robots say, before anything is heard (`inbox` is None), and for what they
+    know then. A strategy sees all of it.
+    """
+
+    iteration: int
+    pose: NDArray[np.float64]  # (n, 3): each robot's estimate of its own pose: x, y in m, yaw in rad
+    velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
+    alive: NDArray[np.bool_]  # (n,)
+    readings: Readings
+    decided: Intents | None  # what each robot decided in the iteration before; None in the first
+    inbox: Inbox[Any] | None = None
+    knowledge: Knowledge | None = None  # of the kind that the computation gives
+
+    @classmethod
+    def of(cls, senses: Senses, inbox: Inbox[Any] | None = None, knowledge: Knowledge | None = None) -> Observations:
+        """What is sensed, heard and known, in one value."""
+        return cls(
+            senses.iteration, senses.pose, senses.velocity, senses.alive, senses.readings, senses.decided,
+            inbox, knowledge,
+        )  # fmt: skip
+
+
 class FunctionStrategy(FunctionForm):
     """`def strategy(observations, *, key=default)`: Intents, or velocities (n, 2) in m/s ahead and rad/s."""
 
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """What the function gives."""
-        found: Any = self._ask(observations)
+        found: Any = self._ask(Observations.of(senses, inbox, knowledge))
         if isinstance(found, Intents):
             return found
-        return Intents.twisting(self._array(found, len(observations.alive), 2).astype(np.float64))
+        return Intents.twisting(self._array(found, len(senses.alive), 2).astype(np.float64))
 
 
 class FunctionTopology(FunctionForm):
@@ -131,13 +157,13 @@ class FunctionComputation(FunctionForm):
     def __init__(self, function: Callable[..., Any], keys: dict[str, Any], setting: Setting) -> None:
         super().__init__(function, keys, setting)
         self._value: NDArray[np.float64] | None = None
-        self._new = np.ones(setting.robots.count, np.bool_)
+        self._new = np.ones(len(setting.ids), np.bool_)
         self.codec = PlainCodec(Saying(np.zeros(0)))
 
-    def say(self, observations: Observations) -> Said[Saying]:
+    def say(self, senses: Senses) -> Said[Saying]:
         """Every robot's row."""
         if self._new.any():
-            first = self._values(self._ask(observations, None), len(observations.alive))
+            first = self._values(self._ask(Observations.of(senses), None), len(senses.alive))
             value = first.copy() if self._value is None else self._value
             value[self._new] = first[self._new]
             self._value, self._new = value, np.zeros_like(self._new)
@@ -145,11 +171,12 @@ class FunctionComputation(FunctionForm):
         assert self._value is not None
         return Said.each(Saying(self._value.copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Value:
+    def hear(self, senses: Senses, inbox: Inbox[Saying]) -> Value:
         """What the function makes of it."""
         assert self._value is not None
-        found = self._values(self._ask(observations, _read_only(self._value)), *self._value.shape)
-        alive = observations.alive.reshape(-1, *[1] * (self._value.ndim - 1))
+        heard = Observations.of(senses, inbox)
+        found = self._values(self._ask(heard, _read_only(self._value)), *self._value.shape)
+        alive = senses.alive.reshape(-1, *[1] * (self._value.ndim - 1))
         self._value = np.where(alive, found, self._value)
         return Value(_read_only(self._value))
 
@@ -186,45 +213,37 @@ class FunctionTask(FunctionForm):
         super().__init__(function, keys, setting)
         self.curve = Curve(function.__name__, function.__name__.replace("_", " "), low=None)
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """What the function gives."""
-        found = self._ask(moment)
+        found = self._ask(done)
         if isinstance(found, Measured):
             return found
         value, *rest = found if isinstance(found, tuple) else (found,)
-        done = rest[0] if rest else False
-        if len(rest) > 1 or not isinstance(done, bool | np.bool_):
+        finished = rest[0] if rest else False
+        if len(rest) > 1 or not isinstance(finished, bool | np.bool_):
             wanted = "a number, or a number and whether the task is done: True or False"
             raise self._misfit(f"{own.brief(found)}; expected {wanted}")
         try:
-            return Measured({self.curve.name: own.number_of(value)}, {}, float(done), bool(done))
+            return Measured({self.curve.name: own.number_of(value)}, {}, float(finished), bool(finished))
         except ValueError:
             wanted = "a number, a number and whether the task is done, or swarmsim.core.state.Measured"
             raise self._misfit(f"{own.brief(found)}; expected {wanted}") from None
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last value."""
         return (Last(),)
 
 
 class Last:
-    """A probe that keeps what was measured last."""
+    """An observer that keeps what was measured last."""
 
     def __init__(self) -> None:
         self._values: dict[str, float] = {}
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Take note of one iteration."""
         self._values = dict(moment.measured.values)
 
     def summary(self) -> dict[str, float | int | None]:
         """Each measure at the end, as NAME_end."""
         return {f"{name}_end": float(value) for name, value in self._values.items()}
-
-
-FUNCTIONS: dict[str, Callable[[Callable[..., Any], dict[str, Any], Setting], Any]] = {
-    "strategy": FunctionStrategy,
-    "computation": FunctionComputation,
-    "topology": FunctionTopology,
-    "task": FunctionTask,
-}

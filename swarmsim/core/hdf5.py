@@ -11,12 +11,15 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import TYPE_CHECKING, BinaryIO, Final
 
 import h5py
 from h5py import h5f, h5i
 
 from swarmsim.core.errors import StorageError, unwritten
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
 
 if sys.platform == "linux":
     import fcntl
@@ -169,7 +172,7 @@ class _Begun(io.RawIOBase):
     def tell(self) -> int:
         return self._file.tell()
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: WriteableBuffer) -> int:
         at = self._file.tell()
         read = self._file.readinto(buffer)  # type: ignore[attr-defined]
         mine = self._begin[at : at + read]

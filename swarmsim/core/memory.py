@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 import mmap
-from typing import Any, Final
+from typing import Final, TypeVar
 
 import numpy as np
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+
+Kind = TypeVar("Kind", bound=np.generic)
 
 SMALL: Final = 1 << 22  # bytes, below which numpy's own arrays are as good
 
 
-def zeros(shape: tuple[int, ...], kind: DTypeLike) -> NDArray[Any]:
+def zeros(shape: tuple[int, ...], kind: type[Kind]) -> NDArray[Kind]:
     """An array of zeros, of which only the pages (4 KiB) that are written to take memory.
 
     numpy asks the system for pages of 2 MiB, which is faster for arrays that are used as a whole. But of the maps of

@@ -79,8 +79,8 @@ class Delivery:
 class Inbox(Generic[C]):
     """The items heard in one iteration, sorted by receiver, sender and iteration sent."""
 
-    receivers: NDArray[np.int32]  # (t,)
-    senders: NDArray[np.int32]  # (t,): who said it
+    receivers: NDArray[np.int32]  # (t,): the rows of those who heard it, among the robots that a mind serves
+    senders: NDArray[np.int32]  # (t,): the numbers of those who said it, which may be any of the swarm's
     sent: NDArray[np.int32]  # (t,): the iteration in which it was said
     content: C  # (t,)
     oldest: int = 0  # no message still under way was said before this iteration

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core import own
+from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
-from swarmsim.core.registry import nearest
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Observations, Record
+from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,37 +141,47 @@ class Swarm:
     """One instance for each robot, and what each of them may know."""
 
     def __init__(self, make: Callable[[], Any], setting: Setting) -> None:
-        robots = setting.robots
         self._make, self._setting = make, setting
-        self.minds = [make() for _ in range(robots.count)]
-        self._random = [setting.streams.open("mind", robot) for robot in range(robots.count)]
+        #: The robots' numbers, by row.
+        self.ids: list[int] = setting.ids.tolist()
+        self.minds = [make() for _ in self.ids]
+        self._random = setting.own_streams("mind")
 
-    def each(self, observations: Observations, ask: Callable[[Any, Me], Any]) -> dict[int, Any]:
-        """What every live robot's mind answers; what is raised tells whose mind it was."""
+    def each(
+        self,
+        senses: Senses,
+        ask: Callable[[Any, Me], Any],
+        inbox: Inbox[Any] | None = None,
+        knowledge: Knowledge | None = None,
+    ) -> dict[int, Any]:
+        """What every live robot's mind answers, by its row; what is raised tells whose mind it was.
+
+        There is no inbox before they have spoken, and no knowledge before they have heard.
+        """
         answers = {}
-        for me in self._all(observations):
+        for row, me in self._all(senses, inbox, knowledge):
             try:
-                answers[me.id] = ask(self.minds[me.id], me)
+                answers[row] = ask(self.minds[row], me)
             except (Exception, SystemExit) as problem:
                 problem.add_note(f"robot {me.id}")
                 raise
         return answers
 
-    def _all(self, observations: Observations) -> Iterable[Me]:
+    def _all(self, senses: Senses, inbox: Inbox[Any] | None, knowledge: Knowledge | None) -> Iterable[tuple[int, Me]]:
         robots, lattice, period = self._setting.robots, self._setting.lattice, self._setting.period
-        readings, knowledge = observations.readings, observations.knowledge
+        readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
-        for i in np.flatnonzero(observations.alive).tolist():
-            x, y, yaw = observations.pose[i].tolist()
-            yield Me(
-                i, observations.iteration, observations.iteration * period, x, y, yaw,
-                _kept(observations.velocity[i]),
+        for i in np.flatnonzero(senses.alive).tolist():
+            x, y, yaw = senses.pose[i].tolist()
+            yield i, Me(
+                self.ids[i], now, now * period, x, y, yaw,
+                _kept(senses.velocity[i]),
                 None if tiles is None else _kept(tiles.values[i]),
                 None if tiles is None else _kept(tiles.origins[i]),
                 None if beams is None else _kept(beams.ranges[i]),
                 None if beams is None else _kept(beams.bearings),
                 None if field is None else float(field[i]),
-                _heard(observations.inbox, i, observations.iteration),
+                [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
                 lattice, robots.speed, robots.radius, self._random[i], period,
             )  # fmt: skip
@@ -193,10 +203,8 @@ def _kept(array: NDArray[Any]) -> NDArray[Any]:
     return view
 
 
-def _heard(inbox: Inbox[Any] | None, robot: int, iteration: int) -> list[SimpleNamespace]:
+def _heard(inbox: Inbox[Any], robot: int, iteration: int) -> list[SimpleNamespace]:
     """The items of one robot's inbox, each by the names of its columns."""
-    if inbox is None:
-        return []
     first, end = np.searchsorted(inbox.receivers, [robot, robot + 1]).tolist()
     names = [column.name for column in fields(inbox.content)]
     columns = inbox.content.arrays()
@@ -275,16 +283,16 @@ class MindComputation:
     def _misfit(self, wrong: str) -> MisfitError:
         return MisfitError(f"say gave {wrong}", self.written_by, "say")
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """What each live robot's mind says; the dead's messages are zeros that nobody hears."""
-        answers = self._swarm.each(observations, self._answer) if self._kinds else {}
-        columns = self._columns(answers, len(observations.alive))
+        answers = self._swarm.each(senses, self._answer) if self._kinds else {}
+        columns = self._columns(answers, len(senses.alive))
         return Said.each(self._content(*columns), self.codec.size)
 
-    def hear(self, observations: Observations) -> OwnMinds:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> OwnMinds:
         """The minds, after they have heard."""
         if self._hears:
-            self._swarm.each(observations, lambda mind, me: mind.hear(me))
+            self._swarm.each(senses, lambda mind, me: mind.hear(me), inbox)
         minds = self._swarm.minds
         shown = {name: np.array([self._attribute(i, name) for i in range(len(minds))]) for name in self.shows}
         return OwnMinds(tuple(minds), shown)
@@ -302,7 +310,7 @@ class MindComputation:
             wrong = f"has no {name!r}, which 'shows' names; {nearest(name, dict.fromkeys(has))}"
         except ValueError as problem:
             wrong = f"shows {name!r}: {problem}; expected a number"
-        raise MisfitError(f"robot {robot} {wrong}", self.written_by, "shows")
+        raise MisfitError(f"robot {self._swarm.ids[robot]} {wrong}", self.written_by, "shows")
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Give robots (r,) new minds."""
@@ -368,13 +376,12 @@ class MindStrategy:
         self._swarm = Swarm(make, setting)
         self._ways: dict[int, bytes] = {}
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""
-        knowledge = observations.knowledge
         if isinstance(knowledge, OwnMinds) and isinstance(knowledge.minds[0], self._kind):
             self._swarm.minds[:] = knowledge.minds
-        decided = self._swarm.each(observations, self._intent)
-        count = len(observations.alive)
+        decided = self._swarm.each(senses, self._intent, inbox, knowledge)
+        count = len(senses.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
         twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
         for robot, intent in decided.items():
@@ -382,7 +389,7 @@ class MindStrategy:
         for robot, way in ways.items():
             planned[robot] = self._ways.get(robot) != way.tobytes()
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
-        here = observations.pose[:, :2]
+        here = senses.pose[:, :2]
         from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
         return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists)
 

@@ -23,7 +23,7 @@ _PYTHON: Final = Path(sysconfig.get_path("stdlib"))
 class MisfitError(ValueError):
     """What somebody's own code gives, or says of itself, and its form does not ask for; with the line of that code."""
 
-    def __init__(self, wrong: str, owner: Any = None, name: str = "") -> None:
+    def __init__(self, wrong: str, owner: object = None, name: str = "") -> None:
         """`wrong` in words, about a function or, of the class `owner`, about what it calls `name`.
 
         Without an owner it is about the code that called what raises this.
@@ -61,7 +61,7 @@ def _worded(file: str, number: int | None, name: str, code: str) -> str:
     return f"\n  {file}, line {number}, in {name}: {code.strip()}"
 
 
-def line_of(owner: Any, name: str = "") -> str:
+def line_of(owner: object, name: str = "") -> str:
     """The line where a function begins, or that in which a class says what its `name` is, as `told` has lines.
 
     Nothing for what has no code.
@@ -69,10 +69,12 @@ def line_of(owner: Any, name: str = "") -> str:
     home = next((kind for kind in getattr(owner, "__mro__", ()) if name in vars(kind)), owner)
     member = vars(home).get(name) if isinstance(home, type) else None
     found = member if inspect.isfunction(member) else home
+    if not callable(found):
+        return ""
     try:
         lines, first = inspect.getsourcelines(found)
         at = _assigned(lines, name) if isinstance(found, type) else 0
-        where = name if name and isinstance(found, type) else found.__name__
+        where = name if name and isinstance(found, type) else getattr(found, "__name__", "")
         return _worded(inspect.getfile(found), max(first, 1) + at, where, lines[at])
     except (OSError, TypeError, SyntaxError):
         return ""
@@ -88,7 +90,7 @@ def _assigned(lines: list[str], name: str) -> int:
     return 0
 
 
-def brief(value: Any) -> str:
+def brief(value: object) -> str:
     """A value as Python writes it, cut short; of an array what it is."""
     if not isinstance(value, np.ndarray) or value is np.ma.masked:
         return reprlib.repr(value)
@@ -107,7 +109,7 @@ def number_of(value: Any) -> float:
         raise ValueError(f"{brief(value)}, which is no number") from None
 
 
-def finite(value: Any) -> float:
+def finite(value: object) -> float:
     """A finite number as a float. Raises ValueError for all else."""
     found = number_of(value)
     if not math.isfinite(found):
@@ -115,7 +117,7 @@ def finite(value: Any) -> float:
     return found
 
 
-def array_of(value: Any, *shape: int | None) -> NDArray[Any]:
+def array_of(value: object, *shape: int | None) -> NDArray[np.generic]:
     """An array of numbers, of this shape (None: any length). Raises ValueError for all else, masked arrays too."""
     try:
         found = np.asarray(value)

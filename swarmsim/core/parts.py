@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
-from swarmsim.core.messages import Codec, Delivery, Said
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
+from swarmsim.core.messages import C, Codec, Columns, Delivery, Inbox, Said
+from swarmsim.core.probes import ProbeTable
+from swarmsim.core.setting import Gauge
+from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Readings, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
+K = TypeVar("K", bound=Knowledge, contravariant=True)  # what a part reads
 
 
 class Generator(Protocol):
@@ -44,8 +47,11 @@ class Localisation(Protocol):
         ...
 
 
-class Computation(Protocol):
-    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know."""
+class Computation(Protocol[C, K_co]):
+    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know.
+
+    It may be built for any of the swarm's robots, and then has a row for each of these; see `Setting`.
+    """
 
     @property
     def knows(self) -> type[Knowledge]:
@@ -53,31 +59,43 @@ class Computation(Protocol):
         ...
 
     @property
-    def codec(self) -> Codec[Any]:
+    def codec(self) -> Codec[C]:
         """What its messages look like on the air."""
         ...
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[C]:
         """The message of every robot in this iteration, before it has heard anything; nobody hears the dead."""
         ...
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[C]) -> K_co:
         """What every robot knows once it has taken in its readings and its inbox; views, which cannot be written to.
 
-        Row i follows from row i of the observations and from robot i's inbox alone.
+        Row i follows from row i of what is sensed and from what is received in row i alone.
         """
         ...
 
     def forget(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) know nothing any more, as at the start."""
+        """Let the robots of these rows (r,) know nothing any more, as at the start."""
         ...
 
     def adopt(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) what another one knows."""
+        """Give the robots of these rows (r,) what that of the row `source` knows."""
         ...
 
 
-class Strategy(Protocol):
+class Sharing(Protocol[K]):
+    """What robots of one computation say of what they know, and what they take in of what they hear."""
+
+    def say(self, senses: Senses, known: K, /) -> Said[Any]:
+        """The message of every robot, from what it senses now and what it knew before this iteration."""
+        ...
+
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[Any]:
+        """The items of the inbox that are taken in."""
+        ...
+
+
+class Strategy(Protocol[K]):
     """What robots do with what they know."""
 
     @property
@@ -85,7 +103,7 @@ class Strategy(Protocol):
         """What kind of knowledge it needs; `Knowledge` itself if any will do."""
         ...
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: K) -> Intents:
         """The intents of all robots, of which row i follows from row i of what is given alone."""
         ...
 
@@ -111,10 +129,10 @@ class Curve:
             raise ValueError("a curve's scale or end that is not finite")
 
 
-class Summary(Protocol):
-    """A probe that has the run in numbers at its end."""
+class Summary(Protocol[K]):
+    """An observer that has the run in numbers at its end."""
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[K]) -> None:
         """Take note of one iteration."""
         ...
 
@@ -123,7 +141,7 @@ class Summary(Protocol):
         ...
 
 
-class Task(Protocol):
+class Task(Protocol[K]):
     """What is measured of the swarm, and when it has done what it was asked."""
 
     @property
@@ -136,11 +154,11 @@ class Task(Protocol):
         """What is drawn of it."""
         ...
 
-    def measure(self, moment: Moment) -> Measured:
-        """What is measured in an iteration, of which `measured` is not there yet."""
+    def measure(self, done: Done[K]) -> Measured:
+        """What is measured in an iteration."""
         ...
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[K]]:
         """New probes, which sum a whole run up."""
         ...
 
@@ -262,15 +280,16 @@ class Parts:
 
     sensor: Sensor
     localisation: Localisation
-    computation: Computation
-    strategy: Strategy
+    computation: Computation[Any, Knowledge]
+    strategy: Strategy[Any]
     topology: Topology
     channel: Channel
     motion: Motion
     bodies: Bodies
-    task: Task
+    task: Task[Any]
     building: Building
     calendar: Calendar
+    gauges: tuple[Gauge, ...] = ()  # what can be read off them
 
 
 class Fault(Protocol):
@@ -282,8 +301,21 @@ class Fault(Protocol):
 
 
 class Probe(Protocol):
-    """Something that looks at every iteration."""
+    """Records tables of numbers of its own: measured, never fed back."""
 
-    def sample(self, moment: Moment) -> None:
+    @property
+    def tables(self) -> tuple[ProbeTable, ...]:
+        """What it records, known before the run."""
+        ...
+
+    def sample(self, moment: Moment[Any]) -> Mapping[str, object]:
+        """A row of each of its tables, by the table's name, in an iteration in which it is asked."""
+        ...
+
+
+class Observer(Protocol):
+    """Looks at every iteration: what records, digests or sums up a run."""
+
+    def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""
         ...

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, Final
+from typing import Final
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.files import Table
 
 PLAIN: Final = "paper"  # the robot that stands where none is named
 _EIGHT: Final = [0, 45, 90, 135, 180, -135, -90, -45]
 
 #: What is known of each robot, in SI units; sensors on the rim reach by its radius farther from the middle.
 #: docs/robots.md names the data sheets, and what is assumed.
-PLATFORMS: Final[dict[str, dict[str, Any]]] = {
+PLATFORMS: Final[dict[str, Table]] = {
     "paper": {},
     "e-puck": {
         "radius": 0.035, "wheel_base": 0.053, "speed": 0.13, "acceleration": 0.4, "mass": 0.15,
@@ -47,7 +48,7 @@ PLATFORMS: Final[dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 
 
-def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
+def with_platforms(table: Table) -> Table:
     """The table of a scenario with the numbers of the robots that it names, where it gives none of its own.
 
     A list of `[[robots]]`, or `robots.groups`, becomes one table with groups. A platform's sensor stands where the
@@ -73,7 +74,7 @@ def with_platforms(table: dict[str, Any]) -> dict[str, Any]:
     return table
 
 
-def _filled(robots: dict[str, Any], place: str) -> tuple[dict[str, Any], dict[str, Any]]:
+def _filled(robots: Table, place: str) -> tuple[Table, Table]:
     """A table of robots with its platform's numbers, and that platform's sensor."""
     use = robots.get("use", PLAIN)
     if not isinstance(use, str) or use not in PLATFORMS:
@@ -84,7 +85,7 @@ def _filled(robots: dict[str, Any], place: str) -> tuple[dict[str, Any], dict[st
     return {**numbers, **robots}, dict(PLATFORMS[use].get("sensor", {}))
 
 
-def _mixed(groups: list[Any], has_sensor: bool) -> dict[str, Any]:
+def _mixed(groups: list[object], has_sensor: bool) -> Table:
     """One table for groups of robots; each has its platform's sensor unless it, or the scenario, has another."""
     found, spawns = [], []
     for number, group in enumerate(groups):
@@ -100,7 +101,7 @@ def _mixed(groups: list[Any], has_sensor: bool) -> dict[str, Any]:
         raise InputError("robots: no group in it; expected one or more")
     if any(spawn != spawns[0] for spawn in spawns):
         raise InputError("robots: groups start in one spawn area; expected the same for all of them")
-    whole: dict[str, Any] = {"groups": found, **({"spawn": spawns[0]} if spawns else {})}
+    whole: Table = {"groups": found, **({"spawn": spawns[0]} if spawns else {})}
     counts = [group.get("count") for group in found]
     if all(isinstance(count, int) and not isinstance(count, bool) for count in counts):
         whole["count"] = sum(count for count in counts if count is not None)

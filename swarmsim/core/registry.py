@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from importlib.metadata import EntryPoint
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
 from swarmsim.core import distributions, snapshot
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.forms import adapted
 from swarmsim.core.own import told
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.snapshot import Snapshot
 
 T = TypeVar("T", bound=msgspec.Struct)
-
-#: The seams of a scenario, each with the part that is used where the file names none.
-SEAMS: Final = {
-    "generator": None,
-    "physics": "pymunk",
-    "sensor": "ir-ring",
-    "field": None,
-    "localisation": "perfect",
-    "computation": "occupancy-grid",
-    "sharing": "current-tile",
-    "strategy": "nearest-frontier",
-    "topology": None,
-    "channel": "perfect",
-    "motion": "pure-pursuit",
-    "task": "coverage",
-    "fault": None,
-}
 
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
 
@@ -63,13 +47,6 @@ def entries(seam: str) -> dict[str, EntryPoint]:
 def known(seam: str) -> dict[str, type[msgspec.Struct]]:
     """The parameter structs of all installed parts for a seam, by name."""
     return {name: find(seam, name) for name in entries(seam)}
-
-
-def nearest(word: str, words: Mapping[str, object]) -> str:
-    """A clause that suggests the known word most like `word`, or lists all of them."""
-    similar = difflib.get_close_matches(word, words, n=1)
-    listed = ", ".join(sorted(words)) or "none"
-    return f"did you mean {similar[0]!r}? Known: {listed}" if similar else f"known: {listed}"
 
 
 def find(seam: str, use: str) -> type[msgspec.Struct]:
@@ -116,9 +93,7 @@ def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
     """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
     if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
-    from swarmsim.core.forms import adapted  # simpler forms know the seams, which know the registry
-
-    simpler = adapted(seam, found)
+    simpler = adapted(found, SEAMS[seam].function, SEAMS[seam].mind)
     if simpler is None:
         raise InputError(
             f"use: {use!r} is not a {seam}: expected a msgspec.Struct with a method 'build', or one of the simpler "
@@ -187,7 +162,7 @@ def convert(given: Mapping[str, Any], kind: type[T]) -> T:
 
 def part(seam: str, table: Mapping[str, Any]) -> Any:
     """The parameter struct that `table` (`use` and the part's own keys) describes, checked and complete."""
-    use = table.get("use", SEAMS[seam])
+    use = table.get("use", SEAMS[seam].default)
     if not isinstance(use, str):
         raise InputError(f"use: required key is missing or not a string; {nearest('', entries(seam))}")
     parameters = {key: value for key, value in table.items() if key != "use"}
@@ -197,4 +172,7 @@ def part(seam: str, table: Mapping[str, Any]) -> Any:
 def complete(seam: str, table: Mapping[str, Any]) -> dict[str, Any]:
     """The same table with every default written out, as far as TOML can: it has no null."""
     plain = msgspec.json.decode(msgspec.json.encode(part(seam, table)))
-    return {"use": table.get("use", SEAMS[seam]), **{key: value for key, value in plain.items() if value is not None}}
+    return {
+        "use": table.get("use", SEAMS[seam].default),
+        **{key: value for key, value in plain.items() if value is not None},
+    }

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 from msgspec import field as of
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from swarmsim.core.files import Table
@@ -51,6 +52,38 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
 
     def each(self, key: str) -> NDArray[np.float64]:
         """A number of every robot (n,), by its key."""
-        if not self.groups:
-            return np.full(self.count, getattr(self, key), np.float64)
-        return np.repeat([float(getattr(g, key)) for g in self.groups], [g.count for g in self.groups])
+        return self.crew(np.arange(self.count)).each(key)
+
+    def crew(self, ids: NDArray[np.int64]) -> Crew:
+        """The bodies of the robots with these numbers (rows,)."""
+        keys = Body.__struct_fields__
+        groups = self.groups or (self,)
+        kinds = tuple(Body(**{key: getattr(group, key) for key in keys}) for group in groups)
+        kind = np.repeat(np.arange(len(groups)), [group.count for group in groups])[ids]
+        kind.flags.writeable = False
+        return Crew(**{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind)
+
+
+class Crew(Body, frozen=True, kw_only=True, eq=False):
+    """The bodies of the robots that a part serves; how many these are is what `Setting.ids` and `Setting.swarm` say.
+
+    Of a swarm of several kinds, radius and speed are those of the largest and the fastest, whoever is served.
+    """
+
+    kinds: tuple[Body, ...]  # of the whole swarm
+    kind: NDArray[np.int64]  # (rows,): which of these each robot is of
+
+    def each(self, key: str) -> NDArray[np.float64]:
+        """A number of every robot served (rows,), by its key."""
+        return self._of_kinds(key)[self.kind]
+
+    def of(self, rows: NDArray[np.int64]) -> Crew:
+        """Some of them."""
+        return replace(self, kind=self.kind[rows])
+
+    def least(self, key: str) -> float:
+        """The smallest number that any robot of the swarm has, by its key."""
+        return float(self._of_kinds(key).min())
+
+    def _of_kinds(self, key: str) -> NDArray[np.float64]:
+        return np.array([getattr(kind, key) for kind in self.kinds], np.float64)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable, Mapping
+from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct
@@ -20,11 +21,13 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table, outside, with_files
 from swarmsim.core.platforms import with_platforms
 from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.seams import SEAMS, at_place
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 
 _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
 
 
+S = TypeVar("S", bound=Struct)
 Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Name = Annotated[str, Meta(min_length=1)]
 Names = Annotated[list[Name], Meta(min_length=1)]
@@ -122,28 +125,15 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     motion: Table = of(default_factory=dict)
     task: Table = of(default_factory=dict)
     faults: tuple[Table, ...] = ()
+    probes: tuple[Table, ...] = ()
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
-#: Where each seam's table stands in a scenario; faults are a list of tables.
-PLACES: Final = {
-    "generator": ("world", "generate"),
-    "physics": ("physics",),
-    "sensor": ("sensor",),
-    "field": ("field",),
-    "localisation": ("localisation",),
-    "computation": ("mind", "computation"),
-    "strategy": ("mind", "strategy"),
-    "topology": ("network", "topology"),
-    "channel": ("network", "channel"),
-    "motion": ("motion",),
-    "task": ("task",),
-}
-
-_SEAM_AT: Final = {place: seam for seam, place in PLACES.items()}
 HALVES: Final = ("computation", "strategy")  # of a mind
 
+#: Keys that are not written out where there is nothing at them.
+LATER: Final = ("probes",)
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -154,15 +144,40 @@ MOVED: Final = {
 
 
 def tables(scenario: Scenario) -> dict[str, Table]:
-    """The table of every part of a scenario but faults, by seam; a field or a generator only if there is one."""
+    """The table of every part that a scenario has one of, by seam: a field or a generator only if there is one."""
     found: dict[str, Table] = {}
-    for seam, place in PLACES.items():
-        table: Any = scenario
-        for key in place:
-            table = getattr(table, key)
-        if registry.SEAMS[seam] is not None or table or seam == "topology":
-            found[seam] = table
+    for seam in SEAMS.values():
+        table = _at(scenario, seam.place) if seam.place and not seam.many else None
+        if isinstance(table, dict) and (seam.default is not None or seam.required or table):
+            found[seam.name] = table
     return found
+
+
+def lists(scenario: Scenario) -> list[tuple[str, str, Table]]:
+    """The table of every part that a scenario has any number of, with its seam and its place: `faults[2]`."""
+    return [
+        (seam.name, f"{seam.at}[{i}]", table)
+        for seam in SEAMS.values()
+        if seam.many
+        for i, table in enumerate(_at(scenario, seam.place))
+    ]
+
+
+def without_later(table: Table) -> Table:
+    """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
+    return {key: value for key, value in table.items() if value or key not in LATER}
+
+
+def _at(whole: Any, place: tuple[str, ...]) -> Any:
+    """What is at these keys of a scenario."""
+    return reduce(getattr, place, whole)
+
+
+def _with(whole: S, place: tuple[str, ...], value: object) -> S:
+    """A scenario, or a struct in it, with another value at these keys."""
+    key, *rest = place
+    inner = _with(getattr(whole, key), tuple(rest), value) if rest else value
+    return msgspec.structs.replace(whole, **{key: inner})
 
 
 def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] | None = None) -> Scenario:
@@ -214,29 +229,23 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
         except InputError as problem:
             raise InputError(f"{name}: {place}.{problem}") from problem
 
-    robots = scenario.robots
-    if robots.groups:
-        groups = [
-            msgspec.structs.replace(group, sensor=complete("sensor", f"robots[{i}].sensor", group.sensor))
-            if group.sensor
-            else group
-            for i, group in enumerate(robots.groups)
-        ]
-        robots = msgspec.structs.replace(robots, groups=tuple(groups))
-    whole = {seam: complete(seam, ".".join(PLACES[seam]), table) for seam, table in tables(scenario).items()}
-    world = msgspec.structs.replace(scenario.world, generate=whole.pop("generator", {}))
-    if folder is not None and world.file:
-        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
-    return msgspec.structs.replace(
-        scenario,
-        title=scenario.title.replace("{robots.count}", str(scenario.robots.count)),
-        world=world,
-        robots=robots,
-        network=Network(topology=whole.pop("topology"), channel=whole.pop("channel")),
-        mind=Mind(computation=whole.pop("computation"), strategy=whole.pop("strategy")),
-        faults=tuple(complete("fault", f"faults[{i}]", fault) for i, fault in enumerate(scenario.faults)),
-        **whole,
-    )
+    groups = list(scenario.robots.groups)
+    for i, group in enumerate(groups):
+        for seam in SEAMS.values():
+            if seam.of_groups and (table := getattr(group, seam.name)):
+                whole = complete(seam.name, f"robots[{i}].{seam.name}", table)
+                groups[i] = msgspec.structs.replace(groups[i], **{seam.name: whole})
+    if groups:
+        scenario = _with(scenario, ("robots", "groups"), tuple(groups))
+    for which, table in tables(scenario).items():
+        scenario = _with(scenario, SEAMS[which].place, complete(which, SEAMS[which].at, table))
+    for seam in SEAMS.values():
+        if seam.many:
+            listed = [complete(which, place, one) for which, place, one in lists(scenario) if which == seam.name]
+            scenario = _with(scenario, seam.place, tuple(listed))
+    if folder is not None and scenario.world.file:
+        scenario = _with(scenario, ("world", "file"), os.path.normpath(folder / scenario.world.file))
+    return _with(scenario, ("title",), scenario.title.replace("{robots.count}", str(scenario.robots.count)))
 
 
 def shape(table: Table, name: str) -> Scenario:
@@ -316,14 +325,14 @@ def _kind(table: Table, path: str) -> types.Type | None:
     keys, inner = _places(table, path)[0], spelled_out(table)
     kind: types.Type = types.type_info(Scenario)
     for depth, key in enumerate(keys):
-        seam = _SEAM_AT.get(tuple(keys[:depth]))
+        seam = at_place(tuple(keys[:depth]))
         if seam is not None and key == "use":
             return types.StrType()
         if seam is not None:
-            use = inner.get("use", registry.SEAMS[seam])
-            if not isinstance(use, str) or use not in registry.entries(seam):
+            use = inner.get("use", seam.default)
+            if not isinstance(use, str) or use not in registry.entries(seam.name):
                 return None
-            kind = types.type_info(registry.find(seam, use))
+            kind = types.type_info(registry.find(seam.name, use))
         fields = kind.fields if isinstance(kind, types.StructType) else ()
         found = [field.type for field in fields if field.encode_name == key]
         if not found:

@@ -7,44 +7,53 @@ from typing import Any
 import msgspec
 
 from swarmsim.core import registry
-from swarmsim.core.scenario import PLACES, Scenario
+from swarmsim.core.scenario import Scenario
+from swarmsim.core.seams import SEAMS
 
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of scenario files, with every installed part, for editors."""
     _, parts = msgspec.json.schema_components([Scenario], ref_template="#/$defs/{name}")
-    root: dict[str, Any] = parts.pop("Scenario")
+    root: dict[str, Any] = parts.pop(Scenario.__name__)
     defs: dict[str, Any] = dict(parts)
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
-    group = {key: value for key, value in defs["Group"]["properties"].items() if key != "sensor"}
-    of_a_kind = {**defs["Group"], "properties": {**group, "spawn": {"type": "string"}, "sensor": {"type": "object"}}}
+    own = {seam.name: {"type": "object"} for seam in SEAMS.values() if seam.of_groups}
+    group = {key: value for key, value in defs["Group"]["properties"].items() if key not in own}
+    of_a_kind = {**defs["Group"], "properties": {**group, "spawn": {"type": "string"}, **own}}
     root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}
-    for seam in registry.SEAMS:
+    for seam in SEAMS.values():
         choices: list[dict[str, Any]] = []
-        for name, kind in registry.known(seam).items():
+        for name, kind in registry.known(seam.name).items():
             (described,), inner = msgspec.json.schema_components([kind], ref_template="#/$defs/{name}")
             part = inner.pop(described["$ref"].rpartition("/")[2])
             defs.update(inner)
             keys = {key: _or_file(value) for key, value in part["properties"].items()}
             part["properties"] = {"use": {"const": name}, **keys}
-            required = [] if name == registry.SEAMS[seam] else ["use"]
+            required = [] if name == seam.default else ["use"]
             part["required"] = required + part.get("required", [])
             choices.append(part)
         choices.append(
             {"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]}
         )
-        if seam == "fault":
-            root["properties"]["faults"] = {"type": "array", "items": {"anyOf": choices}}
-        elif seam in PLACES:
-            *outer, key = PLACES[seam]
-            place = defs[outer[0].capitalize()] if outer else root
-            place["properties"][key] = {"anyOf": choices}
+        if seam.place:
+            part = {"anyOf": choices}
+            where = _struct_at(seam.place[:-1])
+            described = root if where is Scenario else defs[where.__name__]
+            described["properties"][seam.place[-1]] = {"type": "array", "items": part} if seam.many else part
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **root,
         "title": "swarmsim scenario",
         "$defs": defs,
     }
+
+
+def _struct_at(place: tuple[str, ...]) -> type[msgspec.Struct]:
+    """The struct that stands at these keys of a scenario."""
+    kind: type[msgspec.Struct] = Scenario
+    for key in place:
+        kind = next(field.type for field in msgspec.structs.fields(kind) if field.encode_name == key)
+    return kind
 
 
 def _or_file(described: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import re
 import shutil
 import tomllib
 from pathlib import Path
-from typing import Any
 
 from swarmsim.core.errors import InputError, unwritten
 
@@ -71,7 +70,7 @@ def _title(path: Path) -> str:
     table = tomllib.loads(path.read_text(encoding="utf-8"))
 
     def value(match: re.Match[str]) -> str:
-        found: Any = table
+        found: object = table
         for key in match[1].split("."):
             found = found[key] if isinstance(found, dict) and key in found else match[0]
         return str(found)

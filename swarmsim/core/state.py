@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from swarmsim.core.building import Building
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Delivery, Inbox
+from swarmsim.core.messages import Columns, Delivery, Inbox
 from swarmsim.core.setting import Setting
 
 UNKNOWN = 0  #: value of a cell that nobody observed
@@ -94,8 +94,8 @@ class Readings:
 class Auditor:
     """Checks that knowledge follows from what was sensed and heard; this one takes everything on trust."""
 
-    def audit(self, knowledge: Any, observations: Observations) -> str | None:
-        """What is wrong with the knowledge that a computation gives for these observations, or None."""
+    def audit(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
+        """What is wrong with the knowledge that a computation gives for what was sensed and heard, or None."""
         return None
 
     def forget(self, robots: NDArray[np.int64]) -> None:
@@ -128,6 +128,9 @@ class Knowledge(ABC):
         return Auditor()
 
 
+K_co = TypeVar("K_co", bound=Knowledge, covariant=True)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates(Knowledge):
     """Knowledge that is a few numbers for each robot: every field of a subclass is an array (n, ...)."""
@@ -146,11 +149,10 @@ class Estimates(Knowledge):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Observations:
-    """All that minds may know in one iteration; robot i may use row i and its inbox alone.
+class Senses:
+    """What minds know of an iteration before anything is heard; a robot may use its own row alone.
 
-    A computation is asked twice: for what robots say, before anything is heard (`inbox` and `knowledge` are None), and
-    for what they know then (`knowledge` is None). A strategy sees all of it.
+    There is a row for each robot that the mind was built for: row i is the robot of the number `Setting.ids[i]`.
     """
 
     iteration: int
@@ -158,15 +160,7 @@ class Observations:
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
     alive: NDArray[np.bool_]  # (n,)
     readings: Readings
-    inbox: Inbox[Any] | None = None
-    knowledge: Any = None  # of the kind that the computation gives; read-only
     decided: Intents | None = None  # what each robot decided in the iteration before; None in the first
-
-    def having(self, inbox: Inbox[Any], knowledge: Any = None) -> Observations:
-        """The same with what was heard, and what is known then; made in every iteration, faster than by `replace`."""
-        return Observations(
-            self.iteration, self.pose, self.velocity, self.alive, self.readings, inbox, knowledge, self.decided
-        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -243,8 +237,8 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
-    """Everything that happened in one iteration, as tasks and probes see it: measured, never fed back."""
+class Done(Generic[K_co]):
+    """What was done in one iteration, as tasks measure it."""
 
     state: State  # at the start of the iteration, when everybody sensed
     events: tuple[Event, ...]  # what began and ended at its start, or with the run at its end
@@ -252,9 +246,15 @@ class Moment:
     readings: Readings  # where the robots believe them to be
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
-    inbox: Inbox[Any]
-    knowledge: Any  # of the kind that the computation gives, after this iteration
+    inbox: Inbox[Columns]
+    knowledge: K_co  # after this iteration
     intents: Intents
-    measured: Measured = Measured({})
     believed: NDArray[np.float64] | None = None  # (n, 3): where robots estimate to be; None: as it is
     people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m of who walks about; None: nobody does
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment(Done[K_co]):
+    """Everything that happened in one iteration, as probes see it: measured, never fed back."""
+
+    measured: Measured = Measured({})

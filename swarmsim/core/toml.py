@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from swarmsim.core.budget import begin, reading
 from swarmsim.core.errors import InputError
@@ -43,7 +43,7 @@ def parsed(text: str) -> Table:
         raise ValueError("a number in it has thousands of digits") from problem
     except RecursionError as problem:
         raise ValueError(TOO_DEEP) from problem
-    level: list[Any] = [table]
+    level: list[object] = [table]
     for _ in range(DEEPEST + 1):
         tables = [one for one in level if isinstance(one, dict | list)]
         level = [inner for one in tables for inner in (one.values() if isinstance(one, dict) else one)]

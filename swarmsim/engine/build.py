@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -21,18 +21,23 @@ from swarmsim.core.code import Code, code_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import Table
-from swarmsim.core.parts import Calendar, Computation, Fault, Parts, Probe, Sensor, Strategy, Task
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.parts import Calendar, Computation, Fault, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.probes import Row
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import PLACES, Scenario, World
+from swarmsim.core.scenario import Scenario, World, lists
 from swarmsim.core.scenario import tables as scenario_tables
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
 from swarmsim.engine.guard import guarded, held_field
+from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
 from swarmsim.kernels import occupancy
 from swarmsim.recording import layout
+from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
 from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
@@ -74,20 +79,27 @@ class Run:
     setting: Setting  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    probes: tuple[Watching, ...]
     code: Code  # all that makes it
 
     def recorder(self, path: Path) -> Recorder:
-        """A probe that records the run in a new file."""
+        """An observer that records the run in a new file."""
         arena, curve = self.arena, self.simulation.parts.task.curve
-        return Recorder(path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve,
-                        self.code.hashes)  # fmt: skip
+        return Recorder(
+            path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve, self.code.hashes,
+            self.probes,
+        )  # fmt: skip
 
-    def simulate(self, probes: Sequence[Probe] = ()) -> bool:
+    def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
+        """What the probes sample in an iteration: rows by the names of their tables in a recording."""
+        return {name: row for probe in self.probes for name, row in probe.rows(moment).items()}
+
+    def simulate(self, observers: Sequence[Observer] = ()) -> bool:
         """Run to the end; gives whether the task was done before the limit.
 
         Raises InputError if a body has ended in or beyond a wall, for then nothing that was measured means anything.
         """
-        finished = self.simulation.run(probes)
+        finished = self.simulation.run(observers)
         if astray := self.astray():
             raise InputError(
                 f"{self.simulation.name}: physics.substep: robot{'s' if len(astray) > 1 else ''} "
@@ -112,23 +124,30 @@ class Run:
         return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
 
 
-def build(scenario: Scenario, name: str, world: str | None = None, strict: bool = False) -> Run:
+def build(
+    scenario: Scenario,
+    name: str,
+    world: str | None = None,
+    strict: bool = False,
+    watch: Callable[[Parts], Parts] | None = None,
+) -> Run:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
-    holds our own parts to their contracts too.
+    holds our own parts to their contracts too. What `watch` gives takes the place of the parts before any fault wraps
+    them.
     Raises InputError for whatever cannot work.
     """
     try:
         with budget.of(scenario.budget):
             if world is None:
                 world = read_world(scenario.world, scenario.grid.cell)
-            return _built(scenario, name, world, strict)
+            return _built(scenario, name, world, strict, watch)
     except InputError as problem:
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
     robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
     place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
     alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
@@ -148,8 +167,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
-    setting = Setting(robots, arena.lattice, scenario.period, Streams(scenario.seed), building)
-    setting = replace(setting, start=_start(setting, arena.name))
+    streams = Streams(scenario.seed)
+    start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
+    setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
     if "field" in tables:
         setting = replace(setting, scalar_field=held_field(_make("field", tables["field"], setting), scenario.period))
 
@@ -173,17 +193,20 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         calendar=Calendar(bodies.state()),
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(".".join(PLACES[seam]), part, parts.computation, tables)
+        _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
     _check_names(parts, tables)
     theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
-    parts = guarded(parts, setting, list(registry.SEAMS) if strict else theirs, theirs)
+    parts = guarded(parts, setting, list(SEAMS) if strict else theirs, theirs)
+    parts = parts if watch is None else watch(parts)
     for number, table in enumerate(scenario.faults):
         fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = installed(fault, parts, table)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    used = [foreign(seam, table) for seam, table in (*tables.items(), *(("fault", one) for one in scenario.faults))]
+    probes = watching(scenario, setting, parts)
+    listed = [(seam, table) for seam, _, table in lists(scenario)]
+    used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
@@ -191,8 +214,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool) -> Run:
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name
     )
     return Run(
-        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, code_of(scenario)
-    )
+        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes,
+        code_of(scenario),
+    )  # fmt: skip
 
 
 def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
@@ -218,7 +242,9 @@ def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
     return [group.sensor or own for group in robots.groups] or [own]
 
 
-def _check_knowledge(place: str, part: Strategy | Task, computation: Computation, tables: dict[str, Table]) -> None:
+def _check_knowledge(
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(
@@ -232,7 +258,7 @@ def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used: dict[str, str] = {}  # which seam's part gives each name
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{'.'.join(PLACES[seam])}.use: {tables[seam]['use']!r}"
+        place = f"{SEAMS[seam].at}.use: {tables[seam]['use']!r}"
         for name, says, at in announced(seam, part):
             wrong = layout.wrong_name(name, seam)
             if wrong is None and name in used:
@@ -323,7 +349,7 @@ def _walls_alone(arena: Arena) -> Building:
 
 def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
     """The part that a table describes. Raises InputError that starts with its place in the scenario."""
-    place = place or ".".join(PLACES[seam])
+    place = place or SEAMS[seam].at
     try:
         return built(seam, table, setting)
     except InputError as problem:
@@ -343,7 +369,7 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
-    setting = Setting(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     part = registry.part("sensor", table)
     if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
         table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
@@ -371,17 +397,18 @@ def _beams(table: Table, cell: float) -> tuple[int, float, int]:
     return part.beams, part.reach / cell if part.ranges else min(part.reach / cell, length), tile
 
 
-def _start(setting: Setting, world: str) -> NDArray[np.float64]:
-    """Start poses (n, 3): each robot at the centre of a free cell of the spawn area, heading anywhere.
+def _start(
+    robots: Robots, lattice: Lattice, streams: Streams, centres: NDArray[np.float64], world: str
+) -> NDArray[np.float64]:
+    """Start poses (n, 3): each robot at one of the `centres` (c, 2) of free cells of the spawn area, heading anywhere.
 
     Every robot draws from its own stream, after those with lower ids have taken their places, so that one
     more robot moves none of the others. Raises InputError if the area holds fewer robots.
     """
-    robots, centres = setting.robots, setting.building.entrance
     open_ = np.ones(len(centres), np.bool_)
     left, apart = len(centres), 2.0 * robots.radius
-    cells, width = setting.lattice.cells(centres), math.ceil(apart / setting.lattice.cell)
-    places = np.full(np.array(setting.lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
+    cells, width = lattice.cells(centres), math.ceil(apart / lattice.cell)
+    places = np.full(np.array(lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
     places[tuple(cells.T + width)] = np.arange(len(centres))
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
@@ -390,7 +417,7 @@ def _start(setting: Setting, world: str) -> NDArray[np.float64]:
                 f"robots.count: spawn area {robots.spawn!r} of {world} holds {robot} robots of radius "
                 f"{robots.radius:g} m, not {robots.count}; expected fewer robots or a larger area"
             )
-        stream = setting.streams.open("spawn", robot)
+        stream = streams.open("spawn", robot)
         choice = _drawn(stream, open_)
         pose[robot] = *centres[choice], stream.uniform(-np.pi, np.pi)
         row, column = cells[choice]

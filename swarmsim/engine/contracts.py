@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Columns, Delivery, Said
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
-from swarmsim.core.registry import nearest
-from swarmsim.core.state import Intents, Knowledge, Measured, Observations, Readings, Record, State
+from swarmsim.core.state import Intents, Knowledge, Measured, Readings, Record, Senses, State
 from swarmsim.kernels import checks
 from swarmsim.recording import layout
 
@@ -118,11 +118,11 @@ def located(found: Any, state: State) -> str | None:
     return first_of(array("pose", found[0], np.float64, state.robots, 3), readings(found[1], state))
 
 
-def said(found: Any, observations: Observations) -> str | None:
+def said(found: Any, senses: Senses) -> str | None:
     """One message of each robot, whose items are counted without a gap."""
     if not isinstance(found, Said) or not isinstance(found.content, Columns):
         return f"say: {type(found).__name__}; expected Said, with Columns as its content"
-    n, items = len(observations.alive), len(found.content)
+    n, items = len(senses.alive), len(found.content)
     wrong = first_of(array("ends", found.ends, np.int64, n), array("sizes", found.sizes, np.int32, n))
     if wrong is not None:
         return wrong
@@ -180,11 +180,11 @@ def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[
     return form, None
 
 
-def intents(found: Any, observations: Observations, lattice: Lattice) -> str | None:
+def intents(found: Any, senses: Senses, lattice: Lattice) -> str | None:
     """Ways and velocities with a row for each robot, all finite; goals are cells of the lattice."""
     if not isinstance(found, Intents):
         return f"step: {type(found).__name__}; expected Intents"
-    n = len(observations.alive)
+    n = len(senses.alive)
     wrong = first_of(
         array("goals", found.goals, np.int32, n, 2),
         array("waypoints", found.waypoints, np.float64, n, None, 2),
@@ -203,7 +203,7 @@ def intents(found: Any, observations: Observations, lattice: Lattice) -> str | N
         wrong = array("twists", found.twists, np.float64, n, 2, finite=False)
         if wrong is None and not np.isfinite(found.twists).all():
             follows = np.isnan(found.twists).all(axis=1) & (found.counts > 0)
-            strange = np.flatnonzero(~np.isfinite(found.twists).all(axis=1) & ~follows & observations.alive)
+            strange = np.flatnonzero(~np.isfinite(found.twists).all(axis=1) & ~follows & senses.alive)
             if len(strange):
                 robot = int(strange[0])
                 wrong = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -18,26 +19,11 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import line_of, told
 from swarmsim.core.parts import Fault, Parts
+from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
-#: What the part of each seam has to have, besides what is found out when it is used.
-VERBS: Final = {
-    "generator": ("draw",),
-    "physics": ("drive", "state", "solid", "remove", "crash", "place", "push", "retire"),
-    "sensor": ("sense",),
-    "field": ("value",),
-    "localisation": ("locate",),
-    "computation": ("knows", "say", "hear", "forget", "adopt"),
-    "sharing": ("say", "taken"),
-    "strategy": ("reads", "step"),
-    "topology": ("links",),
-    "channel": ("deliver",),
-    "motion": ("follow", "command"),
-    "task": ("reads", "curve", "measure", "summaries"),
-    "fault": ("install",),
-}
 
 
 def margin_of(sensor: msgspec.Struct) -> int:
@@ -57,11 +43,32 @@ def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
         raise
     except (Exception, SystemExit) as problem:
         raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
-    missing = [verb for verb in VERBS[seam] if not hasattr(part, verb)]
-    if missing:
+    if missing := SEAMS[seam].missing(part):
         kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
         raise InputError(f"use: what {table['use']!r} builds, {kind}, lacks {', '.join(missing)}; expected a {seam}")
+    _check_arguments(seam, part, f"use: what {table['use']!r} builds")
     return part
+
+
+def _check_arguments(seam: str, part: object, what: str) -> None:
+    """Raise InputError, with the line to write, for a verb that takes other arguments than it is given."""
+    for verb in SEAMS[seam].verbs:
+        asked = inspect.getattr_static(SEAMS[seam].protocol, verb, None)
+        if not inspect.isfunction(asked):
+            continue
+        expected = list(inspect.signature(asked).parameters)
+        try:
+            takes = inspect.signature(getattr(part, verb))
+        except (TypeError, ValueError):  # what is written in C, or nothing that can be called
+            continue
+        try:
+            takes.bind(*expected[1:])
+        except TypeError:
+            kind = registry.author_of(part)
+            raise InputError(
+                f"{what}, {kind.__qualname__}, is asked '{verb}' with other arguments than its {takes} takes; "
+                f"expected 'def {verb}({', '.join(expected)}):'{line_of(kind, verb)}"
+            ) from None
 
 
 def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
@@ -91,6 +98,9 @@ def installed(fault: Fault, parts: Parts, table: dict[str, Any]) -> Parts:
         raise InputError(f"use: {table['use']!r} cannot be installed: {told(problem)}") from problem
     if not isinstance(found, Parts):
         raise InputError(f"use: {table['use']!r} installs {type(found).__name__}; expected the Parts, changed")
+    for seam in ("computation", "strategy") if not registry.is_ours(fault) else ():
+        if getattr(found, seam) is not getattr(parts, seam):
+            _check_arguments(seam, getattr(found, seam), f"use: what {table['use']!r} installs")
     return found
 
 

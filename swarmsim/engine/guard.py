@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.messages import Codec, Delivery, Said
+from swarmsim.core.messages import Codec, Delivery, Inbox, Said
 from swarmsim.core.own import line_of, told
 from swarmsim.core.parts import (
     Channel,
@@ -31,7 +31,7 @@ from swarmsim.core.parts import (
     WheelSpeeds,
 )
 from swarmsim.core.setting import Field, Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Readings, State
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Moment, Readings, Senses, State
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import copied, lent
 from swarmsim.recording.measures import RunMeasures
@@ -136,11 +136,11 @@ class GuardedChannel(Guard):
 class GuardedComputation(Guard):
     """Messages of the sizes they have, and knowledge that follows from what was sensed and heard."""
 
-    _part: Computation
+    _part: Computation[Any, Knowledge]
 
-    def __init__(self, part: Computation, setting: Setting) -> None:
+    def __init__(self, part: Computation[Any, Knowledge], setting: Setting) -> None:
         super().__init__("computation", part)
-        self._auditor, self._robots = part.knows.auditor(setting), setting.robots.count
+        self._auditor, self._robots = part.knows.auditor(setting), setting.swarm
         self._form: contracts.Form | None = None
 
     @property
@@ -158,25 +158,20 @@ class GuardedComputation(Guard):
         """What all robots know, for those who map."""
         return self._part.maps  # type: ignore[attr-defined]
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """The messages, checked."""
-        return self._call(
-            observations.iteration,
-            self._part.say,
-            observations,
-            check=lambda found: contracts.said(found, observations),
-        )
+        return self._call(senses.iteration, self._part.say, senses, check=lambda found: contracts.said(found, senses))
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
         """The knowledge, audited."""
 
         def check(found: Knowledge) -> str | None:
             wrong = contracts.knowledge(found, self._part.knows)
             if wrong is None:
                 self._form, wrong = contracts.record(found.record(), "computation", self._robots, self._form)
-            return wrong if wrong is not None else self._auditor.audit(found, observations)
+            return wrong if wrong is not None else self._auditor.audit(found, senses, inbox)
 
-        return self._call(observations.iteration, self._part.hear, observations, check=check)
+        return self._call(senses.iteration, self._part.hear, senses, inbox, check=check)
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Pass it on."""
@@ -192,9 +187,9 @@ class GuardedComputation(Guard):
 class GuardedStrategy(Guard):
     """Intents that motors can follow."""
 
-    _part: Strategy
+    _part: Strategy[Any]
 
-    def __init__(self, part: Strategy, setting: Setting) -> None:
+    def __init__(self, part: Strategy[Any], setting: Setting) -> None:
         super().__init__("strategy", part)
         self._lattice = setting.lattice
 
@@ -203,23 +198,25 @@ class GuardedStrategy(Guard):
         """What it says it needs."""
         return self._part.reads
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
         """The intents, checked."""
         return self._call(
-            observations.iteration,
+            senses.iteration,
             self._part.step,
-            observations,
-            check=lambda found: contracts.intents(found, observations, self._lattice),
+            senses,
+            inbox,
+            knowledge,
+            check=lambda found: contracts.intents(found, senses, self._lattice),
         )
 
 
 class GuardedTask(Guard):
     """Measures that are numbers, of the same names in every iteration."""
 
-    _part: Task
+    _part: Task[Any]
     _form: contracts.Form | None = None
 
-    def __init__(self, part: Task, setting: Setting) -> None:
+    def __init__(self, part: Task[Any], setting: Setting) -> None:
         super().__init__("task", part)
         self._taken = RunMeasures(setting.robots, setting.period, part.curve).summary().keys()
 
@@ -233,18 +230,18 @@ class GuardedTask(Guard):
         """Its own."""
         return self._part.curve
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Any]) -> Measured:
         """The measures, checked."""
 
         def check(found: Measured) -> str | None:
-            wrong = contracts.measured(found, moment.state.robots, self._part.curve)
+            wrong = contracts.measured(found, done.state.robots, self._part.curve)
             if wrong is None:
-                self._form, wrong = contracts.record(found.record(), "task", moment.state.robots, self._form)
+                self._form, wrong = contracts.record(found.record(), "task", done.state.robots, self._form)
             return wrong
 
-        return self._call(moment.state.iteration, self._part.measure, moment, check=check)
+        return self._call(done.state.iteration, self._part.measure, done, check=check)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Any]]:
         """Its own, held to their contracts."""
         return [GuardedSummary(one, self._taken) for one in self._part.summaries()]
 
@@ -252,13 +249,13 @@ class GuardedTask(Guard):
 class GuardedSummary(Guard):
     """Numbers under names that what is measured of every run does not have."""
 
-    _part: Summary
+    _part: Summary[Any]
 
-    def __init__(self, part: Summary, taken: Collection[str]) -> None:
+    def __init__(self, part: Summary[Any], taken: Collection[str]) -> None:
         super().__init__("task", part)
         self._taken = taken
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Any]) -> None:
         """Pass it on."""
         self._call(moment.state.iteration, self._part.sample, moment, check=nothing)
 
@@ -276,7 +273,7 @@ class GuardedMotion(Guard):
 
     def __init__(self, part: Motion, setting: Setting) -> None:
         super().__init__("motion", part)
-        self._robots, self.given = setting.robots.count, copied
+        self._robots, self.given = setting.swarm, copied
 
     def follow(self, intents: Intents) -> None:
         """Pass them on."""

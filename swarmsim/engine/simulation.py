@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
-from swarmsim.core.messages import Delivery, PostOffice
-from swarmsim.core.parts import Now, Parts, Probe
-from swarmsim.core.state import Intents, Moment, Observations, State
+from swarmsim.core.messages import Columns, Delivery, Inbox, PostOffice
+from swarmsim.core.parts import Now, Observer, Parts
+from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,7 +25,9 @@ class Perceived:
     events: tuple[Event, ...]  # what began and ended at its start
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
-    observations: Observations  # all that minds may know, knowledge included
+    senses: Senses
+    inbox: Inbox[Columns]
+    knowledge: Knowledge
 
 
 class Simulation:
@@ -52,7 +54,7 @@ class Simulation:
         self._period, self._limit, self._stops = period, limit, when_done == "stop"
         self._blamed = blamed
         self.name = name
-        self._post: PostOffice[Any] = PostOffice()
+        self._post: PostOffice[Columns] = PostOffice()
         self._now = Now(0, self.state, self.state, 0.0)
         self._decided: Intents | None = None
 
@@ -66,30 +68,31 @@ class Simulation:
         """Whether the run has ended, finished or at its limit."""
         return (self.finished and self._stops) or self.state.iteration >= self._limit
 
-    def run(self, probes: Sequence[Probe] = ()) -> bool:
+    def run(self, observers: Sequence[Observer] = ()) -> bool:
         """Tick to the end of the run; gives whether the task was done before the limit."""
         while not self.over:
-            self.tick(probes)
+            self.tick(observers)
         return self.finished
 
-    def tick(self, probes: Sequence[Probe] = ()) -> Moment:
+    def tick(self, observers: Sequence[Observer] = ()) -> Moment[Knowledge]:
         """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves.
 
         Raises PartError for what a part that is not ours raises.
         """
         with self._blaming():
             perceived = self._perceive()
-            return self._act(perceived, self.parts.strategy.step(perceived.observations), probes)
+            intents = self.parts.strategy.step(perceived.senses, perceived.inbox, perceived.knowledge)
+            return self._act(perceived, intents, observers)
 
     def perceive(self) -> Perceived:
         """The first half of a tick: what robots sense, hear and know. To be asked once, before `act`."""
         with self._blaming():
             return self._perceive()
 
-    def act(self, perceived: Perceived, intents: Intents, probes: Sequence[Probe] = ()) -> Moment:
+    def act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer] = ()) -> Moment[Knowledge]:
         """The other half: robots do what somebody else than their strategy has decided, and the task is measured."""
         with self._blaming():
-            return self._act(perceived, intents, probes)
+            return self._act(perceived, intents, observers)
 
     @contextmanager
     def _blaming(self) -> Iterator[None]:
@@ -110,34 +113,32 @@ class Simulation:
         events = parts.calendar.advance(self._now)
         state = parts.bodies.state() if parts.calendar else self.state
         pose, readings = parts.localisation.locate(state, parts.sensor.sense(state))
-        observations = Observations(state.iteration, pose, state.velocity, state.alive, readings, decided=self._decided)
-        said = parts.computation.say(observations)
+        senses = Senses(state.iteration, pose, state.velocity, state.alive, readings, self._decided)
+        said = parts.computation.say(senses)
         self._post.post(state.iteration, said)
         links = parts.topology.links(state)
         delivery = parts.channel.deliver(state, links, said.sizes)
         inbox = self._post.open(state.iteration, delivery)
-        observations = observations.having(inbox)
-        observations = observations.having(inbox, parts.computation.hear(observations))
-        return Perceived(state, events, links, delivery, observations)
+        return Perceived(state, events, links, delivery, senses, inbox, parts.computation.hear(senses, inbox))
 
-    def _act(self, perceived: Perceived, intents: Intents, probes: Sequence[Probe]) -> Moment:
-        parts, state, seen = self.parts, perceived.state, perceived.observations
+    def _act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer]) -> Moment[Knowledge]:
+        parts, state, senses = self.parts, perceived.state, perceived.senses
         self._decided = intents
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
         self.state = parts.bodies.drive(parts.motion, self._period)
-        assert seen.inbox is not None
         all_of_it = (
-            parts.building, seen.readings, perceived.links, perceived.delivery, seen.inbox, seen.knowledge, intents,
+            parts.building, senses.readings, perceived.links, perceived.delivery, perceived.inbox, perceived.knowledge,
+            intents, senses.pose, people,
         )  # fmt: skip
-        measured = parts.task.measure(Moment(state, perceived.events, *all_of_it, believed=seen.pose, people=people))
+        measured = parts.task.measure(Done(state, perceived.events, *all_of_it))
         if measured.finished and not self.finished:
             self.finished_after = self.state.iteration
         self._now = Now(self.state.iteration, state, self.state, measured.progress)
         events = (*perceived.events, *self._ending())
-        moment = Moment(state, events, *all_of_it, measured, seen.pose, people)
-        for probe in probes:
-            probe.sample(moment)
+        moment = Moment(state, events, *all_of_it, measured)
+        for observer in observers:
+            observer.sample(moment)
         return moment
 
     def _ending(self) -> tuple[Event, ...]:

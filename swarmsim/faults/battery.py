@@ -15,7 +15,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts
-from swarmsim.core.setting import Setting
+from swarmsim.core.setting import Gauge, Setting
 from swarmsim.core.state import State
 
 Cost = Annotated[float, Meta(ge=0.0, le=1e9)]
@@ -38,7 +38,7 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> BatteryFault:
         """The fault; raises InputError for batteries that cannot be or can never be empty."""
-        count = setting.robots.count
+        count = setting.swarm
         for robot in self.robots or ():
             if robot >= count:
                 raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {count - 1}")
@@ -51,7 +51,7 @@ class Batteries:
     """The energy of every robot."""
 
     def __init__(self, battery: Battery, setting: Setting) -> None:
-        count = setting.robots.count
+        count = setting.swarm
         variance = math.log1p(battery.spread**2)  # of the logarithm: mean and spread of the law are as given
         #: What is left in each (n,) in J; infinite for robots without a battery.
         self.left: NDArray[np.float64] = np.full(count, np.inf)
@@ -81,7 +81,8 @@ class BatteryFault:
         """The parts, wrapped."""
         channel = MeteredChannel(parts.channel, self.batteries, self.battery.per_byte)
         parts.calendar.enter(Exhaustion(parts.bodies, self))
-        return replace(parts, channel=channel)
+        energy = Gauge("energy", "J", self.batteries.left.copy)
+        return replace(parts, channel=channel, gauges=(*parts.gauges, energy))
 
 
 class MeteredChannel:
@@ -104,7 +105,7 @@ class Exhaustion:
         self._per_metre, self._idle = fault.battery.per_metre, fault.battery.idle
         self._farthest, self._period = fault.setting.robots.speed * fault.setting.period, fault.setting.period
         self._take_out = bodies.remove if fault.battery.empty == "remove" else bodies.crash
-        self._reported = np.zeros(fault.setting.robots.count, np.bool_)
+        self._reported = np.zeros(fault.setting.swarm, np.bool_)
 
     def advance(self, now: Now) -> Sequence[Event]:
         """Charge everybody for the last iteration, and take out those that it has left empty."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Computation, Parts
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import State
+from swarmsim.core.state import Knowledge, State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline
 from swarmsim.operations.mapping.maps import Maps
@@ -84,14 +84,12 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError unless somebody is there at the start."""
         late = self.count * self.times
-        if late >= setting.robots.count:
-            raise InputError(
-                f"count: {late} of {setting.robots.count} robots are late; expected one at the start at least"
-            )
+        if late >= setting.swarm:
+            raise InputError(f"count: {late} of {setting.swarm} robots are late; expected one at the start at least")
         if self.times > 1 and self.every is None:
             raise InputError(f"every: required key is missing; expected iterations between {self.times} times")
         effect = Joining(setting, self.map)
-        return TimedFault(Lateness(self, setting.robots.count), effect, setting.number)
+        return TimedFault(Lateness(self, setting.swarm), effect, setting.number)
 
 
 class Lateness:
@@ -207,13 +205,13 @@ class Crashing:
         return robots
 
 
-def check_maps(computation: Computation, key: str) -> None:
+def check_maps(computation: Computation[Any, Knowledge], key: str) -> None:
     """Raise InputError, which starts with `key`, unless robots map."""
     if not isinstance(getattr(computation, "maps", None), Maps):
         raise InputError(f"{key}: these robots keep no maps; expected a computation that does, as occupancy-grid")
 
 
-def maps_of(computation: Computation) -> Maps:
+def maps_of(computation: Computation[Any, Knowledge]) -> Maps:
     """What robots that map know; to be asked after `check_maps`."""
     maps: Any = getattr(computation, "maps", None)
     assert isinstance(maps, Maps)

@@ -14,7 +14,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.parts import Computation, Parts
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Observations
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Senses
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
@@ -46,7 +46,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         for key, failure in KEYS.items():
             if getattr(self, key) is not None and self.failure != failure:
                 raise InputError(f"{key}: a lie of kind {self.failure!r} has none; expected failure = {failure!r}")
-        others = setting.robots.count - 1
+        others = setting.swarm - 1
         if self.id is not None and self.id > others:
             raise InputError(f"id: there is no robot {self.id}; expected one from 0 to {others}")
         if self.failure == "spoof" and others == 0:
@@ -165,7 +165,7 @@ class FalseNames:
 
     def __init__(self, setting: Setting, name: int | None, purpose: str) -> None:
         """`name` is the one robot that all pass themselves off as; without it they draw from streams of `purpose`."""
-        robots = setting.robots.count
+        robots = setting.swarm
         self._name, self._ids = name, np.arange(robots, dtype=np.int32)
         self._streams = [setting.streams.open(purpose, robot) for robot in range(robots)]
         self._given: dict[int, NDArray[np.int32]] = {}  # (n,) by iteration
@@ -218,22 +218,20 @@ class LyingComputation(WrappedComputation):
     """A computation of which some robots do not say what they know, or not who they are."""
 
     def __init__(
-        self, inner: Computation, active: NDArray[np.bool_], lie: Lie | None, names: FalseNames | None
+        self, inner: Computation[Any, Knowledge], active: NDArray[np.bool_], lie: Lie | None, names: FalseNames | None
     ) -> None:
         super().__init__(inner)
         self._active, self._lie, self._names = active, lie, names
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """The message of every robot, with lies in those of the liars, who know the truth themselves."""
-        said = self._inner.say(observations)
+        said = self._inner.say(senses)
         if self._lie is not None:
             said = self._lie.told(said, np.repeat(self._active, said.ends - said.starts()))
         if self._names is not None:
-            self._names.give(observations.iteration, self._active & observations.alive)
+            self._names.give(senses.iteration, self._active & senses.alive)
         return said
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
         """What robots know by what they heard of those who seem to have said it."""
-        if self._names is not None and observations.inbox is not None:
-            observations = replace(observations, inbox=self._names.signed(observations.inbox))
-        return self._inner.hear(observations)
+        return self._inner.hear(senses, inbox if self._names is None else self._names.signed(inbox))

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Codec, Said
+from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.parts import Computation
-from swarmsim.core.state import Knowledge, Observations
+from swarmsim.core.state import Knowledge, Senses
 
 
 class WrappedComputation:
     """Passes everything on."""
 
-    def __init__(self, inner: Computation) -> None:
+    def __init__(self, inner: Computation[Any, Knowledge]) -> None:
         self._inner = inner
 
     @property
@@ -33,13 +33,13 @@ class WrappedComputation:
         """The maps of robots that map; None if they do not."""
         return getattr(self._inner, "maps", None)
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """What the computation inside says."""
-        return self._inner.say(observations)
+        return self._inner.say(senses)
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
         """What the computation inside knows."""
-        return self._inner.hear(observations)
+        return self._inner.hear(senses, inbox)
 
     def forget(self, robots: NDArray[np.int64]) -> None:
         """Pass it on."""

@@ -52,7 +52,7 @@ def fault_in_words(text: str) -> Table:
         raise InputError(f"{problem}{_choices(str(problem), types)}") from problem
 
 
-def _choices(problem: str, types: Mapping[str, Any]) -> str:
+def _choices(problem: str, types: Mapping[str, object]) -> str:
     """A clause that lists what may stand for the key with which a message begins, if that is one of few words."""
     kind = types.get(problem.partition(":")[0])
     return f"; expected {' or '.join(map(repr, get_args(kind)))}" if get_origin(kind) is Literal else ""
@@ -105,14 +105,14 @@ def described(table: Table) -> str:
     return " ".join([name, *([failure] if failure else []), *keys])
 
 
-def _spelled(value: Any) -> str:
+def _spelled(value: object) -> str:
     """A value as TOML on one line without blanks; a string of one word needs no quotes."""
     if isinstance(value, str) and re.fullmatch(r"[A-Za-z][\w-]*", value) and value not in WORDS_OF_TOML:
         return value
     return _toml(value)
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     if isinstance(value, dict):
         return "{" + ",".join(f"{key}={_toml(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list | tuple):

@@ -76,7 +76,7 @@ class Misplacement(Lasting):
     def __init__(self, setting: Setting) -> None:
         self._lattice = setting.lattice
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
-        self.error: NDArray[np.float64] = np.zeros((setting.robots.count, 3))
+        self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with localisation and motion wrapped."""
@@ -124,9 +124,7 @@ class Kidnapping(Misplacement):
     def __init__(self, setting: Setting) -> None:
         super().__init__(setting)
         self._radius = setting.robots.radius
-        self._streams = [
-            setting.streams.open(f"fault localisation {setting.number}", i) for i in range(setting.robots.count)
-        ]
+        self._streams = [setting.streams.open(f"fault localisation {setting.number}", i) for i in range(setting.swarm)]
         self._version = -1  # of the building whose places these are
         self._places = np.empty((0, 2))
 

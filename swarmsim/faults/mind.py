@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -12,9 +12,10 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Observations, State
+from swarmsim.core.state import UNKNOWN, Intents, Knowledge, Senses, State
 from swarmsim.faults.body import check_maps
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.faults.effect import TimedFault
@@ -70,11 +71,11 @@ class Confusion(Protocol):
     needs_maps: bool  # whether it makes sense for robots that map alone
     is_blank: bool  # whether its robots perceive nothing, as if dead
 
-    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
         """It begins with these robots, whose minds decided `last` in the iteration before, if there was one."""
         ...
 
-    def decided(self, robot: int, observations: Observations) -> Decision | None:
+    def decided(self, robot: int, senses: Senses, knowledge: Any) -> Decision | None:
         """What a live robot does; None for what its strategy has decided."""
         ...
 
@@ -107,29 +108,28 @@ class MindFailure:
 class BlankComputation(WrappedComputation):
     """A computation that some robots do not feed: neither their readings nor what they hear."""
 
-    def __init__(self, inner: Computation, active: NDArray[np.bool_]) -> None:
+    def __init__(self, inner: Computation[Any, Knowledge], active: NDArray[np.bool_]) -> None:
         super().__init__(inner)
         self._active = active
 
-    def hear(self, observations: Observations) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
         """What robots know, of whom those that fail take in nothing."""
-        blank = self._active & observations.alive
+        blank = self._active & senses.alive
         if not blank.any():
-            return self._inner.hear(observations)
-        readings, inbox = observations.readings, observations.inbox
+            return self._inner.hear(senses, inbox)
+        readings = senses.readings
         if readings.tiles is not None:
             values = readings.tiles.values.copy()
             values[blank] = UNKNOWN
             readings = replace(readings, tiles=replace(readings.tiles, values=values))
-        inbox = None if inbox is None else inbox.take(~blank[inbox.receivers])
-        alive = observations.alive & ~blank
-        return self._inner.hear(replace(observations, alive=alive, readings=readings, inbox=inbox))
+        deaf = replace(senses, alive=senses.alive & ~blank, readings=readings)
+        return self._inner.hear(deaf, inbox.take(~blank[inbox.receivers]))
 
 
 class FailingMind:
     """A strategy of which some robots decide something else."""
 
-    def __init__(self, inner: Strategy, active: NDArray[np.bool_], confusion: Confusion) -> None:
+    def __init__(self, inner: Strategy[Any], active: NDArray[np.bool_], confusion: Confusion) -> None:
         self._inner, self._active, self._confusion = inner, active, confusion
         self._failed = np.zeros_like(active)  # whose decision was not its own in the iteration before
         #: What all robots decided in the iteration before.
@@ -140,23 +140,23 @@ class FailingMind:
         """What the strategy inside reads."""
         return self._inner.reads
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
         """The intents of all robots, with those of failing minds replaced."""
-        failing = self._active & observations.alive
-        perceived = observations
+        failing = self._active & senses.alive
+        perceived = senses
         if self._confusion.is_blank and failing.any():
-            perceived = replace(observations, alive=observations.alive & ~failing)
-        intents = self._inner.step(perceived)
+            perceived = replace(senses, alive=senses.alive & ~failing)
+        intents = self._inner.step(perceived, inbox, knowledge)
         if failing.any() or self._failed.any():
-            intents = self._replaced(intents, observations, failing)
+            intents = self._replaced(intents, senses, knowledge, failing)
         self._failed, self.last = failing, intents
         return intents
 
-    def _replaced(self, intents: Intents, observations: Observations, failing: NDArray[np.bool_]) -> Intents:
+    def _replaced(self, intents: Intents, senses: Senses, knowledge: Knowledge, failing: NDArray[np.bool_]) -> Intents:
         """The same intents, but for the rows of failing minds."""
         decisions = {}
         for robot in np.flatnonzero(failing):
-            decision = self._confusion.decided(int(robot), observations)
+            decision = self._confusion.decided(int(robot), senses, knowledge)
             if decision is not None:
                 decisions[robot] = decision
         # Whoever comes to its senses follows a path that may have been planned long ago but is new to everyone else.
@@ -186,7 +186,7 @@ class Frozen:
         self._window = _window(setting)
         self._kept: dict[int, Decision] = {}
 
-    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
         """What they decided last is all they will do; without it they stand."""
         for robot in robots:
             goal, way, twist = np.array([-1, -1]), np.empty((0, 2)), None
@@ -195,10 +195,10 @@ class Frozen:
                 twist = None if last.twists is None else last.twists[robot].copy()
             self._kept[int(robot)] = Decision(goal, way, False, twist)
 
-    def decided(self, robot: int, observations: Observations) -> Decision:
+    def decided(self, robot: int, senses: Senses, knowledge: Any) -> Decision:
         """What is left of the way."""
         kept = self._kept[robot]
-        way = _ahead(kept.way, observations.pose[robot], self._window)
+        way = _ahead(kept.way, senses.pose[robot], self._window)
         self._kept[robot] = Decision(kept.goal, way, False, kept.twist)
         return self._kept[robot]
 
@@ -215,17 +215,17 @@ class RandomWalk:
         self._reach = max(1, int(min(reach / lattice.cell, lattice.rows * lattice.columns)))  # steps
         self._pace = lattice.cell / (robots.speed * setting.period)  # iterations a step
         self._under = search.footprint(robots.radius / lattice.cell)
-        self._streams = [setting.streams.open(purpose, robot) for robot in range(robots.count)]
+        self._streams = [setting.streams.open(purpose, robot) for robot in range(setting.swarm)]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 
-    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
         """They choose a place first."""
         for robot in robots:
             self._walks.pop(int(robot), None)
 
-    def decided(self, robot: int, observations: Observations) -> Decision:
+    def decided(self, robot: int, senses: Senses, knowledge: Any) -> Decision:
         """On along the way or, once there, delayed or barred, along another one."""
-        pose, maps = observations.pose[robot], observations.knowledge
+        pose, maps = senses.pose[robot], knowledge
         here = self._lattice.cells(pose[:2])
         if robot in self._walks:
             decision, left = self._walks[robot]
@@ -274,11 +274,11 @@ class Reboot:
 
     needs_maps, is_blank = False, True
 
-    def begin(self, robots: Robots, computation: Computation, last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
         """They know nothing."""
         computation.forget(robots)
 
-    def decided(self, robot: int, observations: Observations) -> None:
+    def decided(self, robot: int, senses: Senses, knowledge: Any) -> None:
         """Nothing of its own: as if dead, it stands."""
 
 

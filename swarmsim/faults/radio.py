@@ -45,7 +45,7 @@ class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for keys that contradict each other, its failure or the swarm."""
-        _check(self, setting.robots.count)
+        _check(self, setting.swarm)
         of_robots = self.failure not in ("jam", "partition")
         course = Timeline(self, setting) if of_robots else Occasions(self, setting)
         return TimedFault(course, _disturbance(self, setting), setting.number)
@@ -96,7 +96,7 @@ def _disturbance(fault: Radio, setting: Setting) -> Disturbance:
     if fault.area is not None:
         return Jam(fault.area)
     if fault.failure == "partition":
-        return Partition(fault, setting.robots.count)
+        return Partition(fault, setting.swarm)
     return Silence(fault.failure)
 
 
@@ -105,10 +105,10 @@ class Occasions:
 
     def __init__(self, fault: Timed, setting: Setting) -> None:
         # The network takes the part of the only robot that there is to strike.
-        alone = replace(setting, robots=msgspec.structs.replace(setting.robots, count=1))
+        alone = replace(setting, swarm=1)
         self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone)
         #: Who has the fault (n,): everybody or nobody; a live view.
-        self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
+        self.active: NDArray[np.bool_] = np.zeros(setting.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives [-1] for a beginning and for an end, else nothing."""

@@ -64,9 +64,7 @@ def _spoil(fault: Sensor, setting: Setting) -> Spoil:
     if fault.offset is not None:
         return _aside(fault.offset)
     if fault.failure == "garbage":
-        return _garbage(
-            [setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.robots.count)]
-        )
+        return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.swarm)])
     return _filled(UNKNOWN)
 
 

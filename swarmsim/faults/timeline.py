@@ -56,20 +56,20 @@ class Timeline:
     def __init__(self, fault: Timed, setting: Setting) -> None:
         """Its streams are named by the fault's place in the scenario. Raises InputError."""
         number = setting.number
-        _check(fault, setting.robots.count)
+        _check(fault, setting.swarm)
         self._fault = fault
         self._stream = setting.streams.open("fault", number)
-        self._since = np.full(setting.robots.count, -1, np.int64)  # the iteration in which it struck; -1 for not
-        self._spent = np.zeros(setting.robots.count, np.bool_)  # whose life has ended already
+        self._since = np.full(setting.swarm, -1, np.int64)  # the iteration in which it struck; -1 for not
+        self._spent = np.zeros(setting.swarm, np.bool_)  # whose life has ended already
         self._reached = False
-        self._lives = np.full(setting.robots.count, np.inf)
+        self._lives = np.full(setting.swarm, np.inf)
         if fault.life is not None:
             scale = fault.life.mean / math.gamma(1.0 + 1.0 / fault.life.shape)
-            for robot in range(setting.robots.count):
+            for robot in range(setting.swarm):
                 stream = setting.streams.open(f"fault {number} life", robot)
                 self._lives[robot] = np.ceil(scale * stream.weibull(fault.life.shape))
         #: Who has the fault in this iteration (n,); a live view.
-        self.active: NDArray[np.bool_] = np.zeros(setting.robots.count, np.bool_)
+        self.active: NDArray[np.bool_] = np.zeros(setting.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends."""

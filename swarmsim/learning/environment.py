@@ -12,11 +12,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import array_of
-from swarmsim.core.registry import nearest
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Intents, Measured, Moment, Observations
+from swarmsim.core.state import Intents, Knowledge, Measured, Moment
 from swarmsim.engine.build import Run, build
 from swarmsim.engine.simulation import Perceived
 
@@ -26,17 +25,17 @@ ACTIONS: Final = ("goal", "twist", "wheels")
 
 ROUNDING: Final = 1e-6  # by which an action may be beyond its limits: numbers of 32 bits have been computed with
 
-Reward = Callable[[Measured | None, Moment], NDArray[np.float64]]
+Reward = Callable[[Measured | None, Moment[Knowledge]], NDArray[np.float64]]
 
 
-def progress(before: Measured | None, moment: Moment) -> NDArray[np.float64]:
+def progress(before: Measured | None, moment: Moment[Knowledge]) -> NDArray[np.float64]:
     """What the whole swarm has gained in the task's first measure, for every robot alike; less is more if it falls."""
     name = next(iter(moment.measured.values))
     gain = moment.measured.values[name] - (0.0 if before is None else before.values[name])
     return np.full(moment.state.robots, gain)
 
 
-def own(before: Measured | None, moment: Moment) -> NDArray[np.float64]:
+def own(before: Measured | None, moment: Moment[Knowledge]) -> NDArray[np.float64]:
     """What each robot has gained in the first measure of single robots; of coverage, the cells new on its own map."""
     name = next(iter(moment.measured.robots))
     values = np.asarray(moment.measured.robots[name], np.float64)
@@ -183,7 +182,6 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
 
     def _intents(self, actions: Mapping[str, NDArray[np.float32]]) -> Intents:
         simulation, robots = self._run.simulation, self._scenario.robots
-        observations = self._perceived.observations
         wanted = np.zeros((robots.count, 2))
         for agent, action in actions.items():
             if agent not in self._robots:
@@ -192,7 +190,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         if self._action == "goal":
             ways = {
                 robot: np.stack([pose, pose + self._reach * wanted[robot]])
-                for robot, pose in enumerate(observations.pose[:, :2])
+                for robot, pose in enumerate(self._perceived.senses.pose[:, :2])
                 if robot in self._learners
             }
             fresh = np.zeros(robots.count, np.bool_)
@@ -207,7 +205,9 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
             mine = Intents.twisting(twists)
         if len(self._learners) == robots.count:
             return mine
-        return _joined(mine, simulation.parts.strategy.step(observations), self._learners)
+        seen = self._perceived
+        theirs = simulation.parts.strategy.step(seen.senses, seen.inbox, seen.knowledge)
+        return _joined(mine, theirs, self._learners)
 
     def _wanted(self, agent: str, action: Any) -> NDArray[np.float64]:
         """An action as two numbers from -1 to 1. Raises InputError for all else; rounding alone is cut off."""
@@ -221,16 +221,14 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         return np.clip(given.astype(np.float64), -1.0, 1.0)
 
     def _observed(self, agents: Sequence[str]) -> dict[str, dict[str, NDArray[Any]]]:
-        seen = self._perceived.observations
-        return {agent: self._of(seen, self._robots[agent]) for agent in agents}
+        return {agent: self._of(self._perceived, self._robots[agent]) for agent in agents}
 
-    def _of(self, seen: Observations, robot: int) -> dict[str, NDArray[Any]]:
-        tiles, inbox = seen.readings.tiles, seen.inbox
+    def _of(self, seen: Perceived, robot: int) -> dict[str, NDArray[Any]]:
+        tiles, inbox = seen.senses.readings.tiles, seen.inbox
         assert tiles is not None
-        assert inbox is not None
         cell, lattice = self._run.setting.lattice.cell, self._run.setting.lattice
         shape = tiles.values.shape[1:]
-        x, y, yaw = seen.pose[robot]
+        x, y, yaw = seen.senses.pose[robot]
         low, high = np.searchsorted(inbox.receivers, [robot, robot + 1])
         heard = slice(low, high)
         values, corners = getattr(inbox.content, "values", None), getattr(inbox.content, "origins", None)

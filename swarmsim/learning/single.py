@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,15 +12,15 @@ from numpy.typing import NDArray
 from swarmsim.learning.environment import Reward, SwarmEnv
 
 
-class RobotEnv(gymnasium.Env[dict[str, NDArray[Any]], NDArray[np.float32]]):
+class RobotEnv(gymnasium.Env[dict[str, NDArray[np.generic]], NDArray[np.float32]]):
     """The environment of `SwarmEnv` for one robot: the same observations, actions and rewards."""
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own)
+    metadata: dict[str, object] = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own)
 
     def __init__(
         self,
         scenario: str | Path,
-        overrides: Mapping[str, Any] | None = None,
+        overrides: Mapping[str, object] | None = None,
         *,
         robot: int = 0,
         action: str = "twist",
@@ -38,14 +37,16 @@ class RobotEnv(gymnasium.Env[dict[str, NDArray[Any]], NDArray[np.float32]]):
         self.action_space = self.swarm.action_space(self._agent)
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:
         """Start the scenario anew, as `SwarmEnv.reset`."""
         super().reset(seed=seed)
         observed, infos = self.swarm.reset(seed, options)
         return observed[self._agent], infos[self._agent]
 
-    def step(self, action: NDArray[np.float32]) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[dict[str, NDArray[np.generic]], float, bool, bool, dict[str, object]]:
         """One iteration of the whole swarm. Raises InputError for an action that is not of the action space."""
         observed, rewards, ended, cut, infos = self.swarm.step({self._agent: action})
         agent = self._agent

@@ -80,7 +80,7 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
-        robots = setting.robots.count
+        robots = setting.swarm
         income = np.full(robots, self.bytes_per_second * setting.period)
         queues = TransmitQueues(robots, self.queue, self.expiry)
         return QueueingChannel(self.below(setting), queues, lambda iteration: income)
@@ -101,7 +101,7 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
-        robots, period = setting.robots.count, setting.period
+        robots, period = setting.swarm, setting.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
         capacity = np.inf if self.bytes is None else self.bytes
 

@@ -100,7 +100,7 @@ class FarthestRobots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     def build(self, setting: Setting) -> FarthestLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
-        check_degree(self.k, setting.robots.count)
+        check_degree(self.k, setting.swarm)
         return FarthestLinks(self.k)
 
 

@@ -70,7 +70,7 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                 f"burst: bursts of {self.burst:g} iterations are too short for a mean loss of {self.loss:g}; "
                 f"expected at least loss / (1 - loss) = {self.loss / (1.0 - self.loss):g}"
             )
-        states = PairStates(self.salt(setting), setting.robots.count, self.loss, failure, recovery)
+        states = PairStates(self.salt(setting), setting.swarm, self.loss, failure, recovery)
         return LossyChannel(self.below(setting), "burst", states.lost)
 
 

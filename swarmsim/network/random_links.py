@@ -53,7 +53,7 @@ class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     def build(self, setting: Setting) -> SenderLottery:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
-        check_degree(self.k, setting.robots.count)
+        check_degree(self.k, setting.swarm)
         return SenderLottery(_salt(setting), self.k)
 
 
@@ -84,7 +84,7 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> FixedLinks:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
-        count = setting.robots.count
+        count = setting.swarm
         check_degree(self.k, count)
         links = draws.small_world(_salt(setting), count, self.k, self.p)
         return FixedLinks([(int(receiver), int(sender)) for receiver, sender in links])

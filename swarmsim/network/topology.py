@@ -38,7 +38,7 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
     def build(self, setting: Setting) -> NearestNeighbourLinks | MutualNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
-        check_degree(self.k, setting.robots.count)
+        check_degree(self.k, setting.swarm)
         left, low, right, high = setting.building.bounds
         nearest = NearestNeighbourLinks(self.k, (right - left, high - low) if self.periodic else None)
         return MutualNeighbourLinks(nearest) if self.mutual else nearest
@@ -88,7 +88,7 @@ class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> FixedLinks:
         """The open chain."""
-        return FixedLinks(_both_ways((i, i + 1) for i in range(setting.robots.count - 1)))
+        return FixedLinks(_both_ways((i, i + 1) for i in range(setting.swarm - 1)))
 
 
 class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -96,7 +96,7 @@ class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> FixedLinks:
         """The closed chain."""
-        count = setting.robots.count
+        count = setting.swarm
         return FixedLinks(_both_ways((i, (i + 1) % count) for i in range(count) if count > 1))
 
 
@@ -107,7 +107,7 @@ class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> FixedLinks:
         """The star; raises InputError if no robot has the hub's id."""
-        count = setting.robots.count
+        count = setting.swarm
         if self.hub >= count:
             raise InputError(f"hub: there is no robot {self.hub}; expected an id from 0 to {count - 1}")
         return FixedLinks(_both_ways((self.hub, i) for i in range(count) if i != self.hub))
@@ -123,7 +123,7 @@ class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> FixedLinks:
         """The listed links; raises InputError for a robot that there is not, a robot that hears itself, or a repeat."""
-        count = setting.robots.count
+        count = setting.swarm
         first: dict[tuple[int, int], int] = {}
         for place, link in enumerate(self.links):
             if max(link) >= count:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import OCCUPIED, Intents, Observations, Tiles
+from swarmsim.core.state import OCCUPIED, Intents, Senses, Tiles
 
 STILL: Final = 0.01  # of the top speed: whoever wants to go slower than that stands
 
@@ -52,14 +52,14 @@ class Steering:
         size = np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), 1e-12)
         return np.asarray(wanted * np.minimum(1.0, self.speed / size)[:, None])
 
-    def intents(self, observations: Observations, wanted: NDArray[np.float64]) -> Intents:
+    def intents(self, senses: Senses, wanted: NDArray[np.float64]) -> Intents:
         """The twists that follow wanted velocities (n, 2) in m/s, walls avoided; slow ones and the dead stand."""
-        place = observations.pose[:, :2]
-        push = away_from_walls(place, observations.readings.tiles, self._lattice, self._clearance)
+        place = senses.pose[:, :2]
+        push = away_from_walls(place, senses.readings.tiles, self._lattice, self._clearance)
         wanted = wanted + self.speed * push
         size = np.hypot(wanted[:, 0], wanted[:, 1])
-        turn = wrapped(np.arctan2(wanted[:, 1], wanted[:, 0]) - observations.pose[:, 2])
+        turn = wrapped(np.arctan2(wanted[:, 1], wanted[:, 0]) - senses.pose[:, 2])
         ahead = np.minimum(size, self.speed) * np.maximum(np.cos(turn), 0.0)
-        moves = observations.alive & (size > STILL * self.speed)
+        moves = senses.alive & (size > STILL * self.speed)
         twists = np.stack([ahead, turn / self._period], axis=1)
         return Intents.twisting(np.where(moves[:, None], twists, 0.0))

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations, Record, State
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import wander
 
 Positive = Annotated[float, Meta(gt=0.0)]
@@ -48,24 +48,24 @@ class Wandering:
         self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
         self._clearance, self._period = parameters.clearance, setting.period
         self._bend = parameters.bend * float(np.sqrt(setting.period))
-        streams = (setting.streams.open("wander", robot) for robot in range(setting.robots.count))
+        streams = setting.own_streams("wander")
         self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
         self._block, self._turns = -1, np.empty((0, 0))
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """On, away from what is near."""
-        beams = observations.readings.beams
+        beams = senses.readings.beams
         if beams is None:
             raise InputError(
                 "sensor.ranges: robots that wander need to know how far their beams go; expected an ir-ring with "
                 "ranges = true"
             )
-        block, within = divmod(observations.iteration, AHEAD)
+        block, within = divmod(senses.iteration, AHEAD)
         if block != self._block:
             when = np.arange(block * AHEAD, (block + 1) * AHEAD)[:, None]
             self._block, self._turns = block, self._bend * chance.normal(0, self._salts, when)
         twists: NDArray[np.float64] = wander.steer_clear(
-            beams.bearings, beams.ranges, observations.alive, self._turns[within], self._clearance, self._speed,
+            beams.bearings, beams.ranges, senses.alive, self._turns[within], self._clearance, self._speed,
             self._period,
         )  # fmt: skip
         return Intents.twisting(twists)
@@ -96,7 +96,7 @@ class Reactive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> Reacting:
         """The computation."""
-        return Reacting(setting.robots.count)
+        return Reacting(len(setting.ids))
 
 
 class Reacting:
@@ -108,11 +108,11 @@ class Reacting:
         self.codec = PlainCodec(Nothing(np.zeros(0, np.uint8)))
         self._said = Said.each(Nothing(np.zeros(robots, np.uint8)), self.codec.size)
 
-    def say(self, observations: Observations) -> Said[Nothing]:
+    def say(self, senses: Senses) -> Said[Nothing]:
         """That they are there."""
         return self._said
 
-    def hear(self, observations: Observations) -> Oblivion:
+    def hear(self, senses: Senses, inbox: Inbox[Nothing]) -> Oblivion:
         """Nothing."""
         return Oblivion()
 
@@ -144,9 +144,9 @@ class TravelTask:
         self._leap = 2.0 * setting.robots.speed * setting.period  # m; whoever is that far was carried there
         self._last: State | None = None
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """The mean way so far, in m."""
-        state, last = moment.state, self._last
+        state, last = done.state, self._last
         if last is not None:
             step = state.pose[:, :2] - last.pose[:, :2]
             length = np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2)
@@ -154,6 +154,6 @@ class TravelTask:
         self._last = state
         return Measured({"travelled": self._way}, {}, min(1.0, self._way / self._distance), self._way >= self._distance)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last value."""
         return (Last(),)

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from numpy.typing import NDArray
 
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 
 DIGESTED: Final = (
     "pose", "velocity", "wheels", "alive", "readings", "links", "heard", "knowledge", "goals", "ways", "measured",
@@ -17,12 +17,12 @@ DIGESTED: Final = (
 
 
 class Digests:
-    """A probe that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
+    """An observer that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
 
     def __init__(self) -> None:
         self.rows: list[bytes] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Append one row: the hashes of DIGESTED, in that order."""
         self.rows.append(b"".join(hashed(*arrays) for arrays in _digested(moment)))
 
@@ -31,7 +31,7 @@ class Digests:
         return hashlib.blake2b(b"".join(self.rows), digest_size=16).hexdigest()
 
 
-def _digested(moment: Moment) -> tuple[tuple[NDArray[Any], ...], ...]:
+def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[Any], ...], ...]:
     state, intents = moment.state, moment.intents
     return (
         (state.pose,),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from swarmsim.core.probes import Declared
 
 EACH, MANY, ONCE = "each", "many", "once"  # one row for each iteration; many, with their ends in NAME_end; neither
 FAR: Final = 1e7  # m or cells: nothing lies farther off
@@ -27,6 +30,7 @@ class Table:
     low: tuple[float, ...] = ()
     high: tuple[float | str, ...] = ()
     by: str = ""  # the seam whose parts, ours and others, may give it in this form; none: the recording itself alone
+    every: int = 1  # of EACH: iterations from one row to the next
 
 
 TABLES: Final = {
@@ -74,6 +78,19 @@ TEXTS: Final = ("versions", "scenario", "digested", "measures", "rows", "curve")
 BEFORE: Final = ("world", "domain", "truth", "digests")  # what it holds even before
 
 
+def declared_by(probes: Iterable[Declared]) -> dict[str, Table]:
+    """The tables of probes, by name. Raises ValueError for a name that is taken."""
+    found: dict[str, Table] = {}
+    for probe in probes:
+        for one in probe.tables:
+            name = probe.called(one)
+            if name in found or wrong_name(name, "probe"):
+                raise ValueError(f"table {name!r} is declared by a probe, and is something else already")
+            low, high = ((one.low,), (one.high,)) if (one.low, one.high) != (-math.inf, math.inf) else ((), ())
+            found[name] = Table(np.dtype(one.dtype).str[1:], one.shape, EACH, low, high, every=probe.every)
+    return found
+
+
 def wrong_name(name: Any, seam: str) -> str | None:
     """Why a part of this seam cannot call a table so, and what it could be called, or None."""
     if not isinstance(name, str) or not name.isprintable() or not name.strip(".") or "/" in name:
@@ -116,14 +133,17 @@ def attribute(file: Any, name: str, kinds: str, shape: tuple[int, ...] = ()) -> 
     return file.attrs[name]
 
 
-def check(file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], rows: set[str]) -> None:
+def check(
+    file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
+) -> None:
     """Raise ValueError, which names the table and what is wrong with it, unless all tables are as they should be.
 
     `file` is an HDF5 file, `sizes` those that words stand for; `rows` are the tables that say to have a row for each
-    iteration, `measures` those of them that a task has measured.
+    iteration, `measures` those of them that a task has measured, `declared` those of probes.
     """
+    tables = {**TABLES, **declared}
     begun = "pose" in file
-    for name in (*BEFORE, *(NEEDED if begun else ()), *rows, *measures):
+    for name in (*BEFORE, *((*NEEDED, *declared) if begun else ()), *rows, *measures):
         if name not in file:
             raise ValueError(f"table {name!r} is missing")
     for name, found in file.items():
@@ -132,14 +152,14 @@ def check(file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], r
         _check_size(name, found)
         if name.endswith("_end"):
             _expect(name, found, np.dtype("i8"), (found.shape[0] if found.shape else 0,))
-        elif name in TABLES:
-            table = TABLES[name]
+        elif name in tables:
+            table = tables[name]
             _expect(
                 name, found, np.dtype(table.kind), (found.shape[:1] or (0,)) + _sizes(table.row, found.shape, sizes)
             )
             if table.rows == MANY and f"{name}_end" not in file:
                 raise ValueError(f"table '{name}_end' is missing")
-            if table.rows == EACH and name not in rows and name != "digests":
+            if table.rows == EACH and name not in rows and name not in declared and name != "digests":
                 raise ValueError(f"table {name!r} has no row for each iteration")
         elif found.dtype.kind not in "fiub":
             raise ValueError(f"table {name!r} is of {found.dtype}, not of numbers")
@@ -150,6 +170,9 @@ def check(file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], r
     for name in rows:
         if not file[name].shape or file[name].shape[0] < iterations:
             raise ValueError(f"table {name!r} has not a row for each of {iterations} iterations")
+    for name, table in declared.items():
+        if begun and file[name].shape[0] < -(-iterations // table.every):
+            raise ValueError(f"table {name!r} has not a row for every {table.every} of {iterations} iterations")
     for name in measures:
         if file[name].shape != file[name].shape[:1]:
             raise ValueError(f"table {name!r} is of shape {file[name].shape}; a measure is one number an iteration")
@@ -173,16 +196,17 @@ def _expect(name: str, found: Any, kind: np.dtype[Any], shape: tuple[int, ...]) 
         raise ValueError(f"table {name!r} is {found.dtype} of shape {found.shape}, not {kind} of {shape}")
 
 
-def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int]) -> None:
-    """Raise ValueError, which names the table, if numbers in it cannot be; `sizes` as for `check`."""
+def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int], declared: dict[str, Table]) -> None:
+    """Raise ValueError, which names the table, if numbers in it cannot be; `sizes` and `declared` as for `check`."""
     if name.endswith("_end"):
         if len(rows) and (rows[0] < 0 or (np.diff(rows) < 0).any()):
             raise ValueError(f"table {name!r} does not rise")
         return
-    table = TABLES.get(name)
+    table = TABLES.get(name) or declared.get(name)
     if table is None or not table.low or rows.size == 0:
         return
     low = np.array(table.low)
     high = np.array([sizes.get(one, 0) if isinstance(one, str) else one for one in table.high])
-    if not ((rows >= low) & (rows <= high)).all():
+    outside = (rows < low) | (rows > high) if name in declared else ~((rows >= low) & (rows <= high))  # NaN is neither
+    if outside.any():
         raise ValueError(f"table {name!r} has numbers that cannot be; expected {low.tolist()} to {high.tolist()}")

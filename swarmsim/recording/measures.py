@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.events import Ended
 from swarmsim.core.parts import Curve
-from swarmsim.core.robots import Robots
-from swarmsim.core.state import Moment, State
+from swarmsim.core.robots import Crew, Robots
+from swarmsim.core.state import Knowledge, Moment, State
 
 EDITION: Final = 2  # of what measures mean; raised when that changes, so that studies do not mix old rows with new ones
 SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of what a curve can reach, whose times are measured
@@ -45,19 +45,19 @@ def share_of(part: float, whole: float) -> float | None:
 
 
 class RunMeasures:
-    """A probe that keeps what is measured of every run, whatever its task, so that studies need no recording."""
+    """An observer that keeps what is measured of every run, whatever its task, so that studies need no recording."""
 
-    def __init__(self, robots: Robots, period: float, curve: Curve) -> None:
+    def __init__(self, robots: Robots | Crew, period: float, curve: Curve) -> None:
         """`period` in s; `curve` is that of the task."""
         self._period, self._curve = period, curve
         self._leap = 2.0 * robots.speed * period  # m; whoever is that far in one iteration was carried there
-        self._path = np.zeros(robots.count)
+        self._path = np.zeros(len(robots.each("speed")))
         self._last: State | None = None
         self._values: list[float] = []  # of the curve
         self._finished = False
         self._links = self._messages = self._bytes = self._lost = 0
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Take note of one iteration."""
         state, last = moment.state, self._last
         if last is not None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import h5py
 import msgspec
@@ -21,6 +21,7 @@ from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
+from swarmsim.core.probes import Declared, Row
 from swarmsim.core.scenario import Scenario, shape
 from swarmsim.recording import layout
 from swarmsim.recording.layout import FAR
@@ -40,6 +41,30 @@ READING: Final = (
 )
 READ_AHEAD: Final = 1 << 20  # rows of large tables
 PENDING: Final = {True: "under way", False: "interrupted", None: "under way or interrupted"}
+Column = NDArray[Any]  # a table as it is in the file: `layout` says of which kind
+
+#: A run in a few numbers.
+Summary = TypedDict(
+    "Summary",
+    {
+        "title": str,
+        "status": str,
+        "iterations": int,
+        "measures": dict[str, float],
+        "progress": float,
+        "reached": dict[str, int | None],
+        "robots": int,
+        "alive": int,
+        "domain cells": int,
+        "messages": int,
+        "bytes": int,
+        "lost": dict[str, int],
+        "events": list[dict[str, object]],
+        "seed": int,
+        "digest": str,
+        "versions": dict[str, str],
+    },
+)
 
 
 class Recording:
@@ -55,8 +80,8 @@ class Recording:
             raise InputError(f"{path}: no such recording; expected a run's folder or its recording.h5")
         files.check_plain(self.path, "a run's folder or its recording.h5", None)
         self._growing = file
-        self._arrays: dict[str, NDArray[Any]] = {}  # what has been read
-        self._near: dict[str, tuple[int, NDArray[Any]]] = {}  # of large tables: some rows, and the first one's number
+        self._arrays: dict[str, Column] = {}  # what has been read
+        self._near: dict[str, tuple[int, Column]] = {}  # of large tables: some rows, and the first one's number
         try:
             with self._file() as opened:
                 self._read(opened)
@@ -106,13 +131,17 @@ class Recording:
         self.curve = msgspec.json.decode(text["curve"], type=Curve)
         self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
         self._names = set(file)
+        told = layout.attribute(file, "probes", "S") if "probes" in file.attrs else b"[]"
+        #: What probes declare of their tables.
+        self.probes = msgspec.json.decode(told, type=list[Declared])
+        self._declared = layout.declared_by(self.probes)
         robots = self.scenario.robots.count
         self._sizes = {
             "robots": robots, "rows": int(rows), "columns": int(columns), "fields": len(self.digested),
             "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,
             "last cell": int(rows) * int(columns) - 1,
         }  # fmt: skip
-        layout.check(file, self._sizes, self.measures, self._rows)
+        layout.check(file, self._sizes, self.measures, self._rows, self._declared)
         self._sizes |= {name: len(file[name]) for name in ("waypoints",) if name in file}
         self._sizes["last fate"] = len(file["fates"]) - 1 if "fates" in file else 0
         self.iterations = len(file["digests"])
@@ -120,8 +149,9 @@ class Recording:
             raise ValueError(f"the curve {self.curve.name!r} is not measured")
 
     def refresh(self) -> None:
-        """Take in what has been flushed since, of a recording that this process still writes."""
-        assert self._growing is not None
+        """Take in what has been flushed since, of a recording that this process still writes; others do not grow."""
+        if self._growing is None:
+            return
         self._near.clear()
         for name, array in self._arrays.items():
             table = self._growing[name]
@@ -130,19 +160,19 @@ class Recording:
         self._sizes |= {"waypoints": len(self._growing["waypoints"]), "last fate": len(self._growing["fates"]) - 1}
         self.iterations = len(self._growing["digests"])
 
-    def _loaded(self, name: str) -> NDArray[Any]:
+    def _loaded(self, name: str) -> Column:
         """A whole table, read when it is first asked for. Raises InputError for one with numbers that cannot be."""
         if name not in self._arrays:
             try:
                 with self._file() as file:
                     rows = file[name][()]
-                layout.check_values(name, rows, self._sizes)
+                layout.check_values(name, rows, self._sizes, self._declared)
             except READING as problem:
                 raise self._damaged(problem) from problem
             self._arrays[name] = rows
         return self._arrays[name]
 
-    def _some(self, name: str, first: int, last: int) -> NDArray[Any]:
+    def _some(self, name: str, first: int, last: int) -> Column:
         """Rows `first` to `last` of a table, and READ_AHEAD more are read with them. Raises InputError as `_loaded`."""
         start, rows = self._near.get(name, (last + 1, np.empty(0)))  # nothing that would do
         if first < start or last > start + len(rows):
@@ -151,18 +181,20 @@ class Recording:
                     rows = file[name][first : max(last, first + READ_AHEAD)]
                 if len(rows) < last - first:
                     raise ValueError(f"table {name!r} ends before row {last}")
-                layout.check_values(name, rows, self._sizes)
+                layout.check_values(name, rows, self._sizes, self._declared)
             except READING as problem:
                 raise self._damaged(problem) from problem
             start, self._near[name] = first, (first, rows)
         return rows[first - start : last - start]
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """A table of the file by its name, cut to whole iterations where it has one row for each."""
+    def __getitem__(self, name: str) -> Column:
+        """A table of the file by its name, cut to whole iterations where it has rows for them."""
         array = self._loaded(name)
+        if name in self._declared:
+            return array[: -(-self.iterations // self._declared[name].every)]
         return array[: self.iterations] if name in self._rows else array
 
-    def rows(self, name: str, *shape: int) -> NDArray[Any]:
+    def rows(self, name: str, *shape: int) -> Column:
         """A table with one row of this shape for each iteration. Raises InputError unless the file has it."""
         if name not in self._names or name not in self._rows or self[name].shape[1:] != shape:
             raise self._damaged(ValueError(f"no table {name!r} with rows of shape {shape}"))
@@ -202,7 +234,7 @@ class Recording:
         """What the numbers of fates mean: 0 is heard, all others why a message was lost."""
         return [name.decode(errors="replace") for name in self._loaded("fates")]
 
-    def _of(self, name: str, iteration: int) -> NDArray[Any]:
+    def _of(self, name: str, iteration: int) -> Column:
         ends = self._loaded(f"{name}_end")
         return self._some(name, int(ends[iteration - 1]) if iteration else 0, int(ends[iteration]))
 
@@ -232,12 +264,15 @@ class Recording:
         """The digest of the whole run, in hexadecimal; equal for equal runs."""
         return hashlib.blake2b(self["digests"].tobytes(), digest_size=16).hexdigest()
 
-    def difference(self, iteration: int, row: bytes) -> str | None:
-        """Where an iteration of this recording differs from one with the digests `row`, or None."""
+    def difference(self, iteration: int, row: bytes, probed: Mapping[str, Row]) -> str | None:
+        """Where an iteration of this recording differs from one with the digests `row` and these rows of probes."""
         recorded = self["digests"][iteration].tobytes()
         for field, name in enumerate(self.digested):
             if recorded[8 * field : 8 * field + 8] != row[8 * field : 8 * field + 8]:
                 return f"iteration {iteration}, field {name!r}"
+        for name, sample in probed.items():
+            if sample.tobytes() != self[name][iteration // self._declared[name].every].tobytes():
+                return f"iteration {iteration}, table {name!r} of a probe"
         return None
 
     def _lost(self) -> dict[str, int]:
@@ -256,7 +291,7 @@ class Recording:
             heard += int(size.sum(where=fate == 0, dtype=np.int64))
         return counts, heard
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> Summary:
         """The run in a few numbers, for tables and JSON."""
         events = self.events()
         ends = ["finished" if event.finished else "not finished" for event in events if isinstance(event, Ended)]

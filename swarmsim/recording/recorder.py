@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -20,9 +20,12 @@ from swarmsim.core.hdf5 import Growing, to_the_end
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario
-from swarmsim.core.state import Moment, Record
+from swarmsim.core.probes import Row
+from swarmsim.core.scenario import Scenario, without_later
+from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
+from swarmsim.recording.layout import declared_by
+from swarmsim.recording.probes import Watching
 from swarmsim.recording.reader import FORMAT, FORMAT_NAME
 
 BLOCK: Final = 64  # iterations held back between two flushes, and the length of a chunk
@@ -36,13 +39,14 @@ class Held:
 
     rows: dict[str, Any]
     lists: dict[str, NDArray[Any]]
+    probed: dict[str, Row]  # a row each, in the iterations that a probe samples
     letters: NDArray[np.int32]  # (m, 5)
     ways: list[tuple[int, int, NDArray[np.float64]]]  # iteration, robot, its new waypoints (w, 2) in m
     events: bytes
 
 
 class Recorder:
-    """A probe that writes every iteration to a new file.
+    """An observer that writes every iteration to a new file.
 
     The file is in HDF5's single-writer mode: whatever kills the run, everything up to the last flush, at
     most BLOCK iterations ago, can still be read.
@@ -58,13 +62,14 @@ class Recorder:
         truth: NDArray[np.bool_],
         curve: Curve,
         code: Mapping[str, str],
+        probes: Sequence[Watching] = (),
     ) -> None:
         """`world` is the floor plan's text, `curve` what is drawn of the task's measures, `code` a hash
         of each piece of code that makes the run.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
-        self._path, self._growing, self._kept = path, Growing(path), 0
+        self._path, self._growing, self._kept, self._probes = path, Growing(path), 0, probes
         self._digests = Digests()
         self._held: list[Held] = []
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
@@ -83,6 +88,7 @@ class Recorder:
             "curve": msgspec.json.encode(curve).decode(),
             "measures": "[]",
             "rows": "[]",
+            **({"probes": msgspec.json.encode([one.declared for one in probes]).decode()} if probes else {}),
         }
         plan = np.frombuffer(world.encode(), np.uint8)
         with self._growing.writing("no iteration is kept"):
@@ -116,12 +122,16 @@ class Recorder:
         self._table("waypoints", (2,), np.float32, MANY)
         self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
         self._table("events", (), np.uint8, MANY)  # text: an event in JSON a line
-        once = ("fates", "waypoints", "paths", "events")
+        once = ["fates", "waypoints", "paths", "events"]
+        for name, table in declared_by(one.declared for one in self._probes).items():
+            row = [len(first["alive"]) if side == "robots" else side for side in table.row]
+            self._table(name, tuple(int(side) for side in row), table.kind)
+            once.append(name)
         self._tell("rows", json.dumps([name for name in self._tables if name not in (*once, *self._totals)]))
         self._tell("measures", json.dumps(measures))
         self.file.swmr_mode = True
 
-    def _rows(self, moment: Moment) -> dict[str, Any]:
+    def _rows(self, moment: Moment[Knowledge]) -> dict[str, Any]:
         """What has one row of the same shape in every iteration, by the name of its table."""
         return {
             "pose": moment.state.pose,
@@ -139,16 +149,17 @@ class Recorder:
             shuffle=True,
         )  # fmt: skip
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Keep one iteration; every BLOCK iterations they are written and flushed."""
         rows, lists, letters = self._rows(moment), _lists(moment), self._with_fates(moment.delivery)
+        probed = {name: row for probe in self._probes for name, row in probe.rows(moment).items()}
         if len(self._tables) == 1:
-            _check_names(moment, self._path)
+            _check_names((*_records(moment), ("the probes", Record(probed))), self._path)
             with self._growing.writing("no iteration is kept"):
                 self._open(rows, lists, list(moment.measured.values))
         self._digests.sample(moment)
         events = b"".join(encoded(event) + b"\n" for event in moment.events)
-        self._held.append(Held(rows, lists, letters, _new_ways(moment), events))
+        self._held.append(Held(rows, lists, probed, letters, _new_ways(moment), events))
         if len(self._held) == BLOCK:
             self.flush()
 
@@ -169,6 +180,8 @@ class Recorder:
             self._append(name, [one.rows[name] for one in held])
         for name in held[0].lists:
             self._append_each(name, [one.lists[name] for one in held])
+        for name in {name: None for one in held for name in one.probed}:
+            self._append(name, [one.probed[name] for one in held if name in one.probed])
         self._append_each("letters", [one.letters for one in held])
         self._append("fates", np.array(self._fates[len(self._tables["fates"]) :], FATE))
         self._append_ways([way for one in held for way in one.ways])
@@ -223,15 +236,15 @@ class Recorder:
         self.close()
 
 
-def _check_names(moment: Moment, path: Path) -> None:
+def _check_names(records: Sequence[tuple[str, Record]], path: Path) -> None:
     """Raise InputError if two parts record something under one name: one of the two would be lost."""
-    names = [name for _, record in _records(moment) for name in (*record.rows, *record.lists)]
+    names = [name for _, record in records for name in (*record.rows, *record.lists)]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
-        parts = " and ".join(part for part, record in _records(moment) if twice[0] in {**record.rows, **record.lists})
+        parts = " and ".join(part for part, record in records if twice[0] in {**record.rows, **record.lists})
         raise InputError(f"{path}: {twice[0]!r} is given by {parts}; expected different names")
 
 
-def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
+def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     """What the parts give to be recorded, and what of theirs it is."""
     return (
         ("the readings", moment.readings.record()), ("the knowledge", moment.knowledge.record()),
@@ -239,12 +252,12 @@ def _records(moment: Moment) -> tuple[tuple[str, Record], ...]:
     )  # fmt: skip
 
 
-def _lists(moment: Moment) -> dict[str, NDArray[Any]]:
+def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[Any]]:
     """What has as many rows as there happen to be, by the name of its table."""
     return {"links": moment.links, **moment.knowledge.record().lists}
 
 
-def _new_ways(moment: Moment) -> list[tuple[int, int, NDArray[np.float64]]]:
+def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.float64]]]:
     """The iteration, the robot and the waypoints (w, 2) of every path that is new."""
     intents = moment.intents
     return [
@@ -255,7 +268,7 @@ def _new_ways(moment: Moment) -> list[tuple[int, int, NDArray[np.float64]]]:
 
 def text_of(scenario: Scenario) -> str:
     """The scenario as recordings keep it: TOML, complete."""
-    return tomli_w.dumps(without_none(msgspec.to_builtins(scenario)))
+    return tomli_w.dumps(without_none(without_later(msgspec.to_builtins(scenario))))
 
 
 def without_none(value: Any) -> Any:

@@ -15,7 +15,7 @@ from pymunk._chipmunk_cffi import ffi, lib
 from swarmsim.core.building import Building, Crowd
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion
-from swarmsim.core.robots import Robots
+from swarmsim.core.robots import Crew
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
@@ -57,7 +57,7 @@ class DifferentialDrive:
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
     """
 
-    def __init__(self, robots: Robots, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
+    def __init__(self, robots: Crew, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
         self._substep = longest_stride(robots, physics)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
@@ -234,7 +234,7 @@ class DifferentialDrive:
         return self.state()
 
 
-def longest_stride(robots: Robots, physics: Pymunk) -> float:
+def longest_stride(robots: Crew, physics: Pymunk) -> float:
     """The longest sub-step (s) in which no robot drives farther than STRIDE of its radius, if `substep` is not less."""
     return min(physics.substep, STRIDE * float((robots.each("radius") / robots.each("speed")).min()))
 

@@ -72,9 +72,9 @@ class Erring(ABC):
     def __init__(self, setting: Setting) -> None:
         self._lattice = setting.lattice
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
-        self.error: NDArray[np.float64] = np.zeros((setting.robots.count, 3))
+        self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
         #: Where robots believe to be, wherever they are.
-        self.belief = Belief(self.error, np.ones(setting.robots.count, np.bool_), setting.lattice)
+        self.belief = Belief(self.error, np.ones(setting.swarm, np.bool_), setting.lattice)
 
     def locate(self, state: State, readings: Readings) -> tuple[NDArray[np.float64], Readings]:
         """The estimates, and the readings where they put them; to be asked once in each iteration."""
@@ -107,11 +107,11 @@ class OdometryLocalisation(Erring):
     def __init__(self, parameters: Odometry, setting: Setting) -> None:
         super().__init__(setting)
         self._parameters, self._salt = parameters, _salt(setting)
-        self._bend = parameters.bias * chance.normal(self._salt, np.arange(setting.robots.count), 0)  # rad/m, (n,)
+        self._bend = parameters.bias * chance.normal(self._salt, np.arange(setting.swarm), 0)  # rad/m, (n,)
         ticks = parameters.tick / np.sqrt(12.0)
         self._rounding = ticks / np.sqrt(2.0), ticks * np.sqrt(2.0) / setting.robots.each("wheel_base")
         self._before: NDArray[np.float64] | None = None  # (n, 3): true poses when wheels were last counted
-        self._alive = np.zeros(setting.robots.count, np.bool_)
+        self._alive = np.zeros(setting.swarm, np.bool_)
 
     def err(self, state: State) -> None:
         """Add what was measured wrong since the last iteration; who has just come knows where it is."""

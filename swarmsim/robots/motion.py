@@ -34,12 +34,13 @@ class WaypointFollower:
         robots = setting.robots
         speed, base, braking = robots.each("speed"), robots.each("wheel_base"), 0.5 * robots.each("acceleration")
         self._ahead, self._traits = parameters.look_ahead, np.column_stack([speed, base, braking])
-        self._cursor = np.zeros(robots.count, np.int64)
-        self._wanted = np.zeros((robots.count, 2))
-        self._waypoints = np.empty((robots.count, 0, 2))
-        self._counts = np.zeros(robots.count, np.int32)
-        self._turning = np.zeros(robots.count, np.bool_)  # who moves at a velocity ...
-        self._twisting = np.zeros((robots.count, 2))  # ... and how fast the wheels turn then
+        count = setting.swarm
+        self._cursor = np.zeros(count, np.int64)
+        self._wanted = np.zeros((count, 2))
+        self._waypoints = np.empty((count, 0, 2))
+        self._counts = np.zeros(count, np.int32)
+        self._turning = np.zeros(count, np.bool_)  # who moves at a velocity ...
+        self._twisting = np.zeros((count, 2))  # ... and how fast the wheels turn then
 
     def follow(self, intents: Intents) -> None:
         """Start on new waypoints."""

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from swarmsim.studies.plan import Condition, Plan
 from swarmsim.studies.results import gather
@@ -22,7 +22,7 @@ ROWS: Final = ("network.topology", "network.topology.k", "robots.count", "faults
 class Candidate:
     """One choice of what the paper leaves open, and how it fares."""
 
-    choice: dict[str, Any]  # dotted key: value
+    choice: dict[str, object]  # dotted key: value
     means: dict[Row, float | None]  # iterations; None if a run did not finish
     published: Mapping[Row, float]
     runs: int  # behind each mean
@@ -76,7 +76,7 @@ class LeftOut:
     row: Row
     published: float
     predicted: float | None
-    choice: dict[str, Any]
+    choice: dict[str, object]
 
 
 def left_out(found: list[Candidate]) -> list[LeftOut]:

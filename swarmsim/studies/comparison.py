@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,7 +125,7 @@ def lines(found: Sequence[Cost]) -> list[tuple[str, ...]]:
     ]
 
 
-def _shown(value: Any, how: str) -> str:
+def _shown(value: object, how: str) -> str:
     return "-" if value is None else format(value, how)
 
 

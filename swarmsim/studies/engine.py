@@ -20,9 +20,9 @@ from dask.distributed import Client, LocalCluster, as_completed
 from swarmsim.core import distributions, registry, snapshot
 from swarmsim.core.code import OURS, Code, differences
 from swarmsim.core.errors import InputError, StorageError
-from swarmsim.core.parts import Probe
+from swarmsim.core.parts import Observer
 from swarmsim.core.scenario import Scenario
-from swarmsim.core.state import Moment
+from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.measures import RunMeasures
@@ -50,13 +50,13 @@ class Task:
 
 
 class CurveKeeper:
-    """A probe that keeps one measure of every iteration."""
+    """An observer that keeps one measure of every iteration."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self.values: list[float] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Knowledge]) -> None:
         """Take note of one iteration."""
         self.values.append(moment.measured.values[self._name])
 
@@ -102,13 +102,13 @@ def _simulate(task: Task) -> Row:
     asked = simulation.parts.task
     summaries = [RunMeasures(task.scenario.robots, task.scenario.period, asked.curve), *asked.summaries()]
     curve = CurveKeeper(asked.curve.name)
-    probes: list[Probe] = [digests, curve, *summaries]
+    observers: list[Observer] = [digests, curve, *summaries]
     with ExitStack() as stack:
         if task.recording is not None:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
             task.recording.unlink(missing_ok=True)  # of a try that was killed
-            probes.append(stack.enter_context(made.recorder(task.recording)))
-        finished = made.simulate(probes)
+            observers.append(stack.enter_context(made.recorder(task.recording)))
+        finished = made.simulate(observers)
     return Row(
         identity=task.identity,
         condition=task.condition,

@@ -6,6 +6,7 @@ import copy
 import hashlib
 import itertools
 import math
+import os
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,11 +16,11 @@ import msgspec
 from msgspec import Meta, Struct
 
 from swarmsim.core import budget, registry
-from swarmsim.core.code import Code, known
+from swarmsim.core.code import Code, known, uses
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside
+from swarmsim.core.scenario import Scenario, assign, decode, files_outside, without_later
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -109,10 +110,24 @@ class Plan:
 
 
 def asked(scenario: Scenario) -> bytes:
-    """All that a scenario asks for, in JSON: whatever it is called, wherever its floor plan's file is."""
+    """All that a scenario asks for, in JSON: whatever it is called, wherever the files of floor plan and code are."""
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
+    table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    return msgspec.json.encode({**msgspec.structs.asdict(scenario), "world": unnamed}, order="deterministic")
+    whole = msgspec.to_builtins({**table, "world": unnamed}, order="deterministic")
+    files = [file for use in uses(whole) if (file := use.rpartition(":")[0]).endswith(".py")]
+    if files:
+        whole = _placed(whole, os.path.commonpath([Path.cwd() / Path(file).parent for file in files]))
+    return msgspec.json.encode(whole)
+
+
+def _placed(value: object, folder: str) -> object:
+    """The same with the paths of parts' files as they are from a folder."""
+    if isinstance(value, dict):
+        found = {key: _placed(inner, folder) for key, inner in value.items()}
+        file, _, name = str(value.get("use", "")).rpartition(":")
+        return {**found, "use": f"{os.path.relpath(file, folder)}:{name}"} if file.endswith(".py") else found
+    return [_placed(inner, folder) for inner in value] if isinstance(value, list) else value
 
 
 def libraries(found: dict[str, str]) -> dict[str, str]:

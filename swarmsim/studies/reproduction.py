@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy import stats
@@ -35,7 +35,7 @@ class Reading:
     name: str
     title: str
     given: tuple[tuple[str, str], ...]  # sentences of the paper, and how they are read
-    changes: dict[str, Any]  # of the studies' scenario, by dotted key
+    changes: dict[str, object]  # of the studies' scenario, by dotted key
     chain: str  # the condition that stands for the published chain
     calibrated: tuple[str, ...]  # the published numbers by which the open choices were made
     calibration: str  # the study in which they were made

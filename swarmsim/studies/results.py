@@ -9,7 +9,6 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -166,7 +165,7 @@ def command(plan: Plan, condition: Condition, seed: int) -> str:
     )
 
 
-def _toml(value: Any) -> str:
+def _toml(value: object) -> str:
     """A value as TOML writes it on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}={_toml(inner)}" for key, inner in value.items()) + "}"
@@ -214,7 +213,7 @@ def number(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
 
 
-def records(plan: Plan, results: dict[str, Result]) -> list[dict[str, Any]]:
+def records(plan: Plan, results: dict[str, Result]) -> list[dict[str, object]]:
     """Every run as a flat record: condition, what it changes, seed, outcome and all measures."""
     names = list(dict.fromkeys(key for condition in plan.conditions for key in condition.changes))
     return [
@@ -240,11 +239,11 @@ def _hash_of(row: Row) -> str:
     return hashlib.blake2b(msgspec.json.encode(row.code, order="sorted"), digest_size=8).hexdigest()
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     return _toml(value) if isinstance(value, dict | list) else value
 
 
-def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+def write_csv(path: Path, rows: Sequence[dict[str, object]]) -> None:
     """Write records, one a line; texts that a spreadsheet would take for formulas begin with an apostrophe."""
     names = list(dict.fromkeys(key for row in rows for key in row))
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -253,11 +252,11 @@ def write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
         writer.writerows({name: _harmless(value) for name, value in row.items()} for row in rows)
 
 
-def _harmless(value: Any) -> Any:
+def _harmless(value: object) -> object:
     return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 
-def write_parquet(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+def write_parquet(path: Path, rows: Sequence[dict[str, object]]) -> None:
     """Write records as Parquet. Raises InputError if pyarrow is not installed."""
     try:
         import pyarrow as pa
@@ -269,11 +268,12 @@ def write_parquet(path: Path, rows: Sequence[dict[str, Any]]) -> None:
     pq.write_table(pa.table(columns), path)
 
 
-def _one_type(values: list[Any]) -> list[Any]:
+def _one_type(values: list[object]) -> list[object]:
     """A column of a single type: text where the values are of several."""
     kinds = {type(value) for value in values if value is not None}
     if kinds <= {int, float} or len(kinds) <= 1:
-        return [float(value) if kinds == {int, float} and value is not None else value for value in values]
+        mixed = kinds == {int, float}
+        return [float(value) if mixed and isinstance(value, int | float) else value for value in values]
     return [None if value is None else str(value) for value in values]
 
 

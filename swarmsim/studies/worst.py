@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -268,13 +268,12 @@ def described(failure: Failure) -> str:
     return f"{'; '.join(entry.words() for entry in failure.timeline)} ({100.0 * failure.share:.1f} %)"
 
 
-def write(scenario: Scenario, answer: Answer, path: Path) -> None:
-    """Write the scenario with the smallest failing timeline, to end when it has failed. Raises InputError."""
-    assert answer.smallest is not None
-    stop = msgspec.structs.replace(scenario.stop, iterations=answer.limit[0])
-    faults = (*scenario.faults, *(entry.table() for entry in answer.smallest.timeline))
+def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> None:
+    """Write the scenario with a failing timeline, to end at the limit when it has failed. Raises InputError."""
+    stop = msgspec.structs.replace(scenario.stop, iterations=limit)
+    faults = (*scenario.faults, *(entry.table() for entry in timeline))
     changed = msgspec.structs.replace(scenario, stop=stop, faults=faults)
-    table: dict[str, Any] = without_none(msgspec.to_builtins(changed))
+    table: Table = without_none(msgspec.to_builtins(changed))
     if scenario.world.file:
         table["world"]["file"] = str(Path(scenario.world.file).resolve())
     try:

@@ -10,14 +10,17 @@ def test_my_mind_keeps_its_contracts():
 Each check raises AssertionError, which says what was broken, or InputError for a scenario that cannot be.
 """
 
-from swarmsim.testing.locality import check_locality, check_permutation
-from swarmsim.testing.runs import check_alone, check_contracts, check_determinism, check_silence, check_strictly
+from swarmsim.testing.every import check_contracts
+from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
+from swarmsim.testing.runs import ITERATIONS, check_alone, check_determinism, check_silence, check_strictly
 
 __all__ = [
+    "ITERATIONS",
     "check_alone",
     "check_contracts",
     "check_determinism",
     "check_locality",
+    "check_one_robot",
     "check_permutation",
     "check_silence",
     "check_strictly",

@@ -1,4 +1,4 @@
-"""Checks that robot i does what it does by what robot i senses and hears, whatever its number."""
+"""Checks that robot i does what it does by what robot i senses and hears, whatever its number and whoever is there."""
 
 from __future__ import annotations
 
@@ -11,81 +11,225 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.messages import Inbox, Said
-from swarmsim.core.parts import Computation, Strategy
+from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.parts import Computation, Parts, Strategy
 from swarmsim.core.scenario import tables
-from swarmsim.core.state import Beams, Intents, Observations, Readings, Tiles
-from swarmsim.core.streams import Streams
+from swarmsim.core.setting import Setting
+from swarmsim.core.state import Beams, Intents, Knowledge, Readings, Senses, Tiles
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
+from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Heard:
     """What a mind was given in one iteration, and what it did with that."""
 
-    before: Observations  # when it spoke
-    after: Observations  # with its inbox
+    changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: who forgot everything, or was given whose
+    speaks: Senses  # when it spoke
+    hears: tuple[Senses, Inbox[Any]]  # when it heard
+    decides: tuple[Senses, Inbox[Any]]  # when it decided
     said: Said[Any]
     intents: Intents
 
 
-def _followed(run: Run) -> list[Heard]:
-    """Everything that the minds of a run were given, in its order."""
-    parts, heard = run.simulation.parts, []
-    spoken: list[tuple[Observations, Said[Any]]] = []
-    say, step = parts.computation.say, parts.strategy.step
+class Witness(WrappedComputation):
+    """Notes what a computation is given, and what the strategy beside it is."""
 
-    def saying(observations: Observations) -> Said[Any]:
-        said = say(observations)
-        spoken.append((_copied(observations), said))
+    def __init__(self, inner: Computation[Any, Knowledge], strategy: Strategy[Any]) -> None:
+        super().__init__(inner)
+        #: Everything so far, in its order.
+        self.heard: list[Heard] = []
+        #: The strategy, followed as well.
+        self.strategy = WitnessedStrategy(strategy, self)
+        self._changes: list[tuple[NDArray[np.int64], int | None]] = []
+        self._spoken: list[tuple[Senses, Said[Any]]] = []
+        self._given: list[tuple[Senses, Inbox[Any]]] = []
+
+    def say(self, senses: Senses) -> Said[Any]:
+        """What is said."""
+        said = self._inner.say(senses)
+        kept = replace(said, content=said.content.take(np.arange(len(said.content))))
+        self._spoken.append((_copied(senses), kept))
         return said
 
-    def stepping(observations: Observations) -> Intents:
-        intents = step(observations)
-        before, said = spoken[-1]
-        heard.append(Heard(before, _copied(replace(observations, knowledge=None)), said, intents))
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
+        """What is known."""
+        self._given.append((_copied(senses), inbox))
+        return self._inner.hear(senses, inbox)
+
+    def decided(self, senses: Senses, inbox: Inbox[Any], intents: Intents) -> None:
+        """The end of an iteration."""
+        speaks, said = self._spoken[-1]
+        self.heard.append(Heard(self._changes, speaks, self._given[-1], (_copied(senses), inbox), said, intents))
+        self._changes = []
+
+    def forget(self, robots: NDArray[np.int64]) -> None:
+        """Who forgets."""
+        self._changes.append((robots.copy(), None))
+        self._inner.forget(robots)
+
+    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+        """Who is given what another one knows."""
+        self._changes.append((robots.copy(), source))
+        self._inner.adopt(robots, source)
+
+
+class WitnessedStrategy:
+    """Notes what a strategy is given and decides."""
+
+    def __init__(self, inner: Strategy[Any], witness: Witness) -> None:
+        self._inner, self._witness = inner, witness
+
+    @property
+    def reads(self) -> type[Knowledge]:
+        """What the strategy inside reads."""
+        return self._inner.reads
+
+    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
+        """What it decides."""
+        intents = self._inner.step(senses, inbox, knowledge)
+        self._witness.decided(senses, inbox, intents)
         return intents
 
-    parts.computation.say, parts.strategy.step = saying, stepping  # type: ignore[method-assign]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """A run, and everything that its minds were given and gave before any fault changed that."""
+
+    run: Run
+    heard: Sequence[Heard]  # in each iteration
+    codec: Codec[Any]
+
+
+def _followed(scenario: Path | str, overrides: Sequence[str], iterations: int, allow_code: bool) -> Followed:
+    witnesses: list[Witness] = []
+
+    def watch(parts: Parts) -> Parts:
+        witnesses.append(Witness(parts.computation, parts.strategy))
+        return replace(parts, computation=witnesses[0], strategy=witnesses[0].strategy)
+
+    run = opened(scenario, limited(overrides, iterations), False, allow_code, watch)
     run.simulation.run()
-    return heard
+    return Followed(run, witnesses[0].heard, witnesses[0].codec)
 
 
-def _copied(observations: Observations) -> Observations:
-    return _chosen(observations, np.arange(len(observations.alive)))
+def _copied(senses: Senses) -> Senses:
+    return _chosen(senses, np.arange(len(senses.alive)))
 
 
-def _chosen(observations: Observations, rows: NDArray[np.int64]) -> Observations:
+def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
     """The same with the rows of arrays in this order."""
-    readings = observations.readings
-    tiles = readings.tiles and Tiles(readings.tiles.values[rows], readings.tiles.origins[rows])
+    readings = senses.readings
+    tiles, evidence = readings.tiles, None
+    if tiles is not None:
+        evidence = None if tiles.evidence is None else tiles.evidence[rows]
+        tiles = Tiles(tiles.values[rows], tiles.origins[rows], evidence)
     beams = readings.beams and Beams(readings.beams.bearings, readings.beams.ranges[rows])
     field = None if readings.field is None else readings.field[rows]
-    decided = observations.decided
+    decided = senses.decided
     if decided is not None:
         columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
         decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
     return replace(
-        observations, pose=observations.pose[rows], velocity=observations.velocity[rows],
-        alive=observations.alive[rows], readings=Readings(tiles, beams, field), decided=decided,
+        senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
+        readings=Readings(tiles, beams, field), decided=decided,
     )  # fmt: skip
 
 
-def _mind(run: Run, streams: Streams | None = None) -> tuple[Computation, Strategy]:
+Mind = tuple[Computation[Any, Knowledge], Strategy[Any]]
+
+
+def _mind(run: Run, setting: Setting) -> Mind:
     """A new mind, as built for a run."""
-    setting = run.setting if streams is None else replace(run.setting, streams=streams)
     parts = tables(run.scenario)
     return built("computation", parts["computation"], setting), built("strategy", parts["strategy"], setting)
 
 
 def _repeated(
-    mind: tuple[Computation, Strategy], before: Observations, after: Observations
+    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Any]], decides: tuple[Senses, Inbox[Any]]
 ) -> tuple[Said[Any], Intents]:
     computation, strategy = mind
-    said = computation.say(before)
-    return said, strategy.step(replace(after, knowledge=computation.hear(after)))
+    said = computation.say(speaks)
+    return said, strategy.step(*decides, computation.hear(*hears))
+
+
+def check_one_robot(
+    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
+) -> None:
+    """A mind that is built for one robot alone says and does what this robot does in the swarm, to the last bit.
+
+    The first robot, one in the middle and the last one are tried, each with its own row and inbox as they were in a
+    run. All columns of messages are compared, their bytes and what is decided. A robot that a fault gives what
+    another one knows is followed no further.
+    """
+    swarm = _followed(scenario, overrides, iterations, allow_code)
+    count = swarm.run.setting.swarm
+    for robot in sorted({0, count // 2, count - 1}):
+        _check_rows(f"{scenario}", "when it is built alone", swarm, np.array([robot]), allow_code)
+
+
+def check_permutation(
+    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
+) -> None:
+    """A mind whose rows are in another order says and does the same, to the last bit: each robot keeps its number."""
+    swarm = _followed(scenario, overrides, iterations, allow_code)
+    order = np.random.default_rng(swarm.run.scenario.seed).permutation(swarm.run.setting.swarm)
+    rows = np.empty_like(order)
+    rows[order] = np.roll(order, 1)  # one cycle through all robots: nobody keeps its row
+    _check_rows(f"{scenario}", "when rows are in another order", swarm, rows, allow_code)
+
+
+def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64], allow_code: bool) -> None:
+    """Compare what a mind of the robots with these numbers (rows,) says and does with what they did in the swarm."""
+    with registry.own_code(allow_code):
+        mind = _mind(swarm.run, swarm.run.setting.serving(ids))
+    followed, count = np.ones(len(ids), np.bool_), swarm.run.setting.swarm
+    for heard in swarm.heard:
+        for robots, source in heard.changes:
+            mine = np.flatnonzero(np.isin(ids, robots))
+            if source is None:
+                mind[0].forget(mine)
+            elif source in ids:
+                mind[0].adopt(mine, int(np.flatnonzero(ids == source)[0]))
+            else:  # what that one knows is not to be had here
+                followed[mine] = False
+        speaks = _chosen(heard.speaks, ids)
+        hears, decides = (
+            (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
+        )
+        said, intents = _repeated(mind, speaks, hears, decides)
+        for row in np.flatnonzero(speaks.alive & followed).tolist():
+            robot, now = int(ids[row]), speaks.iteration
+            where = f"{scenario}, iteration {now}, robot {robot}"
+            _check_said(said, row, heard.said, robot, f"{where}: {{}} {when}")
+            if heard.said.sizes[robot] > 0:
+                packed = mind[0].codec.pack(robot, now, said.of(row))
+                first = swarm.codec.pack(robot, now, heard.said.of(robot))
+                assert packed == first, f"{where}: sends other bytes {when}"
+            if decides[0].alive[row]:
+                assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
+
+
+def _check_said(mine: Said[Any], row: int, first: Said[Any], robot: int, wrong: str) -> None:
+    """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
+    here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
+    assert here == there, wrong.format(f"says {here} bytes, not {there},")
+    content, whole = mine.of(row), first.of(robot)
+    assert type(content).__match_args__ == type(whole).__match_args__, wrong.format("says other columns")
+    for name, one, other in zip(type(whole).__match_args__, content.arrays(), whole.arrays(), strict=True):
+        same = (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
+        assert same, wrong.format(f"says other {name}")
+
+
+def _received(inbox: Inbox[Any], ids: NDArray[np.int64], count: int) -> Inbox[Any]:
+    """What the robots with these numbers (rows,), out of so many, have received, in the order of their rows."""
+    row = np.full(count, -1, np.int32)
+    row[ids] = np.arange(len(ids))
+    moved = replace(inbox, receivers=row[inbox.receivers])
+    order = np.lexsort((moved.sent, moved.senders, moved.receivers))
+    return moved.take(order[moved.receivers[order] >= 0])
 
 
 def check_locality(
@@ -96,24 +240,23 @@ def check_locality(
     A new mind is given all that the minds of a run were given, but for everybody except robot i something else: other
     poses and readings, and no messages.
     """
-    run = opened(scenario, limited(overrides, iterations), False, allow_code)
-    followed, count = _followed(run), run.scenario.robots.count
+    swarm = _followed(scenario, overrides, iterations, allow_code)
+    run, count = swarm.run, swarm.run.setting.swarm
     for robot in sorted({0, count // 2, count - 1}):
         with registry.own_code(allow_code):
-            mind = _mind(run)
-        for heard in followed:
-            other = [_scrambled(given, robot) for given in (heard.before, heard.after)]
-            said, intents = _repeated(mind, *other)
-            where = f"{scenario}, iteration {heard.before.iteration}, robot {robot}"
-            if not heard.before.alive[robot]:
-                continue
-            for mine, first in zip(said.of(robot).arrays(), heard.said.of(robot).arrays(), strict=True):
-                assert np.array_equal(mine, first, equal_nan=mine.dtype.kind == "f"), (
-                    f"{where}: says something else when others sense and hear something else"
-                )
-            assert _done(intents, robot) == _done(heard.intents, robot), (
-                f"{where}: does something else when others sense and hear something else"
+            mind = _mind(run, run.setting)
+        for heard in swarm.heard:
+            hears, decides = (
+                (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))
+                for senses, inbox in (heard.hears, heard.decides)
             )
+            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides)
+            where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
+            when = "when others sense and hear something else"
+            if heard.speaks.alive[robot]:
+                _check_said(said, robot, heard.said, robot, f"{where}: {{}} {when}")
+            if heard.decides[0].alive[robot]:
+                assert _done(intents, robot) == _done(heard.intents, robot), f"{where}: does something else {when}"
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
@@ -123,64 +266,12 @@ def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist
 
 
-def _scrambled(observations: Observations, robot: int) -> Observations:
-    """The same for one robot alone: all others are where the next one was, facing about, and hear nothing."""
-    count = len(observations.alive)
+def _scrambled(senses: Senses, robot: int) -> Senses:
+    """The same for one robot alone: all others are where the next one was, facing about."""
+    count = len(senses.alive)
     rows = np.roll(np.arange(count), 1)
     rows[robot] = robot
-    other = _chosen(observations, rows)
+    other = _chosen(senses, rows)
     turned = other.pose.copy()
     turned[np.arange(count) != robot, 2] += 1.0
-    inbox = observations.inbox
-    mine = None if inbox is None else inbox.take(np.flatnonzero(inbox.receivers == robot))
-    return replace(other, pose=turned, inbox=mine)
-
-
-@dataclass(frozen=True, slots=True)
-class Renamed(Streams):
-    """Streams in which robots go by other numbers."""
-
-    names: tuple[int, ...]  # (n,): the number under which each robot draws
-
-    def open(self, purpose: str, robot: int = -1) -> np.random.Generator:
-        """The stream of the robot of another number."""
-        return Streams.open(self, purpose, robot if robot < 0 else self.names[robot])
-
-
-def check_permutation(
-    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
-) -> None:
-    """Robots with other numbers say and do the same, but for the rounding of sums in another order.
-
-    Random streams go with the robots. Minds whose keys name robots, or that hash their numbers, need not pass.
-    """
-    run = opened(scenario, limited(overrides, iterations), False, allow_code)
-    followed, count = _followed(run), run.scenario.robots.count
-    rows = np.random.default_rng(run.scenario.seed).permutation(count)  # robot i is now the one that was rows[i]
-    with registry.own_code(allow_code):
-        mind = _mind(run, Renamed(run.scenario.seed, tuple(rows.tolist())))
-    for heard in followed:
-        before, after = (_chosen(given, rows) for given in (heard.before, heard.after))
-        said, intents = _repeated(mind, before, replace(after, inbox=_renamed(heard.after.inbox, rows)))
-        where = f"{scenario}, iteration {heard.before.iteration}"
-        for robot in np.flatnonzero(before.alive).tolist():
-            pairs = zip(said.of(robot).arrays(), heard.said.of(int(rows[robot])).arrays(), strict=True)
-            assert all(_close(mine, first) for mine, first in pairs), f"{where}: robot {robot} says something else"
-        for name in ("goals", "counts", "planned"):
-            mine, first = getattr(intents, name), getattr(heard.intents, name)[rows]
-            assert np.array_equal(mine[before.alive], first[before.alive]), f"{where}: other {name}"
-        if intents.twists is not None and heard.intents.twists is not None:
-            assert _close(intents.twists, heard.intents.twists[rows]), f"{where}: other twists"
-
-
-def _close(mine: NDArray[Any], first: NDArray[Any]) -> bool:
-    return bool(np.allclose(mine, first, rtol=1e-9, atol=1e-9, equal_nan=mine.dtype.kind == "f"))
-
-
-def _renamed(inbox: Inbox[Any] | None, rows: NDArray[np.int64]) -> Inbox[Any] | None:
-    """The inbox of robots with other numbers, in the order of those."""
-    if inbox is None:
-        return None
-    names = np.argsort(rows).astype(np.int32)
-    renamed = replace(inbox, receivers=names[inbox.receivers], senders=names[inbox.senders])
-    return renamed.take(np.lexsort((renamed.sent, renamed.senders, renamed.receivers)))
+    return replace(other, pose=turned)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -12,9 +12,9 @@ import numpy as np
 from swarmsim.core import registry
 from swarmsim.core.errors import PartError
 from swarmsim.core.messages import Said
-from swarmsim.core.parts import Computation
+from swarmsim.core.parts import Computation, Parts
 from swarmsim.core.scenario import load
-from swarmsim.core.state import Moment, Observations
+from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.digests import Digests
@@ -23,11 +23,17 @@ ITERATIONS: Final = 25  # of a run that is checked, unless told otherwise
 SLACK: Final = 1e-9  # m/s that wheels may be too fast by rounding
 
 
-def opened(scenario: Path | str, overrides: Sequence[str], strict: bool = False, allow_code: bool = False) -> Run:
-    """The run of a scenario file with `key=value` overrides. Raises InputError."""
+def opened(
+    scenario: Path | str,
+    overrides: Sequence[str],
+    strict: bool = False,
+    allow_code: bool = False,
+    watch: Callable[[Parts], Parts] | None = None,
+) -> Run:
+    """The run of a scenario file with `key=value` overrides; `watch` as in `build`. Raises InputError."""
     with registry.own_code(allow_code):
         path = Path(scenario)
-        return build(load(path, overrides), str(path), strict=strict)
+        return build(load(path, overrides), str(path), strict=strict, watch=watch)
 
 
 def limited(overrides: Sequence[str], iterations: int) -> tuple[str, ...]:
@@ -41,13 +47,14 @@ def check_strictly(
     """Every part keeps its contract in every iteration, messages are as long as they say, wheels within their limits.
 
     What is checked of each part's output is what a run checks of parts that are not ours, and that messages come out
-    of their codec as they went in.
+    of their codec as they went in. Probes are sampled as for a recording.
     """
     run = opened(scenario, limited(overrides, iterations), True, allow_code)
     parts, problems = run.simulation.parts, []
 
     class Check:
-        def sample(self, moment: Moment) -> None:
+        def sample(self, moment: Moment[Knowledge]) -> None:
+            run.sampled(moment)
             fastest = float(np.abs(moment.state.wheels).max(initial=0.0))
             if fastest > run.scenario.robots.speed + SLACK:
                 problems.append(f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}")
@@ -64,13 +71,13 @@ def check_strictly(
 
 
 @contextmanager
-def _weighed(computation: Computation, problems: list[str]) -> Iterator[None]:
+def _weighed(computation: Computation[Any, Knowledge], problems: list[str]) -> Iterator[None]:
     """For as long as this lasts, every message is packed and unpacked."""
     say = computation.say
 
-    def weighed(observations: Observations) -> Said[Any]:
-        said = say(observations)
-        wrong = contracts.message_sizes(said, computation.codec, observations.iteration)
+    def weighed(senses: Senses) -> Said[Any]:
+        said = say(senses)
+        wrong = contracts.message_sizes(said, computation.codec, senses.iteration)
         if wrong is not None:
             problems.append(wrong)
         return said
@@ -88,9 +95,9 @@ def check_determinism(
     """Two runs with the same seed are the same in every field of every iteration."""
     digests = []
     for _ in range(2):
-        probe = Digests()
-        opened(scenario, limited(overrides, iterations), False, allow_code).simulation.run([probe])
-        digests.append(probe)
+        observer = Digests()
+        opened(scenario, limited(overrides, iterations), False, allow_code).simulation.run([observer])
+        digests.append(observer)
     for iteration, (first, second) in enumerate(zip(digests[0].rows, digests[1].rows, strict=True)):
         assert first == second, f"{scenario}: two runs with the same seed differ in iteration {iteration}"
 
@@ -108,13 +115,3 @@ def check_silence(
 ) -> None:
     """Robots that hear nobody do what they can."""
     check_strictly(scenario, (*overrides, 'network.topology={use="none"}'), iterations, allow_code)
-
-
-def check_contracts(
-    scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
-) -> None:
-    """All checks of this package but that of permutation, which minds that draw by number need not pass."""
-    from swarmsim.testing.locality import check_locality
-
-    for check in (check_strictly, check_determinism, check_alone, check_silence, check_locality):
-        check(scenario, overrides, iterations, allow_code)

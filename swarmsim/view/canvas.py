@@ -85,7 +85,7 @@ class Canvas:
         self._actors.draw(self._surface, shot)
         self._surface.set_clip(None)
         if self._look.focus is not None:
-            self._magnify(shot)
+            self._magnify(shot, self._look.focus)
         for sheet, at in self._overlay:
             self._surface.blit(sheet, at)
         if "events" in self._look.layers:
@@ -145,10 +145,8 @@ class Canvas:
         pygame.draw.aacircle(mask, (255, 255, 255, 255), (reach, reach), reach)
         return camera, ground, reach, mask
 
-    def _magnify(self, shot: Shot) -> None:
+    def _magnify(self, shot: Shot, focus: int) -> None:
         """Show the surroundings of the robot that is looked at in a circle in a corner."""
-        focus = self._look.focus
-        assert focus is not None
         camera, ground, reach, mask = self._lens
         ground.show(shot.row)
         x, y = camera.pixels(shot.pose[focus, :2]).tolist()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import pygame
@@ -32,9 +32,9 @@ T = TypeVar("T")
 class Gathering:
     """Draws what robots have mapped themselves, in the frames of reference that they have in common.
 
-    It is a probe of the run, which gives it all that it draws. The maps of robots that know how their frames lie are
-    drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it is
-    turned about the place where its first robot started, so that this one looked to the right.
+    It is an observer of the run, which gives it all that it draws. The maps of robots that know how their frames lie
+    are drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it
+    is turned about the place where its first robot started, so that this one looked to the right.
     """
 
     def __init__(self, scene: Scene, start: NDArray[np.float64], film: Film) -> None:
@@ -56,7 +56,7 @@ class Gathering:
         self._roots = np.arange(len(start))
         self._place = self._cells(start[:, :2])  # where each robot's start is drawn, in cells ...
         self._turn = -start[:, 2]  # ... and how its map is turned, rad
-        self._moment: Moment | None = None
+        self._moment: Moment[Any] | None = None
 
     def _building(self, surface: pygame.Surface) -> pygame.Surface:
         """The floor plan in faint lines, as a help for those who watch."""
@@ -73,7 +73,7 @@ class Gathering:
         lattice = self._scene.lattice
         return np.asarray((points - (lattice.x0, lattice.y0))[:, ::-1] / lattice.cell)
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Any]) -> None:
         """Take note of one iteration."""
         tiles, frames = moment.readings.tiles, moment.knowledge.frames
         assert tiles is not None
@@ -88,11 +88,10 @@ class Gathering:
         """How many frames of reference there are."""
         return len(np.unique(self._roots))
 
-    def _drawn_at(self, robot: int) -> tuple[float, NDArray[np.float64]]:
+    def _drawn_at(self, robot: int, moment: Moment[Any]) -> tuple[float, NDArray[np.float64]]:
         """How a robot's map is to be turned, and where its start is to be drawn."""
-        assert self._moment is not None
         root = int(self._roots[robot])
-        error = Transform(*self._moment.knowledge.frames.errors[root, robot])
+        error = Transform(*moment.knowledge.frames.errors[root, robot])
         own = self._cells(self._start[[robot, root], :2])
         place = error.apply(own[:1])
         if root == 0:
@@ -110,7 +109,7 @@ class Gathering:
         pixels = pygame.surfarray.pixels3d(surface)
         order = sorted(range(len(cells)), key=lambda robot: (-int(self._roots[robot]), -robot))
         for robot in order:
-            turn, place = self._drawn_at(robot)
+            turn, place = self._drawn_at(robot, moment)
             away = (turn - self._turn[robot] + math.pi) % (2.0 * math.pi) - math.pi
             self._turn[robot] += SNAP * away
             self._place[robot] += SNAP * (place - self._place[robot])
@@ -164,7 +163,7 @@ class Gathering:
         yaw = float(pose[2] + self._turn[robot])
         self._pen.robot(self._surface, (float(at[0]), float(at[1])), yaw, size, colour, label)
 
-    def _tell(self, moment: Moment) -> None:
+    def _tell(self, moment: Moment[Any]) -> None:
         """The column at the right: what is shown, and whose frame each robot is in."""
         theme, width, height = self._theme, self._film.size[0] - self._left, self._film.size[1]
         pygame.draw.rect(self._surface, theme.background, (self._left, 0, width, height))

@@ -63,8 +63,9 @@ class Ground:
             changed = self.surface.get_rect()
         if changed.width:
             self.surface.blit(self._plain, changed, changed)
-            if self._scene.has_field:
-                self._field(row)
+            shares = self._scene.estimate(row)
+            if shares is not None:
+                self._field(shares)
             self.surface.blit(self._edges, changed, changed)
         self._row = row
 
@@ -92,9 +93,8 @@ class Ground:
             colours[levels == level] = colour
         return colours
 
-    def _field(self, row: int) -> None:
+    def _field(self, shares: NDArray[np.float64]) -> None:
         """Colour the floor by what robots make of the field."""
-        shares = self._scene.estimate(row)
         colours = self._theme.heat(np.nan_to_num(shares))
         for r, c in np.argwhere(np.isfinite(shares)).tolist():
             self.surface.fill(colours[r, c].tolist(), self._area(r, c))

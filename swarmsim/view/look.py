@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypedDict
 
 from swarmsim.core.errors import InputError
 from swarmsim.view.scene import Scene
@@ -56,6 +56,15 @@ class Look:
         for option, robot in [("--focus", self.focus), *(("--robots", robot) for robot in self.robots)]:
             if robot is not None and not 0 <= robot < scene.robots:
                 raise InputError(f"{option} {robot}: no such robot; expected 0 to {scene.robots - 1}")
+
+
+class LookKeys(TypedDict, total=False):
+    """The fields of a look, each of which may be left out."""
+
+    theme: str
+    layers: frozenset[str]
+    focus: int | None
+    robots: tuple[int, ...]
 
 
 def look(theme: str, show: str | None, hide: str | None, focus: int | None, robots: str | None) -> Look:

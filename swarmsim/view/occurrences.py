@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from swarmsim.core.events import Begins, Box, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event, boxes_at
 from swarmsim.core.scenario import Scenario
@@ -100,7 +100,7 @@ class Occurrences:
         return [note for note in self.notes[max(end - most, 0) : end] if iteration - note.iteration < within]
 
 
-def _mark(faults: list[dict[str, Any]]) -> Mark:
+def _mark(faults: list[dict[str, object]]) -> Mark:
     kinds = [fault["use"] for fault in faults]
     if "join" in kinds:
         return "late"

@@ -244,12 +244,13 @@ class Scene:
         before, after = people[row], people[self.row(row + 1)]
         return np.asarray(before + part * (after - before))
 
-    def estimate(self, row: int) -> NDArray[np.float64]:
+    def estimate(self, row: int) -> NDArray[np.float64] | None:
         """The field as robots estimate it in the mean (rows, columns): 0 and 1 are its ends on the floor at the end.
 
-        NaN where there is no floor.
+        NaN where there is no floor; None where they estimate nothing.
         """
-        assert self._field is not None
+        if self._field is None:
+            return None
         floor = self._recording["domain"]
         last = self._field.mean(self.iterations - 1)[floor]
         low, high = float(last.min()), float(last.max())

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import pygame
@@ -28,7 +28,7 @@ RENEWED: Final = 0.5  # s from one drawing of the panel to the next, of a run th
 SPEEDS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # iterations a second
 PUSH: Final = 0.5  # m/s
 #: What strikes the picked robot, by key: a name and the fault's table.
-STRIKES: Final[dict[int, tuple[str, dict[str, Any]]]] = {
+STRIKES: Final[dict[int, tuple[str, dict[str, object]]]] = {
     pygame.K_k: ("killed", {"use": "crash"}),
     pygame.K_r: ("removed", {"use": "remove"}),
     pygame.K_b: ("blinded", {"use": "sensor", "failure": "off"}),
@@ -67,7 +67,7 @@ class Show(Protocol):
         """Do one more iteration."""
         ...
 
-    def strike(self, fault: dict[str, Any], iteration: int) -> None:
+    def strike(self, fault: dict[str, object], iteration: int) -> None:
         """Let a fault strike at an iteration. Raises InputError."""
         ...
 
@@ -202,7 +202,7 @@ class Window:
         )
         if event.type == pygame.MOUSEMOTION:
             if self._dragged is not None and event.buttons[0]:
-                self._drag(event)
+                self._drag(event, self._dragged)
         elif event.type == pygame.MOUSEBUTTONDOWN and left:
             self._dragged, self._moved = event.pos, False
             if event.pos[1] >= self._screen.get_height() - BAR:
@@ -217,11 +217,10 @@ class Window:
             self._close_off(self._box, event.pos)
             self._box = None
 
-    def _drag(self, event: pygame.event.Event) -> None:
-        assert self._dragged is not None
-        if self._dragged[1] >= self._screen.get_height() - BAR:
+    def _drag(self, event: pygame.event.Event, start: tuple[int, int]) -> None:
+        if start[1] >= self._screen.get_height() - BAR:
             self._scrub(event.pos[0])
-        elif self._moved or np.hypot(event.pos[0] - self._dragged[0], event.pos[1] - self._dragged[1]) > 4.0:
+        elif self._moved or np.hypot(event.pos[0] - start[0], event.pos[1] - start[1]) > 4.0:
             self._camera = self._canvas.camera.moved(*event.rel)
             self._canvas = self._drawn()
             self._moved = True
@@ -265,7 +264,7 @@ class Window:
             self._canvas.renew()
             self._renewed = now
 
-    def _strike(self, word: str, fault: dict[str, Any]) -> None:
+    def _strike(self, word: str, fault: dict[str, object]) -> None:
         """Let a fault strike the picked robot, from the iteration that comes next."""
         if self.picked is None:
             self.words = "pick a robot first: click on it"
@@ -291,7 +290,7 @@ class Window:
         box = [round(edge, 2) for edge in (min(x1, x2), min(y1, y2), max(x1, x2), max(y1, y2))]
         self._try({"use": "door", "box": box}, "door closed")
 
-    def _try(self, fault: dict[str, Any], word: str) -> None:
+    def _try(self, fault: dict[str, object], word: str) -> None:
         iteration = int(self.time) + 1  # after the one that is seen, however far the run has come
         try:
             self._show.strike(fault, iteration)

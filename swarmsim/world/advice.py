@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -33,12 +33,12 @@ class Group:
 def groups(drawing: Drawing) -> list[Group]:
     """The groups of a drawing, those that show most first."""
     count: Counter[tuple[str, str]] = Counter()
-    ink: Counter[tuple[str, str]] = Counter()
+    ink: defaultdict[tuple[str, str], float] = defaultdict(float)
     for shape in drawing.shapes:
         count[shape.group, shape.layer] += 1
         ink[shape.group, shape.layer] += shape.fill.area + shape.stroke.area
     whole = sum(ink.values()) or 1.0
-    found = [Group(name, layer, count[name, layer], float(ink[name, layer]) / whole) for name, layer in count]
+    found = [Group(name, layer, count[name, layer], ink[name, layer] / whole) for name, layer in count]
     return sorted(found, key=lambda group: -group.share)
 
 

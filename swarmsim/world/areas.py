@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import lru_cache
+from typing import Final, Literal
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, affinity
+from shapely.geometry.base import BaseGeometry
 from svgelements import Matrix
 
 from swarmsim.world.elements import Element, ElementError
@@ -20,8 +22,14 @@ from swarmsim.world.viewport import LARGEST, Page
 _GRID = 1e-9  # m, coordinates are rounded to it, which welds walls that abut
 _BOUNDLESS = 1e12  # user units, beyond which geometry fails before the scale applies
 _MANY = 1000  # shapes; from so many on, only those that touch are united
-_CAPS = {"butt": "flat", "round": "round", "square": "square"}
-_JOINS = {"miter": "mitre", "miter-clip": "mitre", "arcs": "mitre", "round": "round", "bevel": "bevel"}
+_CAPS: Final[dict[str, Literal["flat", "round", "square"]]] = {"butt": "flat", "round": "round", "square": "square"}
+_JOINS: Final[dict[str, Literal["mitre", "round", "bevel"]]] = {
+    "miter": "mitre",
+    "miter-clip": "mitre",
+    "arcs": "mitre",
+    "round": "round",
+    "bevel": "bevel",
+}
 _UNSCALED = "non-scaling-stroke"
 _FEW = 20_000  # corners of an outline, of which any number of crossings is borne
 _MOST_CROSSINGS = 2_000_000
@@ -55,7 +63,7 @@ def covered(
         raise ElementError(f"its geometry cannot be built ({error}); redraw it") from None
 
 
-def united(geometries: Iterable[shapely.Geometry]) -> MultiPolygon:
+def united(geometries: Iterable[BaseGeometry]) -> MultiPolygon:
     """The union as a MultiPolygon, rounded to the grid."""
     shapes = np.array(list(geometries), dtype=object)
     if len(shapes) < _MANY:
@@ -85,9 +93,9 @@ def joined(shapes: Iterable[MultiPolygon]) -> MultiPolygon:
     return solid[0] if len(solid) == 1 else united(solid) if solid else MultiPolygon()
 
 
-def polygons(geometry: shapely.Geometry) -> MultiPolygon:
+def polygons(geometry: BaseGeometry) -> MultiPolygon:
     """The polygons in a geometry, without points and lines."""
-    if geometry.geom_type == "Polygon":
+    if isinstance(geometry, shapely.Polygon):
         return MultiPolygon([geometry] if geometry.area > 0.0 else [])
     parts = shapely.get_parts(geometry)
     while any(part.geom_type == "GeometryCollection" for part in parts):
@@ -127,10 +135,11 @@ def _painted(
     fill = stroke = MultiPolygon()
     pen = 0.0
     if paints[0] and element.tag != "line":
-        fill = _simply_filled(lines, placed)
-        if fill is None:
+        simply = _simply_filled(lines, placed)
+        if simply is None:
             filled = _filled(lines, style["fill-rule"] == "evenodd")
-            fill = polygons(affinity.affine_transform(filled, coefficients))
+            simply = polygons(affinity.affine_transform(filled, coefficients))
+        fill = simply
     if paints[1]:
         unscaled = style["vector-effect"] == _UNSCALED
         width = _pen(style, page)
@@ -160,11 +169,11 @@ def _simply_filled(lines: Outlines, placed: Outlines) -> MultiPolygon | None:
         corners = corners[np.append(True, moves)]
     if len(corners) < 3:
         return MultiPolygon()
-    polygon = shapely.polygons(corners)
+    polygon = shapely.Polygon(corners)
     return polygons(polygon) if polygon.is_valid else None
 
 
-def _filled(outlines: Outlines, even_odd: bool) -> shapely.Geometry:
+def _filled(outlines: Outlines, even_odd: bool) -> BaseGeometry:
     """What the outlines enclose by the fill rule."""
     rings = []
     for points, _ in outlines:
@@ -189,7 +198,7 @@ def _check_crossings(rings: list[Points]) -> None:
     ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings]) if rings else np.empty((0, 2, 2))
     if len(ends) <= _FEW:
         return
-    segments = shapely.linestrings(ends)
+    segments = np.asarray(shapely.linestrings(ends))
     sample = segments[:: len(segments) // 1000]
     met = len(shapely.STRtree(segments).query(sample, predicate="intersects")[0])
     crossings = 0.5 * (met / len(sample) - 3.0) * len(segments)  # each meets itself and those before and after it
@@ -221,7 +230,7 @@ def _pen(style: Style, page: Page) -> float:
     return width
 
 
-def _stroked(outlines: Outlines, style: Style, page: Page, flatness: float, width: float) -> shapely.Geometry:
+def _stroked(outlines: Outlines, style: Style, page: Page, flatness: float, width: float) -> BaseGeometry:
     """What a pen of this width covers; a mitre beyond its limit is cut there."""
     limit = page.units(style["stroke-miterlimit"], "stroke-miterlimit")
     try:
@@ -231,12 +240,19 @@ def _stroked(outlines: Outlines, style: Style, page: Page, flatness: float, widt
     if width == 0.0:
         return MultiPolygon()
     quarter = math.ceil(math.pi / 2.0 / chord_angle(width / 2.0, flatness))
-    pen = {"cap_style": cap, "quad_segs": min(quarter, 10_000)}
     parts = []
     for points, closed in outlines:
         ring = closed and len(np.unique(points, axis=0)) >= 3
         line = shapely.LinearRing(points) if ring else shapely.LineString(points)
         if line.length == 0.0 and cap == "flat":
             continue
-        parts.append(shapely.buffer(line, width / 2.0, join_style=join, mitre_limit=max(limit, 1.0), **pen))
+        around = shapely.buffer(
+            line,
+            width / 2.0,
+            quad_segs=min(quarter, 10_000),
+            cap_style=cap,
+            join_style=join,
+            mitre_limit=max(limit, 1.0),
+        )
+        parts.append(around)
     return shapely.union_all(parts)

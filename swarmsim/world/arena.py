@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 from shapely.strtree import STRtree
 
 from swarmsim.core.errors import InputError
@@ -145,7 +146,7 @@ class Arena:
         """The free cells (rows, columns) at whose centre a disc of `radius` (m) is clear of all walls."""
         reach = math.ceil(radius / self.lattice.cell)  # farther from every occupied cell, nothing is in the way
         close = around(self.occupied, reach) & ~self.occupied
-        edges = STRtree(shapely.linestrings(self.segments.reshape(-1, 2, 2)))
+        edges = STRtree(np.asarray(shapely.linestrings(self.segments.reshape(-1, 2, 2))))
         places = np.argwhere(close)
         touching, _ = edges.query(
             shapely.points(self.lattice.centres(places)), predicate="dwithin", distance=radius - TOUCH
@@ -169,7 +170,7 @@ class Arena:
         """The same world on the same lattice with boxes standing in it besides; they lie on its page."""
         walls = shapely.union_all([self.solid, *(shapely.box(*box) for box in boxes)])
         segments = boundary(walls)
-        solid = shapely.multipolygons(shapely.get_parts(walls))
+        solid = MultiPolygon(list(shapely.get_parts(walls)))
         return replace(self, solid=solid, occupied=shares(segments, self.lattice) > _SLIVER, segments=segments)
 
     def still_reachable(self, before: Cells, home: Cells, boxes: Sequence[Box], radius: float) -> Cells:
@@ -212,7 +213,7 @@ class Arena:
         )
 
 
-def place_in(shape: shapely.Geometry) -> str:
+def place_in(shape: BaseGeometry) -> str:
     """A point inside `shape`, as messages write it."""
     point = shape.centroid if shape.contains(shape.centroid) else shape.point_on_surface()
     return spot(point.x, point.y)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
@@ -16,6 +16,7 @@ from shapely import MultiPolygon, affinity
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import polygons
+from swarmsim.world.entities import Entity, Model
 from swarmsim.world.plan import DOORS_LAYER
 from swarmsim.world.sections import section
 from swarmsim.world.shapes import Drawing, Shape
@@ -76,7 +77,7 @@ def cut(path: Path, world: World) -> Drawing:
         raise InputError(_broken(path, problem)) from None
 
 
-def _drawing(model: Any, path: Path, world: World) -> Drawing:
+def _drawing(model: Model, path: Path, world: World) -> Drawing:
     from ifcopenshell.util.unit import calculate_unit_scale
 
     metre = float(calculate_unit_scale(model))
@@ -124,13 +125,13 @@ def _drawing(model: Any, path: Path, world: World) -> Drawing:
 class _Geometry:
     """Cuts elements at a height, and notes those that cannot be cut."""
 
-    def __init__(self, model: Any, height: float) -> None:
+    def __init__(self, model: Model, height: float) -> None:
         """`height` is that of the cut in the model's coordinates, m."""
         self._model = model
         self._height = height
         self._lost: Counter[str] = Counter()
 
-    def pieces(self, elements: Sequence[Any]) -> Iterator[_Piece]:
+    def pieces(self, elements: Sequence[Entity]) -> Iterator[_Piece]:
         """What elements cover with their openings cut out, in the order of their numbers."""
         areas = self.areas(elements, {})
         self._lost.update(one.is_a() for one in elements if one.Representation is None and not one.IsDecomposedBy)
@@ -138,7 +139,7 @@ class _Geometry:
             if one.id() in areas and not areas[one.id()].is_empty:
                 yield _Piece(areas[one.id()], _layer(one), one.is_a(), _where(one))
 
-    def areas(self, elements: Sequence[Any], settings: Mapping[str, bool]) -> dict[int, MultiPolygon]:
+    def areas(self, elements: Sequence[Entity], settings: Mapping[str, bool]) -> dict[int, MultiPolygon]:
         """What elements cover, by their numbers."""
         from ifcopenshell import geom
 
@@ -176,31 +177,32 @@ class _Geometry:
         return f"the shapes of {_listed(self._lost)} are missing or broken, and left out" if self._lost else ""
 
 
-def _elements(model: Any) -> list[Any]:
+def _elements(model: Model) -> list[Entity]:
     """All elements that are solid, each once, in the order of their numbers."""
     found = {one.id(): one for kind in (*_BUILT, *_LAYERS) for one in _of(model, kind)}
     return [one for _, one in sorted(found.items()) if not any(_whole(one).is_a(kind) for kind in _PASSED_OVER)]
 
 
-def _of(model: Any, kind: str) -> Iterable[Any]:
+def _of(model: Model, kind: str) -> Sequence[Entity]:
     try:
-        return model.by_type(kind)  # type: ignore[no-any-return]
+        return model.by_type(kind)
     except RuntimeError:  # another version of IFC has this class
         return ()
 
 
-def _whole(element: Any) -> Any:
+def _whole(element: Entity) -> Entity:
     """What a part is a part of, or the element itself."""
     from ifcopenshell.util.element import get_aggregate
 
-    return (get_aggregate(element) or element) if element.is_a("IfcBuildingElementPart") else element
+    whole: Entity | None = get_aggregate(element) if element.is_a("IfcBuildingElementPart") else None
+    return whole or element
 
 
-def _layer(element: Any) -> str:
+def _layer(element: Entity) -> str:
     return next((layer for kind, layer in _LAYERS.items() if _whole(element).is_a(kind)), "walls")
 
 
-def _holders(model: Any) -> dict[int, int]:
+def _holders(model: Model) -> dict[int, int]:
     """The id of the storey that holds each element, by the element's."""
     from ifcopenshell.util.element import get_container
 
@@ -212,7 +214,7 @@ def _holders(model: Any) -> dict[int, int]:
     return found
 
 
-def _gaps(model: Any, elements: Sequence[Any], geometry: _Geometry) -> tuple[list[_Piece], list[_Piece]]:
+def _gaps(model: Model, elements: Sequence[Entity], geometry: _Geometry) -> tuple[list[_Piece], list[_Piece]]:
     """The openings that robots can go through, and those that windows fill, as thick as their walls."""
     hosts = {one.id(): one for one in elements}
     pairs = [
@@ -247,7 +249,7 @@ def _gaps(model: Any, elements: Sequence[Any], geometry: _Geometry) -> tuple[lis
     return [gap for gap in gaps if not gap.area.is_empty], windows
 
 
-def _gap(area: MultiPolygon, through: Any) -> _Piece:
+def _gap(area: MultiPolygon, through: Entity) -> _Piece:
     from ifcopenshell.util.element import get_pset
 
     outer = get_pset(through, "Pset_DoorCommon", "IsExternal") if through.is_a("IfcDoor") else None
@@ -269,7 +271,7 @@ def _leading_out(solids: Sequence[MultiPolygon], gaps: Sequence[_Piece]) -> list
     return leading
 
 
-def _where(element: Any) -> str:
+def _where(element: Entity) -> str:
     name = str(element.Name or "").strip()
     return f"{element.is_a()} {name!r} (#{element.id()})" if name else f"{element.is_a()} (#{element.id()})"
 
@@ -278,7 +280,7 @@ def _listed(counts: Counter[str]) -> str:
     return ", ".join(f"{count} {kind}" for kind, count in counts.most_common(8))
 
 
-def _opened(path: Path) -> Any:
+def _opened(path: Path) -> Model:
     """The model in a file. Raises InputError."""
     import ifcopenshell
 
@@ -294,9 +296,10 @@ def _opened(path: Path) -> Any:
     if b"END-ISO-10303-21" not in end:
         raise InputError(f"{path}: is not whole: END-ISO-10303-21 is missing at its end; expected the complete file")
     try:
-        return ifcopenshell.open(path)
+        model: Model = ifcopenshell.open(path)
     except Exception as problem:
         raise InputError(_broken(path, problem)) from None
+    return model
 
 
 def _broken(path: Path, problem: Exception) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.lattice import Lattice
 
 
-def boundary(walls: shapely.MultiPolygon) -> NDArray[np.float64]:
+def boundary(walls: BaseGeometry) -> NDArray[np.float64]:
     """The edges (s, 4) of all rings, with the solid side on the left."""
     rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(walls)))
     corners, ring = shapely.get_coordinates(rings, return_index=True)

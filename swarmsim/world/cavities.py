@@ -87,7 +87,7 @@ def _has_partner(lines: NDArray[np.object_]) -> NDArray[np.bool_]:
     real = length > _TOUCHING
     start, end, owner, length = start[real], end[real], owner[real], length[real]
     along = (end - start) / length[:, None]
-    segments = shapely.linestrings(np.stack([start, end], axis=1))
+    segments = np.asarray(shapely.linestrings(np.stack([start, end], axis=1)))
     one, other = shapely.STRtree(segments).query(segments, predicate="dwithin", distance=NEAR[1])
     sine = along[one, 0] * along[other, 1] - along[one, 1] * along[other, 0]
     one, other = one[(one != other) & (np.abs(sine) < _PARALLEL)], other[(one != other) & (np.abs(sine) < _PARALLEL)]
@@ -147,11 +147,11 @@ def _caps(sides: NDArray[np.object_]) -> list[shapely.LineString]:
         return []
     place, way = np.array(tips), np.array(ways)
     way /= np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None]
-    points = shapely.points(place)
+    points = np.asarray(shapely.points(place))
     tip, met = shapely.STRtree(sides).query(points, predicate="dwithin", distance=_GAP)
     other = met != np.array(own)[tip]
     tip, met = tip[other], met[other]
-    bridges = shapely.shortest_line(points[tip], sides[met])
+    bridges = np.asarray(shapely.shortest_line(points[tip], sides[met]))
     caps = list(bridges[shapely.length(bridges) > _GRID])
     loose = np.setdiff1d(np.arange(len(place)), tip)
     if len(loose) < 2:

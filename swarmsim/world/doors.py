@@ -13,6 +13,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.world.areas import joined, polygons
 from swarmsim.world.shapes import NOTHING, Line, Shape
@@ -48,7 +49,7 @@ class MadeDoors:
     """Openings for rooms that were closed."""
 
     doors: tuple[shapely.Polygon, ...]
-    cuts: shapely.Geometry  # all of them together
+    cuts: BaseGeometry  # all of them together
 
 
 def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.Polygon]]:
@@ -256,7 +257,7 @@ def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHIN
             reached.add(room)
 
 
-def opened(walls: MultiPolygon, cuts: shapely.Geometry) -> MultiPolygon:
+def opened(walls: MultiPolygon, cuts: BaseGeometry) -> MultiPolygon:
     """The walls with openings cut into them; the insides of walls that these cross are solid beside them."""
     if cuts.is_empty or walls.is_empty:
         return walls
@@ -290,7 +291,7 @@ def _door(
     room: shapely.Polygon,
     into: shapely.Polygon,
     width: float,
-    closed_to: shapely.Geometry,
+    closed_to: BaseGeometry,
     others: list[shapely.Polygon],
 ) -> shapely.Polygon | None:
     """An opening between two rooms in the longest straight stretch of wall between them, if there is a place for it."""

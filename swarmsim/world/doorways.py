@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 WIDTH: Final = 0.9  #: m, of a door that does not say its own
 
@@ -35,21 +36,21 @@ class _Place:
 class Walls:
     """The borders of rooms, and walls that are lines, with what lies on either side."""
 
-    def __init__(self, rooms: Sequence[shapely.Geometry], lines: Sequence[shapely.Geometry]) -> None:
+    def __init__(self, rooms: Sequence[BaseGeometry], lines: Sequence[BaseGeometry]) -> None:
         self._rooms = shapely.STRtree(list(rooms))
         self._any = bool(len(rooms))
         borders = [shapely.boundary(shapely.simplify(room, _STRAIGHT)) for room in rooms]
         self._ends = _segments([*borders, *lines])
         self._borders = len(_segments(borders))
-        self._segments = shapely.STRtree(shapely.linestrings(self._ends) if len(self._ends) else [])
+        self._segments = shapely.STRtree(np.asarray(shapely.linestrings(self._ends)) if len(self._ends) else [])
 
-    def opening(self, mark: shapely.Geometry, width: float) -> shapely.Polygon | None:
+    def opening(self, mark: BaseGeometry, width: float) -> shapely.Polygon | None:
         """The opening for a door at `mark`, a point or a line as long as the door, from room to room.
 
         None if there is no wall, or a room on one side alone: a door that leads outside stays closed. A door at a
         corner moves along the wall that parts two rooms.
         """
-        places = self._at_point(mark, width) if mark.geom_type == "Point" else self._at_line(mark)
+        places = self._at_point(mark, width) if isinstance(mark, shapely.Point) else self._at_line(mark)
         rated = [(self._sides(place), place) for place in places]
         if not rated:
             return None
@@ -77,7 +78,7 @@ class Walls:
             places.append(_Place(middle, along, wide, off + abs(at - nearest), bool(index < self._borders)))
         return places
 
-    def _at_line(self, mark: shapely.Geometry) -> list[_Place]:
+    def _at_line(self, mark: BaseGeometry) -> list[_Place]:
         corners = shapely.get_coordinates(mark)
         length = float(np.hypot(*(corners[-1] - corners[0])))
         if length < _JAMB:
@@ -108,7 +109,7 @@ class Walls:
         return min(seen[0][0], seen[1][0]), (seen[0][2] + _BEYOND, seen[1][2] + _BEYOND)
 
 
-def _segments(lines: Sequence[shapely.Geometry]) -> NDArray[np.float64]:
+def _segments(lines: Sequence[BaseGeometry]) -> NDArray[np.float64]:
     """The straight pieces (k, 2, 2) of lines."""
     parts = shapely.get_parts(shapely.get_parts(np.array(lines, dtype=object)))
     corners, owner = shapely.get_coordinates(parts, return_index=True)

@@ -6,11 +6,12 @@ import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
@@ -125,7 +126,7 @@ class _Walls:
     def __init__(self, drawn: Sequence[Primitive], layers: Sequence[str | None]) -> None:
         """`layers` has the layer of each thing, and None for symbols of doors."""
         self.pens = np.full(len(drawn), THIN)  # m
-        self.within: list[list[shapely.Geometry]] = [[] for _ in drawn]  # where they need no pen
+        self.within: list[list[BaseGeometry]] = [[] for _ in drawn]  # where they need no pen
         self.insides: list[Shape] = []
         hairlines = [(i, line) for i, one in enumerate(drawn) if not one.pen for line in one.lines]
         for layer in ("", "walls"):
@@ -140,7 +141,7 @@ class _Walls:
                 self.within[i].append(inside)
 
 
-def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[int, shapely.Geometry]]:
+def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[int, BaseGeometry]]:
     """Each shape that touches the inside of a wall, with that inside, slightly larger: it needs no pen there."""
     if len(found.between):
         grown = shapely.buffer(found.between, FLATNESS, join_style="mitre")
@@ -149,7 +150,7 @@ def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[i
             yield own[line][0], grown[inside]
 
 
-def _drawn(lines: Sequence[Line], pen: float, within: Sequence[shapely.Geometry]) -> MultiPolygon:
+def _drawn(lines: Sequence[Line], pen: float, within: Sequence[BaseGeometry]) -> MultiPolygon:
     """What a pen covers along lines, where they do not border the inside of a wall."""
     shown = np.array([_ring(line) for line in lines], object)
     for inside in within:
@@ -158,7 +159,7 @@ def _drawn(lines: Sequence[Line], pen: float, within: Sequence[shapely.Geometry]
     return polygons(drawn[0] if len(drawn) == 1 else shapely.union_all(drawn))
 
 
-def _ring(line: Line) -> shapely.Geometry:
+def _ring(line: Line) -> BaseGeometry:
     return shapely.LinearRing(line) if _is_closed(line) else shapely.LineString(line)
 
 
@@ -240,5 +241,5 @@ def _quiet(path: Path) -> Iterator[None]:
         log.disabled = silent
 
 
-def _first_line(problem: Any) -> str:
+def _first_line(problem: Exception) -> str:
     return (str(problem).splitlines() or [""])[0][:120]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.world.areas import polygons
 from swarmsim.world.indoor import FLOORS, kind_of, width_of
@@ -24,8 +25,8 @@ WALL: Final = 0.1  #: m, a wall of an indoor map that is a line without a width
 class Feature:
     """One feature of a map."""
 
-    properties: Mapping[str, Any]
-    shape: shapely.Geometry  # in metres or degrees
+    properties: Mapping[str, object]
+    shape: BaseGeometry  # in metres or degrees
     where: str  # what messages call it
 
 
@@ -35,7 +36,7 @@ class Part:
 
     feature: Feature
     role: str
-    shape: shapely.Geometry  # in m
+    shape: BaseGeometry  # in m
 
     @property
     def flat(self) -> bool:
@@ -56,7 +57,7 @@ class Part:
         return Shape(area, layer=layer, group=kind_of(own), spawn=spawn, where=self.feature.where)
 
 
-def thick(shape: shapely.Geometry, width: Any) -> tuple[MultiPolygon, str]:
+def thick(shape: BaseGeometry, width: object) -> tuple[MultiPolygon, str]:
     """The area of a geometry whose lines are `width` (m) thick, and what is wrong with it."""
     parts = shapely.get_parts(shape)
     lines = [part for part in parts if "Line" in part.geom_type]
@@ -68,7 +69,7 @@ def thick(shape: shapely.Geometry, width: Any) -> tuple[MultiPolygon, str]:
     return polygons(shape), ""
 
 
-def not_a_place(shape: shapely.Geometry) -> str:
+def not_a_place(shape: BaseGeometry) -> str:
     """What is wrong with the coordinates of a geometry, or nothing."""
     corners = shapely.get_coordinates(shape)
     if shape.is_empty or not np.isfinite(corners).all():
@@ -78,7 +79,7 @@ def not_a_place(shape: shapely.Geometry) -> str:
     return ""
 
 
-def not_an_area(shape: shapely.Geometry) -> str:
+def not_an_area(shape: BaseGeometry) -> str:
     """What is wrong with the outlines of a geometry, or nothing."""
     if not shape.is_valid:
         return f"not a valid area ({shapely.is_valid_reason(shape)}); its rings should neither cross nor overlap"

@@ -7,16 +7,18 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import shapely
 from shapely import MultiPolygon, affinity
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import joined, polygons
 from swarmsim.world.features import Feature, layer_named, not_a_place, not_an_area, thick
+from swarmsim.world.indoor import texts
 from swarmsim.world.maps import drawn
 from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.problems import Problems
@@ -81,7 +83,7 @@ def plan_from(
     for place, properties, geometry in _features(table, problems):
         if geometry is None:
             continue
-        called = [properties[key] for key in _NAMES if isinstance(properties.get(key), str)]
+        called = list(texts(properties, _NAMES).values())
         shape, wrong = _geometry(geometry)
         wrong = wrong or not_a_place(shape)
         wrong = wrong or not_an_area(shape)
@@ -128,7 +130,7 @@ def read(source: str, name: str, world: World) -> Drawing:
     return drawn(features(table, name), name, world, page, unit="m" if _MARK in table else "")
 
 
-def features(table: dict[str, Any], name: str) -> list[Feature]:
+def features(table: dict[str, object], name: str) -> list[Feature]:
     """The features of a GeoJSON object. Raises InputError with all that is wrong.
 
     Empty coordinates are no geometry, as RFC 7946 allows: such features are there for what they say.
@@ -170,7 +172,7 @@ def read_wkt(source: str, name: str, world: World) -> Drawing:
     return sheet(name, walls, world, None, "m", ())
 
 
-def parsed(source: str, name: str) -> dict[str, Any]:
+def parsed(source: str, name: str) -> dict[str, object]:
     """The GeoJSON object in a text. Raises InputError."""
     try:
         table = json.loads(source)
@@ -211,7 +213,7 @@ def _plan(
     return FloorPlan(joined(layers.values()), layers, spawns, page, scaled(unknown), tuple(notices), border)
 
 
-def _features(table: dict[str, Any], problems: Problems) -> Iterator[tuple[str, dict[str, Any], Any]]:
+def _features(table: dict[str, object], problems: Problems) -> Iterator[tuple[str, dict[str, object], object]]:
     """Place, properties and geometry, or None, of each feature; tells what is wrong with them."""
     features = table.get("features") if table.get("type") == "FeatureCollection" else [table]
     if not isinstance(features, list):
@@ -232,7 +234,7 @@ def _features(table: dict[str, Any], problems: Problems) -> Iterator[tuple[str, 
         yield place, properties, feature.get("geometry") if feature.get("type") == "Feature" else feature
 
 
-def _geometry(geometry: Any) -> tuple[shapely.Geometry, str]:
+def _geometry(geometry: object) -> tuple[BaseGeometry, str]:
     """A geometry, and what is wrong with it."""
     if not isinstance(geometry, dict):
         return MultiPolygon(), "its geometry is no object; expected such as a Polygon"
@@ -245,7 +247,7 @@ def _geometry(geometry: Any) -> tuple[shapely.Geometry, str]:
     return shape, ""
 
 
-def _page(table: dict[str, Any], name: str) -> Box | None:
+def _page(table: dict[str, object], name: str) -> Box | None:
     """The page that `bbox` says. Raises InputError."""
     if table.get("bbox") is None:
         return None
@@ -254,7 +256,7 @@ def _page(table: dict[str, Any], name: str) -> Box | None:
     raise InputError(f"{name}: bbox is no box; expected [left, lower, right, upper] in m")
 
 
-def _box(box: Any) -> Box | None:
+def _box(box: object) -> Box | None:
     """A box of two or three dimensions in two, if it is one."""
     if isinstance(box, list) and len(box) in (4, 6):
         sides = [float(side) for side in box if isinstance(side, int | float) and not isinstance(side, bool)]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Iterable, Mapping
+from typing import Final
 
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER
 
@@ -36,16 +36,25 @@ _UNITS: Final = {
         NO_FLOOR,
     ),
 }
+_KINDS: Final = (  # what may say what a feature is, what says most first
+    "category", "feature_type", "room", "highway", "buildingpart", "indoor", "type", "building", "amenity", "layer",
+)  # fmt: skip
 _CLIMBING: Final = ("stairs", "elevator", "steps", "escalator")  # values of `room` and `highway`
 
 
-def role_of(properties: Mapping[str, Any]) -> str:
+def texts(properties: Mapping[str, object], keys: Iterable[str]) -> dict[str, str]:
+    """Those of the properties with these keys that are texts."""
+    return {key: value for key in keys if isinstance(value := properties.get(key), str)}
+
+
+def role_of(properties: Mapping[str, object]) -> str:
     """The layer of a floor plan that an indoor feature belongs to, one of the roles above, or empty if it is none."""
     kind = properties.get("feature_type")
     if isinstance(kind, str):
         category = str(properties.get("category") or "").casefold()
         return _UNITS.get(category, FLOOR_LAYER) if kind == "unit" else _IMDF.get(kind, IGNORED)
-    if (part := properties.get("buildingpart")) in _PARTS:  # as OpenStreetMap had it before `indoor=room`
+    part = properties.get("buildingpart")
+    if isinstance(part, str) and part in _PARTS:  # as OpenStreetMap had it before `indoor=room`
         return _PARTS[part]
     kind = properties.get("indoor")
     if isinstance(kind, str) and kind != "no":
@@ -60,26 +69,12 @@ def role_of(properties: Mapping[str, Any]) -> str:
     return _WRLD3D.get(kind, "") if isinstance(kind, str) else ""
 
 
-def kind_of(properties: Mapping[str, Any]) -> str:
+def kind_of(properties: Mapping[str, object]) -> str:
     """What the file itself calls a feature."""
-    for key in (
-        "category",
-        "feature_type",
-        "room",
-        "highway",
-        "buildingpart",
-        "indoor",
-        "type",
-        "building",
-        "amenity",
-        "layer",
-    ):
-        if isinstance(properties.get(key), str):
-            return str(properties[key])
-    return "other"
+    return next(iter(texts(properties, _KINDS).values()), "other")
 
 
-def width_of(properties: Mapping[str, Any]) -> float | None:
+def width_of(properties: Mapping[str, object]) -> float | None:
     """The property `width` in m, as OpenStreetMap writes it: 0.9, 0.9 m or 90 cm; None if there is none."""
     value = properties.get("width")
     if isinstance(value, int | float) and not isinstance(value, bool):

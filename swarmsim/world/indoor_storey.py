@@ -9,6 +9,7 @@ from typing import Final
 
 import shapely
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.world.areas import polygons
 from swarmsim.world.doorways import WIDTH, Walls
@@ -120,7 +121,7 @@ def _doors(
     return found
 
 
-def _inside(areas: Sequence[MultiPolygon]) -> shapely.Geometry:
+def _inside(areas: Sequence[MultiPolygon]) -> BaseGeometry:
     """What lies inside of a building's outer walls."""
     whole = polygons(shapely.union_all(areas))
     filled = shapely.union_all([shapely.Polygon(piece.exterior) for piece in whole.geoms])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 from swarmsim.core.errors import InputError
 
@@ -13,14 +13,15 @@ _TALLEST: Final = 200  # levels in one range
 _LISTED: Final = 20  # levels in one message
 
 
-def levels_of(properties: Mapping[str, Any]) -> frozenset[str]:
+def levels_of(properties: Mapping[str, object]) -> frozenset[str]:
     """The levels that a feature lies on, as OSM (`level`, `repeat_on`: 0;1 or 0-3) or IMDF (`level_id`) say it."""
-    if isinstance(properties.get("level_id"), str):
-        return frozenset([properties["level_id"]])
+    level = properties.get("level_id")
+    if isinstance(level, str):
+        return frozenset([level])
     return frozenset().union(*(_listed(properties.get(key)) for key in ("level", "repeat_on")))
 
 
-def _listed(value: Any) -> list[str]:
+def _listed(value: object) -> list[str]:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [f"{value:g}"]
     found = []

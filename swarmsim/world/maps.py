@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
 from swarmsim.world.features import Feature, Part, layer_named, not_an_area, thick
-from swarmsim.world.indoor import IGNORED, NO_FLOOR, OUTLINE, PLACES, role_of, width_of
+from swarmsim.world.indoor import IGNORED, NO_FLOOR, OUTLINE, PLACES, role_of, texts, width_of
 from swarmsim.world.indoor_storey import storey
 from swarmsim.world.levels import chosen, levels_of
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, LAYERS, SPAWN_LAYER
@@ -61,18 +62,16 @@ def drawn(
     return sheet(name, shapes, world, page, unit, notices)
 
 
-def _role(properties: Mapping[str, Any], world: World) -> tuple[str, bool]:
+def _role(properties: Mapping[str, object], world: World) -> tuple[str, bool]:
     """What a feature is, and whether the tags of indoor maps say so."""
     given = {**world.layers, FLOOR_LAYER: [*world.layers.get(FLOOR_LAYER, ()), *world.floor]}
-    named = [str(properties[key]) for key in (*_NAMES, *_KINDS) if isinstance(properties.get(key), str)]
-    if layer := layer_named(named, given):
+    if layer := layer_named(list(texts(properties, (*_NAMES, *_KINDS)).values()), given):
         return layer, False
     own = {layer: [layer] for layer in LAYERS if layer != FLOOR_LAYER and layer not in world.layers}
-    called = {key: [properties[key]] for key in _NAMES if isinstance(properties.get(key), str)}
-    layer = layer_named([*called.get("layer", ()), *called.get("class", ())], own)
+    layer = layer_named(list(texts(properties, _NAMES[:2]).values()), own)
     if not layer and (role := role_of(properties)):
         return role, True
-    return layer or layer_named([*called.get("name", ()), *called.get("id", ())], own), False
+    return layer or layer_named(list(texts(properties, _NAMES[2:]).values()), own), False
 
 
 def _on_level(parts: list[Part], name: str, world: World, notices: list[str]) -> list[Part]:
@@ -82,8 +81,9 @@ def _on_level(parts: list[Part], name: str, world: World, notices: list[str]) ->
     names: dict[str, list[str]] = {}
     for part in parts:
         own = part.feature.properties
-        if own.get("feature_type") == "level" and isinstance(own.get("id"), str):
-            names[own["id"]] = [*_ordinal(own), *_labels(own.get("name")), *_labels(own.get("short_name"))]
+        level = own.get("id")
+        if own.get("feature_type") == "level" and isinstance(level, str):
+            names[level] = [*_ordinal(own), *_labels(own.get("name")), *_labels(own.get("short_name"))]
     wanted = chosen(world.level, rooms, names, name, notices)
     parts = [part for part in parts if not part.shape.is_empty]
     kept = [part for part in parts if not (on := levels_of(part.feature.properties)) or on & wanted or not wanted]
@@ -92,17 +92,17 @@ def _on_level(parts: list[Part], name: str, world: World, notices: list[str]) ->
     return kept
 
 
-def _ordinal(properties: Mapping[str, Any]) -> list[str]:
+def _ordinal(properties: Mapping[str, object]) -> list[str]:
     value = properties.get("ordinal")
     return [f"{value:g}"] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
-def _labels(value: Any) -> list[str]:
+def _labels(value: object) -> list[str]:
     texts = list(value.values()) if isinstance(value, dict) else [value]
     return [text for text in texts if isinstance(text, str)]
 
 
-def _placed(parts: Sequence[Part], indoors: bool) -> list[shapely.Geometry]:
+def _placed(parts: Sequence[Part], indoors: bool) -> list[BaseGeometry]:
     """What says where the building is: what floor and walls are made of, or all of a plan without tags."""
     return [part.shape for part in parts if not indoors or part.role not in _ANYWHERE]
 

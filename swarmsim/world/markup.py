@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Protocol, overload
 
 from lxml import etree
 
@@ -11,7 +12,35 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import content
 
 
-def parsed(path: Path, root: str, expected: str) -> Any:
+class Node(Protocol):
+    """An element of an XML file, as lxml gives it."""
+
+    tag: str
+    text: str | None
+    sourceline: int
+
+    def __iter__(self) -> Iterator[Node]: ...
+
+    @overload
+    def get(self, key: str) -> str | None: ...
+
+    @overload
+    def get(self, key: str, default: str) -> str: ...
+
+    def find(self, path: str) -> Node | None:
+        """The first element there."""
+
+    def findtext(self, path: str) -> str | None:
+        """Its text."""
+
+    def iterfind(self, path: str) -> Iterator[Node]:
+        """All elements there."""
+
+    def iterchildren(self, *tags: str) -> Iterator[Node]:
+        """The children of these kinds."""
+
+
+def parsed(path: Path, root: str, expected: str) -> Node:
     """The element `root` of an XML file, without comments. Nothing outside of the file is read.
 
     Raises InputError, where it was `expected`, which repeats nothing of the file.
@@ -20,7 +49,7 @@ def parsed(path: Path, root: str, expected: str) -> Any:
         resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
     )
     try:
-        found = etree.fromstring(content(path, expected), reader)
+        found: Node = etree.fromstring(content(path, expected), reader)
     except etree.XMLSyntaxError as error:
         line, column = error.position
         kind = error.error_log.last_error.type_name if len(error.error_log) else ""

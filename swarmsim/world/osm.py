@@ -6,18 +6,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world.features import Feature
 from swarmsim.world.indoor import PLACES, role_of
 from swarmsim.world.maps import drawn
-from swarmsim.world.markup import parsed
+from swarmsim.world.markup import Node, parsed
 from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing
 
@@ -25,6 +26,7 @@ SUFFIXES: Final = (".osm",)
 
 _EXPECTED: Final = "a map of OpenStreetMap (.osm) with indoor tags"
 _MULTI: Final = ("multipolygon", "boundary")
+_Nodes = dict[str | None, NDArray[np.float64]]  # longitude and latitude by id
 
 
 def read(path: Path, world: World) -> Drawing:
@@ -49,6 +51,7 @@ def read(path: Path, world: World) -> Drawing:
         if not role or element.tag not in ("node", "way", "relation"):
             continue
         where = f"line {element.sourceline}: {element.tag} {element.get('id')}"
+        shape: BaseGeometry | None
         if element.tag == "node":
             shape = shapely.Point(nodes[element.get("id")]) if element.get("id") in nodes else None
         elif element.tag == "way":
@@ -70,9 +73,9 @@ def read(path: Path, world: World) -> Drawing:
     return replace(drawing, notices=(*drawing.notices, lost))
 
 
-def _nodes(elements: Sequence[Any], problems: Problems) -> dict[str, NDArray[np.float64]]:
+def _nodes(elements: Sequence[Node], problems: Problems) -> _Nodes:
     """Longitude and latitude of each node."""
-    found = {}
+    found: _Nodes = {}
     for element in elements:
         if element.tag == "node":
             try:
@@ -86,7 +89,7 @@ def _nodes(elements: Sequence[Any], problems: Problems) -> dict[str, NDArray[np.
     return found
 
 
-def _way(refs: Sequence[str], nodes: dict[str, NDArray[np.float64]], *, area: bool) -> shapely.Geometry | None:
+def _way(refs: Sequence[str | None], nodes: _Nodes, *, area: bool) -> BaseGeometry | None:
     """The area of a closed way, or its line; None if it lacks nodes."""
     if len(refs) < 2 or not all(ref in nodes for ref in refs):
         return None
@@ -96,11 +99,9 @@ def _way(refs: Sequence[str], nodes: dict[str, NDArray[np.float64]], *, area: bo
     return shapely.LineString(points)
 
 
-def _multipolygon(
-    element: Any, ways: dict[str, list[str]], nodes: dict[str, NDArray[np.float64]]
-) -> shapely.Geometry | None:
+def _multipolygon(element: Node, ways: dict[str | None, list[str | None]], nodes: _Nodes) -> BaseGeometry | None:
     """The outer rings of a relation without its inner ones; None if it lacks ways or nodes, or a ring is open."""
-    rings: dict[bool, list[shapely.Geometry]] = {True: [], False: []}
+    rings: dict[bool, list[BaseGeometry]] = {True: [], False: []}
     for member in element.iterchildren("member"):
         if member.get("type") == "way":
             line = _way(ways.get(member.get("ref"), ()), nodes, area=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 import svgelements
@@ -23,6 +23,20 @@ _NUMBER = re.compile(NUMBER)
 _STEP = re.compile(r"([MmLlHhVvZz])([^MmLlHhVvZz]*)")
 _STRAIGHT = re.compile(r"\s*[Mm][MmLlHhVvZz0-9eE+\-.\s,]*")
 _MOST_CHORDS = 10_000  # of one curve; more are needed only beyond the largest coordinate
+
+
+class _Point(Protocol):
+    x: float
+    y: float
+
+
+class _Segment(Protocol):
+    """A segment of a path, as svgelements gives it."""
+
+    end: _Point
+
+    def npoint(self, positions: Points) -> Points:
+        """The points (n, 2) at positions (n,) from 0 to 1."""
 
 
 def outlines(element: Element, page: Page, flatness: float) -> Outlines:
@@ -113,7 +127,7 @@ def _straight(data: str) -> Outlines:
     return found
 
 
-def _segments(data: str) -> list[Any]:
+def _segments(data: str) -> list[_Segment]:
     """The segments of path data, none of "none".
 
     svgelements drops without a word what it cannot read, so that is looked for first.
@@ -131,7 +145,7 @@ def _segments(data: str) -> list[Any]:
     return segments
 
 
-def _flattened(segments: list[Any], flatness: float) -> Outlines:
+def _flattened(segments: list[_Segment], flatness: float) -> Outlines:
     """The outlines that `segments` draw, without those that are a single point."""
     drawn: list[tuple[list[Points], bool]] = []
     points: list[Points] = []
@@ -146,7 +160,7 @@ def _flattened(segments: list[Any], flatness: float) -> Outlines:
     return [(np.array(points), closed) for points, closed in drawn if len(points) > 1]
 
 
-def _corner(point: Any) -> Points:
+def _corner(point: _Point) -> Points:
     """A point of svgelements as an array of two finite numbers."""
     try:
         corner = np.array([float(point.x), float(point.y)])
@@ -157,7 +171,7 @@ def _corner(point: Any) -> Points:
     return corner
 
 
-def _chords(segment: Any, flatness: float) -> list[Points]:
+def _chords(segment: _Segment, flatness: float) -> list[Points]:
     """The ends of the chords of one segment; a start is the end of the segment before."""
     if isinstance(segment, svgelements.Arc) and segment.sweep and segment.rx and segment.ry:
         # An ellipse is a stretched circle, and its chords stray at most as far as those of the larger circle.

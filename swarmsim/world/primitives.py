@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, affinity
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.world.areas import polygons
@@ -314,7 +315,7 @@ def _widths(entity: LWPolyline | Polyline) -> NDArray[np.float64]:
 
 def _area(rings: list[Line]) -> MultiPolygon:
     """What rings enclose, in which a ring within another is a hole."""
-    area: shapely.Geometry = NOTHING
+    area: BaseGeometry = NOTHING
     for ring in rings:
         if len(np.unique(ring, axis=0)) >= 3:
             area = shapely.symmetric_difference(area, shapely.make_valid(shapely.Polygon(ring)))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
@@ -33,7 +34,7 @@ def rasterised(plan: FloorPlan, cell: float, name: str) -> tuple[NDArray[np.uint
 
 
 def cropped(
-    states: NDArray[np.uint8], lattice: Lattice, areas: Sequence[shapely.Geometry]
+    states: NDArray[np.uint8], lattice: Lattice, areas: Sequence[BaseGeometry]
 ) -> tuple[NDArray[np.uint8], Lattice]:
     """Those of the cells of a lattice that hold any of these areas, and what lies between them."""
     left, low, right, high = shapely.total_bounds([area for area in areas if not area.is_empty])

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 import shapely
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
@@ -265,7 +266,7 @@ def _painted(ink: list[tuple[int, MultiPolygon]], covers: list[tuple[int, MultiP
     order = np.array([number for number, _ in covers])
     left, found = tree.query([shape for _, shape in ink], predicate="intersects")
     later = order[found] > np.array([number for number, _ in ink])[left]
-    hidden: defaultdict[int, list[shapely.Geometry]] = defaultdict(list)
+    hidden: defaultdict[int, list[BaseGeometry]] = defaultdict(list)
     for which, cover in zip(left[later], found[later], strict=True):
         hidden[int(which)].append(covers[cover][1])
     return united(

@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.world.cells import Cells, spread
@@ -36,7 +37,7 @@ class Door:
 
 
 def rooms_and_doors(
-    floor: Cells, lattice: Lattice, walls: shapely.Geometry, widest: float
+    floor: Cells, lattice: Lattice, walls: BaseGeometry, widest: float
 ) -> tuple[list[Room], list[Door]]:
     """The rooms of `floor` (rows, columns), the largest first, and the doors between them, at most `widest` (m) wide.
 
@@ -78,7 +79,7 @@ def _doors(
     reach: NDArray[np.float64],
     rank: NDArray[np.int64],
     lattice: Lattice,
-    walls: shapely.Geometry,
+    walls: BaseGeometry,
     widest: float,
 ) -> list[Door]:
     """Where rooms meet: every piece of the border between two of them is a door."""
@@ -116,7 +117,7 @@ def _width(
     rooms: tuple[int, int],
     labels: NDArray[np.int32],
     lattice: Lattice,
-    walls: shapely.Geometry,
+    walls: BaseGeometry,
     widest: float,
     about: float,
 ) -> float:

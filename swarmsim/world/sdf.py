@@ -6,7 +6,7 @@ import itertools
 import math
 from collections import Counter
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
@@ -17,7 +17,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.files import content
 from swarmsim.core.scenario import World
 from swarmsim.world.areas import polygons
-from swarmsim.world.markup import parsed
+from swarmsim.world.markup import Node, parsed
 from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.sheets import sheet
@@ -62,7 +62,7 @@ def read(path: Path, world: World) -> Drawing:
 class _Reader:
     """Walks through the models of a world."""
 
-    def __init__(self, problems: Problems, states: dict[str, Any]) -> None:
+    def __init__(self, problems: Problems, states: dict[str | None, Node]) -> None:
         self.problems = problems
         self.shapes: list[Shape] = []
         self.robots: list[tuple[float, float]] = []
@@ -86,7 +86,7 @@ class _Reader:
             told.append(f"models with wheels are robots, and the spawn area is where they stand ({len(self.robots)})")
         return told
 
-    def models(self, parent: Any, to: Pose) -> None:
+    def models(self, parent: Node, to: Pose) -> None:
         """Read the models in an element whose coordinates `to` leads to the world's."""
         waiting = [(parent, to, True)]
         while waiting:
@@ -109,7 +109,7 @@ class _Reader:
                 self._links(model, own)
                 waiting.append((model, own, False))
 
-    def _links(self, model: Any, to: Pose) -> None:
+    def _links(self, model: Node, to: Pose) -> None:
         name = model.get("name") or "model"
         frames = {one.get("name"): one for one in model.iterchildren("link", "frame")}
         found = False
@@ -120,7 +120,7 @@ class _Reader:
         if not found and next(model.iterchildren("link"), None) is not None:
             self._seen[name] += 1
 
-    def _in_model(self, element: Any, frames: dict[str, Any], parent: Any = None) -> Pose:
+    def _in_model(self, element: Node | None, frames: dict[str | None, Node], parent: Node | None = None) -> Pose:
         """The pose of a collision, link or frame in its model, by those that it is relative to."""
         pose, seen = np.eye(4), 0
         while element is not None:
@@ -135,7 +135,7 @@ class _Reader:
             element, parent = frames.get(frame, parent if not frame else None), None
         return pose
 
-    def _collision(self, collision: Any, to: Pose, name: str) -> None:
+    def _collision(self, collision: Node, to: Pose, name: str) -> None:
         where = f"line {collision.sourceline}"
         for kind in collision.iterfind("geometry/*"):
             area = MultiPolygon()
@@ -162,7 +162,7 @@ class _Reader:
             elif not area.is_empty:
                 self.shapes.append(Shape(area, layer="walls", group=name, where=where))
 
-    def _numbers(self, element: Any, key: str, count: int) -> NDArray[np.float64] | None:
+    def _numbers(self, element: Node, key: str, count: int) -> NDArray[np.float64] | None:
         """So many lengths in a child element; tells if there are others."""
         numbers = _floats(element.findtext(key))
         if numbers is None or len(numbers) != count or not all(0.0 < number <= LARGEST for number in numbers):
@@ -171,7 +171,7 @@ class _Reader:
             return None
         return np.array(numbers)
 
-    def _pose(self, element: Any) -> Pose:
+    def _pose(self, element: Node) -> Pose:
         """What an element's <pose> says: x, y, z in m, roll, pitch, yaw in rad, or in degrees where it says so."""
         pose = element.find("pose")
         if pose is None:
@@ -221,7 +221,7 @@ def _section(corners: NDArray[np.float64], to: Pose) -> MultiPolygon:
             share = (level - below[:, None, 2]) / (above[None, :, 2] - below[:, None, 2])
             cuts = below[:, None, :2] + share[..., None] * (above[None, :, :2] - below[:, None, :2])
             flat.append(cuts.reshape(-1, 2))
-    return polygons(shapely.convex_hull(shapely.multipoints(np.concatenate(flat))))
+    return polygons(shapely.LineString(np.concatenate(flat)).convex_hull)
 
 
 def _ball(centre: NDArray[np.float64], radius: float) -> MultiPolygon:

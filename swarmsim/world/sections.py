@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 
 from swarmsim.world.areas import polygons
 
@@ -32,7 +33,7 @@ def section(corners: NDArray[np.float64], triangles: NDArray[np.int64], height: 
     low, high = corners[edges[crossing][:, 0]], corners[edges[crossing][:, 1]]
     part = (height - low[:, 2]) / (high[:, 2] - low[:, 2])
     points = np.round(low[:, :2] + part[:, None] * (high - low)[:, :2], _DIGITS).reshape(-1, 2, 2)
-    lines = shapely.linestrings(points)
+    lines = np.asarray(shapely.linestrings(points))
     body = _bodies(triangles, len(corners))[cut[:, 0]]
     real = shapely.length(lines) > 0.0
     lines, body = lines[real], body[real]
@@ -48,11 +49,12 @@ def _bodies(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     return numbers
 
 
-def _enclosed(lines: NDArray[np.object_]) -> shapely.Geometry:
+def _enclosed(lines: NDArray[np.object_]) -> BaseGeometry:
     """What the cut of one body encloses, a ring within another being a hole, and its loose lines as sheets."""
     faces, cuts, dangles, _ = shapely.polygonize_full([shapely.union_all(lines)])
-    area: shapely.Geometry = MultiPolygon()
-    for ring in sorted((shapely.Polygon(face.exterior) for face in faces.geoms), key=lambda ring: -ring.area):
+    area: BaseGeometry = MultiPolygon()
+    outer = [shapely.Polygon(face.exterior) for face in shapely.get_parts(faces)]
+    for ring in sorted(outer, key=lambda ring: -ring.area):
         area = shapely.symmetric_difference(area, ring)
     loose = [line for part in (cuts, dangles) for line in shapely.get_parts(part)]
     return shapely.union_all([area, *shapely.buffer(loose, SHEET / 2.0, cap_style="flat")])

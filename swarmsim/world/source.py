@@ -143,7 +143,7 @@ def _with_floor(plan: FloorPlan, world: World) -> FloorPlan:
         x, y, width, height = world.spawn
         spawns[SPAWN_LAYER] = polygons(shapely.box(x, y, x + width, y + height))
     measured = is_map(world)
-    drawn = shapely.multipolygons(shapely.get_parts([*plan.layers.values()]))
+    drawn = MultiPolygon(list(shapely.get_parts([*plan.layers.values()])))
     extent = shapely.total_bounds([plan.walls, *spawns.values()])
     left, low, right, high = plan.page if measured or np.isnan(extent).any() else map(float, extent)
     inside = left, low, right, high

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from swarmsim.core.errors import InputError
+from swarmsim.world.entities import Model
 
 _SAME = 0.01  # m, elevations this close are the same
 
@@ -28,7 +28,7 @@ class Storey:
         return f"{self.name!r} at {self.elevation:.2f} m" if self.name else f"the one at {self.elevation:.2f} m"
 
 
-def storeys(model: Any, metre: float, walls: Sequence[int], doors: Sequence[int]) -> list[Storey]:
+def storeys(model: Model, metre: float, walls: Sequence[int], doors: Sequence[int]) -> list[Storey]:
     """The storeys of a model, the lowest first; `metre` is its unit, walls and doors are their storeys' ids."""
     from ifcopenshell.util.placement import get_local_placement
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final, Protocol
 
 import cssselect2
 import tinycss2
@@ -37,11 +37,23 @@ _SHADED: Final = 0.75  # the luminance of gradients and patterns
 _Declarations = list[tuple[str, str, bool]]  # property, value, whether it is important
 
 
+class _Token(Protocol):
+    """A rule, a declaration or a token, as tinycss2 gives it; its type says which of the others it has."""
+
+    type: str
+    lower_at_keyword: str
+    lower_name: str
+    prelude: Sequence[_Token]
+    content: Sequence[_Token] | None
+    value: Sequence[_Token]
+    important: bool
+
+
 @dataclass(slots=True)
 class StyleSheet:
     """The rules that say anything about what is solid."""
 
-    _matcher: Any = field(default_factory=cssselect2.Matcher)
+    _matcher: cssselect2.Matcher = field(default_factory=cssselect2.Matcher)
     _rules: int = 0
     notices: list[str] = field(default_factory=list)  # what is not understood
 
@@ -55,7 +67,7 @@ class StyleSheet:
                 sheet._add(tinycss2.parse_stylesheet(element.text, skip_comments=True, skip_whitespace=True))
         return sheet
 
-    def _add(self, rules: Iterable[Any]) -> None:
+    def _add(self, rules: Iterable[_Token]) -> None:
         for rule in rules:
             if rule.type == "qualified-rule":
                 self._add_rule(rule)
@@ -65,7 +77,7 @@ class StyleSheet:
             elif rule.type == "at-rule" and rule.lower_at_keyword == "import":
                 self.notices.append("its style sheet imports another one, which is not read")
 
-    def _add_rule(self, rule: Any) -> None:
+    def _add_rule(self, rule: _Token) -> None:
         declarations = _declarations(rule.content)
         if not declarations:
             return
@@ -84,9 +96,7 @@ class StyleSheet:
         """Whether a list of media queries holds for a screen; what asks for its size is taken for false."""
         applies = not media.strip()
         for query in media.lower().split(","):
-            match = _QUERY.fullmatch(query.strip())
-            assert match is not None  # it matches anything
-            negated, kind, features = match.groups()
+            negated, kind, features = _QUERY.findall(query.strip())[0]  # it matches anything
             if features:
                 self.notices.append(f"its style sheet has rules for {quoted(query.strip())}, which are passed over")
             else:
@@ -120,7 +130,7 @@ class StyleSheet:
         return found
 
 
-def _declarations(source: Any) -> _Declarations:
+def _declarations(source: str | Sequence[_Token] | None) -> _Declarations:
     """The properties in a style attribute or between the braces of a rule, without those that change nothing solid."""
     found = tinycss2.parse_blocks_contents(source, skip_comments=True, skip_whitespace=True)
     return [
@@ -130,7 +140,7 @@ def _declarations(source: Any) -> _Declarations:
     ]
 
 
-def _serialized(tokens: Iterable[Any]) -> str:
+def _serialized(tokens: Iterable[_Token]) -> str:
     return str(tinycss2.serialize([token for token in tokens if token.type != "comment"])).strip()
 
 

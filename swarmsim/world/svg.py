@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 import shapely
 from shapely import MultiPolygon
+from shapely.geometry.base import BaseGeometry
 from svgelements import Matrix
 
 from swarmsim.core import budget
@@ -90,7 +91,7 @@ class _Placed:
     alpha: float  # of the groups around it together
     matrix: Matrix  # from its user units to metres
     page: Page  # the viewport around it
-    clip: shapely.Geometry | None  # in metres, what of it can be seen; None: all
+    clip: BaseGeometry | None  # in metres, what of it can be seen; None: all
 
 
 _Waiting = tuple[Element, _Placed, int]  # an element, what is around it, how deep it is nested
@@ -306,13 +307,13 @@ class _Reader:
             raise ElementError(f"it repeats {quoted(link)}, which is no shape or group here; unlink the clone")
         return target
 
-    def _area(self, placed: _Placed, paints: tuple[bool, bool]) -> shapely.Geometry:
+    def _area(self, placed: _Placed, paints: tuple[bool, bool]) -> BaseGeometry:
         """What some paints of an element cover, in metres, of what can be seen of it."""
         fill, stroke, _, _ = covered(placed.element, placed.style, placed.matrix, placed.page, paints)
         whole = shapely.union(fill, stroke)
         return whole if placed.clip is None else polygons(shapely.intersection(whole, placed.clip))
 
-    def _clipped(self, shape: _Placed) -> shapely.Geometry | None:
+    def _clipped(self, shape: _Placed) -> BaseGeometry | None:
         """What of an element can be seen, by its own clip path and mask and by those around it; None: all of it."""
         seen = shape.clip
         for key, tag in (("clip-path", "clipPath"), ("mask", "mask")):
@@ -329,7 +330,7 @@ class _Reader:
             seen = region if seen is None else shapely.intersection(seen, region)
         return seen
 
-    def _region(self, target: Element, shape: _Placed) -> shapely.Geometry:
+    def _region(self, target: Element, shape: _Placed) -> BaseGeometry:
         """What a <clipPath> or a <mask> lets show of an element, in metres."""
         if self.clips > 8:
             raise ElementError("its clip paths are clipped without end; remove one")
@@ -344,7 +345,7 @@ class _Reader:
         self.clips += 1
         try:
             around = replace(around, clip=self._clipped(around))
-            region: shapely.Geometry = MultiPolygon()
+            region: BaseGeometry = MultiPolygon()
             for child in target.children:
                 for part in self._placed(child, around, 1):
                     with self.remembered(part.element):
@@ -353,12 +354,12 @@ class _Reader:
             self.clips -= 1
         return region
 
-    def _united(self, region: shapely.Geometry, part: _Placed) -> shapely.Geometry:
+    def _united(self, region: BaseGeometry, part: _Placed) -> BaseGeometry:
         """The region with the inside of a shape of a clip path."""
         style = {**part.style, "fill-rule": part.style["clip-rule"]}
         return shapely.union(region, self._area(replace(part, style=style), (True, False)))
 
-    def _lit(self, region: shapely.Geometry, part: _Placed) -> shapely.Geometry:
+    def _lit(self, region: BaseGeometry, part: _Placed) -> BaseGeometry:
         """The region with what a shape of a mask lights, without what it darkens."""
         for number, kind in enumerate(_PAINT):
             bright = luminance(part.style, kind, self.ids)

@@ -103,7 +103,7 @@ def unreached(arena: Arena, reachable: Cells, radius: float, spawn: str) -> Unre
     around = 4.0 * radius  # room for the robot to drive around the building
     free = shapely.box(left - around, low - around, right + around, high + around).difference(arena.solid)
     pieces = shapely.get_parts(free)
-    start = shapely.points(arena.lattice.centres(np.argwhere(reachable)[0]))
+    start = shapely.Point(arena.lattice.centres(np.argwhere(reachable)[0]))
     outside = shapely.bounds(pieces)[:, 0] < left
     own = shapely.distance(pieces, start).argmin()
     rooms = shapely.get_parts(shapely.buffer(pieces[own], TOUCH - radius, quad_segs=8))

@@ -91,11 +91,11 @@ class Computation:
     knows = {kind}
     codec = PlainCodec(Nothing(np.zeros(0)))
 
-    def say(self, observations):
-        self.iteration = observations.iteration
+    def say(self, senses):
+        self.iteration = senses.iteration
         return Said.each(Nothing(np.zeros(3)), self.codec.size)
 
-    def hear(self, observations):
+    def hear(self, senses, inbox):
         return {kind}({given})
 
     def forget(self, robots):
@@ -473,7 +473,7 @@ MISTAKES: dict[str, tuple[str, str, int, list[str]]] = {
         "computation",
         knowing("", given="np.ma.zeros(3)"),
         3,
-        ["Known: a masked array", "in hear: def hear(self, observations):"],
+        ["Known: a masked array", "in hear: def hear(self, senses, inbox):"],
     ),
     "a list as knowledge": (
         "computation",

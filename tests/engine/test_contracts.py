@@ -57,9 +57,9 @@ class Liar:
         self.inner, self.says_so, self.codec = inner, says_so, None
         self.forget, self.adopt, self.say = inner.forget, inner.adopt, inner.say
 
-    def hear(self, observations):
-        maps = self.inner.hear(observations)
-        if observations.iteration < 3:
+    def hear(self, senses, inbox):
+        maps = self.inner.hear(senses, inbox)
+        if senses.iteration < 3:
             return maps
         everything = np.ones_like(maps.observed)
         if not self.says_so:
@@ -89,8 +89,8 @@ class Brief:
         self.inner, self.less = inner, less
         self.hear, self.forget, self.adopt = inner.hear, inner.forget, inner.adopt
 
-    def say(self, observations):
-        said = self.inner.say(observations)
+    def say(self, senses):
+        said = self.inner.say(senses)
         return replace(said, sizes=said.sizes - np.int32(self.less))
 
 
@@ -107,14 +107,14 @@ class Walker:
     def __init__(self, does, inner):
         self.does, self.inner = does, inner
 
-    def step(self, observations):
-        intents = self.inner.step(observations)
-        if observations.iteration < 2:
+    def step(self, senses, inbox, knowledge):
+        intents = self.inner.step(senses, inbox, knowledge)
+        if senses.iteration < 2:
             return intents
         if self.does == "nan":
             return replace(intents, waypoints=np.full_like(intents.waypoints, np.nan))
         if self.does == "write":
-            observations.knowledge.observed[:] = True
+            knowledge.observed[:] = True
         if self.does == "raise":
             return {}["nothing"]
         return "somewhere"
@@ -275,9 +275,9 @@ class Sharing:
         self.inner, self.wrong = inner, wrong
         self.taken = inner.taken
 
-    def say(self, observations, maps):
-        said = self.inner.say(observations, maps)
-        if observations.iteration < 2:
+    def say(self, senses, maps):
+        said = self.inner.say(senses, maps)
+        if senses.iteration < 2:
             return said
         return replace(said, sizes=said.sizes.astype(float)) if self.wrong else 1 // 0
 
@@ -380,7 +380,7 @@ def test_parts_that_lack_what_their_seam_asks_for_are_bad_input(own) -> None:
         ),
         (
             "mind.computation={use='./lacking.py:Lacks'}",
-            r"lacks knows, say, hear, forget, adopt; expected",
+            r"lacks knows, codec, say, hear, forget, adopt; expected",
         ),
         ("task={use='./lacking.py:Lacks'}", r"task\.use: .*lacks reads, curve, measure, summaries; expected a task"),
         ("network.topology={use='./lacking.py:Lacks'}", r"network\.topology\.use: .*lacks links"),
@@ -392,6 +392,56 @@ def test_parts_that_lack_what_their_seam_asks_for_are_bad_input(own) -> None:
     ):
         with pytest.raises(InputError, match=words):
             own(keys)
+
+
+PHASES = """
+from dataclasses import replace
+
+from msgspec import Struct
+
+
+class Old(Struct, frozen=True):
+    knows = reads = codec = property(lambda self: None)
+
+    def build(self, setting):
+        return self
+
+    def install(self, parts):
+        return replace(parts, strategy=self)
+
+    def say(self, observations):
+        pass
+
+    def hear(self, observations):
+        pass
+
+    def step(self, observations):
+        pass
+
+    def forget(self, robots):
+        pass
+
+    def adopt(self, robots, source):
+        pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("mind.computation={{{}}}", "def hear(self, senses, inbox):"),
+        ("mind.strategy={{{}}}", "def step(self, senses, inbox, knowledge):"),
+        ("faults=[{{{}}}]", "def step(self, senses, inbox, knowledge):"),
+    ],
+)
+def test_a_mind_that_takes_other_phases_is_told_the_line_to_write(own, key: str, line: str) -> None:
+    (own.path.parent / "old.py").write_text(PHASES)
+    with pytest.raises(InputError) as refused:
+        own(key.format("use='./old.py:Old'"))
+    told = str(refused.value)
+    assert f"expected '{line}'\n" in told
+    assert "(observations) takes" in told
+    assert f"in {line.split('(')[0][4:]}: {line.split('(')[0]}(self, observations):" in told  # its own line
 
 
 def test_a_strangers_scenario_runs_no_code_unless_it_is_allowed(own, tmp_path: Path) -> None:
@@ -458,12 +508,13 @@ def test_every_computation_strategy_and_task_is_tried() -> None:
         testing.check_alone,
         testing.check_silence,
         testing.check_locality,
+        testing.check_one_robot,
         testing.check_permutation,
     ],
 )
 def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check) -> None:
     keys = [key] if check is testing.check_alone else [key, FAULTS]
-    keys += {testing.check_alone: ALONE, testing.check_permutation: UNNAMED}.get(check, {}).get(scenario, [])
+    keys += ALONE.get(scenario, []) if check is testing.check_alone else []
     check(path_of(scenario), keys)
 
 
@@ -471,13 +522,6 @@ def test_our_minds_and_tasks_keep_every_contract(scenario: str, key: str, check)
 ALONE = {
     "operations/turn": ["mind.computation.leaders=[0]"],
     "operations/formation": ["mind.strategy.places=[[1.0, 0.0]]", "task.places=[[1.0, 0.0]]"],
-}
-#: What names robots, or draws by their number.
-UNNAMED = {
-    "operations/formation": [f"mind.strategy.places={[[0.0, 0.0]] * 9}"],
-    "operations/turn": ["mind.computation.leaders=[]"],
-    "operations/heading-consensus": ["mind.computation.noise=0.0"],
-    "operations/moving-field": ['mind.strategy={use="most-uncertain"}'],
 }
 
 NOSY = """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +16,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
 from swarmsim.core.parts import Parts
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Observations, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Senses, Tiles
 from swarmsim.faults.byzantine import Byzantine, LyingComputation
 from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.maps import Maps
@@ -59,12 +58,12 @@ class Ears:
         self.policy = registry.part("sharing", {"use": policy}).build(setting())
         self.grids = grids()
 
-    def say(self, observations: Observations) -> Said:
-        return self.policy.say(observations, self.grids)
+    def say(self, senses: Senses) -> Said:
+        return self.policy.say(senses, self.grids)
 
-    def hear(self, observations: Observations) -> Inbox:
-        taken = self.policy.taken(observations)
-        self.grids.update(observations.alive, observations.readings.tiles, taken.take(np.zeros(len(taken), bool)))
+    def hear(self, senses: Senses, inbox: Inbox) -> Inbox:
+        taken = self.policy.taken(senses, inbox)
+        self.grids.update(senses.alive, senses.readings.tiles, taken.take(np.zeros(len(taken), bool)))
         return taken
 
 
@@ -94,7 +93,7 @@ class Talk:
         linked = (chance.random((SWARM, SWARM)) < 0.6) & alive & alive[:, None] & ~np.eye(SWARM, dtype=bool)
         new = letters(iteration, np.argwhere(linked).astype(np.int32), said.sizes)
         inbox = self.post.open(iteration, Delivery(new, (), iteration))
-        taken = self.computation.hear(replace(observed, inbox=inbox))
+        taken = self.computation.hear(observed, inbox)
         assert_array_equal(values, before[0])  # what a liar maps itself stays right
         assert_array_equal(tiles.origins, before[1])
         content = taken.content

@@ -10,9 +10,10 @@ from conftest import made, worded_of
 from swarmsim.core.building import Building
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Parts
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Moment, Observations, State
+from swarmsim.core.state import Intents, Knowledge, Moment, Senses, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
 from swarmsim.faults.localisation import Belief, Localisation, landing_places
@@ -37,9 +38,9 @@ class Watch:
         simulation.parts = replace(simulation.parts, strategy=self)
         simulation.run([self, self.digests])
 
-    def step(self, observations: Observations) -> Intents:
-        self.believed.append(observations.pose.copy())
-        return self._strategy.step(observations)
+    def step(self, senses: Senses, inbox: Inbox, knowledge: Knowledge) -> Intents:
+        self.believed.append(senses.pose.copy())
+        return self._strategy.step(senses, inbox, knowledge)
 
     def sample(self, moment: Moment) -> None:
         self.moments.append(moment)
@@ -61,7 +62,7 @@ def biased() -> Watch:
 
 
 def setting(run: Run) -> Setting:
-    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
+    return Setting.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
 def test_a_biased_estimate_errs_by_so_much_from_the_onset_to_the_end(biased: Watch) -> None:

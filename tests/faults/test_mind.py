@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -95,7 +94,7 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
     """What failing minds decide, and know, that are shown what a sound swarm perceived."""
     robots = watch.run.scenario.robots
     lattice = watch.run.arena.lattice
-    place = Setting(robots, lattice, 1.0, Streams(watch.run.scenario.seed), watch.run.simulation.parts.building)
+    place = Setting.of(robots, lattice, 1.0, Streams(watch.run.scenario.seed), watch.run.simulation.parts.building)
     active = np.zeros(robots.count, np.bool_)
     effect = Mind(at=0, failure=failure).build(place).effect
     plain = Mapper().build(place)
@@ -110,9 +109,9 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
             effect.begin(np.array(struck, np.int64), moment.state)
         if now == ends:
             active[:] = False
-        observed = seen_as(now, moment.state.pose, moment.state.alive, moment.readings.tiles, moment.inbox)
-        knowledge = parts.computation.hear(observed)
-        intents = parts.strategy.step(replace(observed, knowledge=knowledge))
+        observed = seen_as(now, moment.state.pose, moment.state.alive, moment.readings.tiles)
+        knowledge = parts.computation.hear(observed, moment.inbox)
+        intents = parts.strategy.step(observed, moment.inbox, knowledge)
         seen.append((intents, knowledge.observed.copy(), knowledge.log_odds.copy()))
     return seen
 
@@ -255,7 +254,7 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
     walk = RandomWalk(place, steps * 0.15 + 0.01, "walk")
     for _ in range(40 * steps * steps):
         walk.begin(np.array([0]), mind, None)
-        decision = walk.decided(0, SimpleNamespace(pose=pose[None], knowledge=mind))
+        decision = walk.decided(0, SimpleNamespace(pose=pose[None]), mind)
         assert decision.new == (len(decision.way) > 0)
         assert len(decision.way) <= steps
         drawn.add(tuple(decision.goal.tolist()))
@@ -271,9 +270,7 @@ def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
         log_odds = np.full((1, 8, 8), -2.0, np.float32)
 
     pose = np.array([*lattice.centres(np.array([4, 4])), 0.0])
-    new = [
-        walk.decided(0, SimpleNamespace(pose=pose[None], knowledge=Known())).new for _ in range(60)
-    ]  # it never gets anywhere
+    new = [walk.decided(0, SimpleNamespace(pose=pose[None]), Known()).new for _ in range(60)]  # it never gets anywhere
     gaps = np.diff(np.flatnonzero(new))
     assert len(gaps) > 2
     assert gaps.min() >= 4

@@ -47,7 +47,7 @@ def parts(plain: Run) -> Parts:
 
 def setting(run: Run, robots: int = 3) -> Setting:
     assert run.scenario.robots.count == robots
-    return Setting(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
+    return Setting.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
 def check_the_rest(moments: list[Moment], parts: Parts) -> list[tuple[State, Tiles, Tiles]]:

@@ -116,9 +116,9 @@ class _Says:
     def codec(self) -> Any:
         return self._inner.codec
 
-    def say(self, observations: Any) -> Any:
-        self.said[observations.iteration] = self._inner.say(observations)
-        return self.said[observations.iteration]
+    def say(self, senses: Any) -> Any:
+        self.said[senses.iteration] = self._inner.say(senses)
+        return self.said[senses.iteration]
 
 
 class _Matter:

@@ -122,6 +122,9 @@ class _Draw:
             )  # fmt: skip
             bodies = table.get("physics", {}).get("use", "pymunk") == "pymunk"
             table["faults"] = timelines.some(sorted(registry.known("fault")), bodies)
+        if dice.random() < 0.3:
+            uses = dice.sample(sorted(registry.known("probe")), dice.randint(1, 2))
+            table["probes"] = [{"use": use, "name": f"of_{use}", "every": dice.randint(1, 4)} for use in uses]
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _any(self, seam: str) -> Table:

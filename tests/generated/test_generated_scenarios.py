@@ -13,6 +13,7 @@ from generated.scenarios import scenario
 from generated.trials import survives, tried, tried_all
 
 from swarmsim.core import registry
+from swarmsim.core.seams import SEAMS
 
 SCENARIOS, BATCH = 300, 25
 MANY, LARGE_BATCH = 10_000, 500
@@ -48,8 +49,8 @@ def test_every_part_of_every_seam_takes_part_and_every_key_of_it() -> None:
     drawn: defaultdict[tuple[str, str], set[str]] = defaultdict(set)
     for number in range(1500):
         for seam, table in tables_of(scenario(number).table):
-            drawn[seam, table.get("use", registry.SEAMS[seam])] |= table.keys()
-    for seam in registry.SEAMS:
+            drawn[seam, table.get("use", SEAMS[seam].default)] |= table.keys()
+    for seam in SEAMS:
         for use, kind in registry.known(seam).items():
             assert (seam, use) in drawn, f"no scenario has the {seam} {use}"
             lacking = set(kind.__struct_fields__) - drawn[seam, use]
@@ -76,6 +77,7 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         yield "channel", channel
         channel = channel.get("over")
     yield from (("fault", fault) for fault in table.get("faults", []))
+    yield from (("probe", probe) for probe in table.get("probes", []))
 
 
 def test_a_failure_tells_a_scenario_file_that_shows_it_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,7 +67,7 @@ def swarm(pose, alive=None):
 
 def sensor(walls=NO_WALLS, grid=None, radius=0.055, **parameters):
     robots = Robots(count=1, spawn="anywhere", radius=radius)
-    return IrRing(**parameters).build(Setting(robots, grid or lattice(), 1.0, Streams(1), building(walls)))
+    return IrRing(**parameters).build(Setting.of(robots, grid or lattice(), 1.0, Streams(1), building(walls)))
 
 
 def outline(solid):

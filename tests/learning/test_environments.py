@@ -72,13 +72,13 @@ def test_observations_are_tile_pose_and_inbox_of_the_engine() -> None:
     two = {"network.topology.k": 2}
     env = SwarmEnv(ROOM, two, hears=2)
     observed, _ = env.reset(seed=5)
-    seen = env._perceived.observations
+    inbox, seen = env._perceived.inbox, env._perceived.senses
     for robot, agent in enumerate(env.agents):
         mine = observed[agent]
         assert env.observation_space(agent).contains(mine)
         np.testing.assert_array_equal(mine["tile"], seen.readings.tiles.values[robot])
         np.testing.assert_allclose(mine["pose"], seen.pose[robot])
-        senders = seen.inbox.senders[seen.inbox.receivers == robot]
+        senders = inbox.senders[inbox.receivers == robot]
         assert mine["heard"] == len(senders) == 2
         places = seen.pose[senders, :2] - seen.pose[robot, :2]
         order = np.argsort(np.hypot(*places.T))
@@ -136,7 +136,7 @@ def test_the_others_follow_the_scenarios_own_strategy() -> None:
     run = build(load(ROOM, ["seed=3"]), str(ROOM)).simulation
     for _ in range(20):
         perceived = env.swarm._perceived
-        theirs = env.swarm.run.simulation.parts.strategy.step(perceived.observations)
+        theirs = env.swarm.run.simulation.parts.strategy.step(perceived.senses, perceived.inbox, perceived.knowledge)
         joined = _joined(theirs, theirs, np.array([2]))
         env.swarm.run.simulation.act(perceived, joined, [digests])
         env.swarm._perceived = env.swarm.run.simulation.perceive()

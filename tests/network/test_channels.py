@@ -53,7 +53,7 @@ every_channel = pytest.mark.parametrize("table", TABLES, ids=lambda table: table
 
 def setting(robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Setting:
     lattice = Lattice(0.0, 0.0, 0.15, 40, 40)
-    return Setting(Robots(count=robots, spawn="room"), lattice, period, Streams(seed), building(walls))
+    return Setting.of(Robots(count=robots, spawn="room"), lattice, period, Streams(seed), building(walls))
 
 
 def opened(table: dict, robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Channel:

@@ -34,7 +34,7 @@ def needed(use, count):
 
 
 def topology(use, count, place=None, seed=1, **parameters):
-    setting = Setting(
+    setting = Setting.of(
         Robots(count=count, spawn="room"),
         Lattice(0.0, 0.0, 0.15, 30, 30),
         1.0,

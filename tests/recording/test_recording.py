@@ -108,11 +108,11 @@ def test_a_digest_changes_with_any_field(watched) -> None:
     _, recording, snapshots = watched
     digests = Digests()
     digests.sample(snapshots.moments[0])
-    assert recording.difference(0, digests.rows[0]) is None
+    assert recording.difference(0, digests.rows[0], {}) is None
     for field, name in enumerate(DIGESTED):
         row = bytearray(digests.rows[0])
         row[8 * field] ^= 1
-        assert recording.difference(0, bytes(row)) == f"iteration 0, field {name!r}"
+        assert recording.difference(0, bytes(row), {}) == f"iteration 0, field {name!r}"
 
 
 def test_coverage_never_falls_and_counts_add_up(watched) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Measured, Moment
+from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import wrapped
 
@@ -42,22 +42,22 @@ class AlignmentTask:
     def __init__(self, parameters: Alignment, period: float) -> None:
         self._wanted, self._frequency, self._period = parameters.order, parameters.frequency, period
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Headings]) -> Measured:
         """The order of the live, and how closely those who do not lead follow those who do; NaN while nobody leads."""
-        heading, alive = moment.knowledge.heading, moment.state.alive
-        leads = moment.knowledge.leads & alive
+        heading, alive = done.knowledge.heading, done.state.alive
+        leads = done.knowledge.leads & alive
         reached = order(heading[alive])
         values = {"order": reached, "following": following(heading[alive & ~leads], heading[leads])}
         return Measured(values, {}, min(1.0, reached / self._wanted), reached >= self._wanted)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Headings]]:
         """Order over the run, and how far correlations reach at its end."""
         every = None if self._frequency is None else 1.0 / (self._frequency * self._period)
         return (AlignmentMeasures(every),)
 
 
 class AlignmentMeasures:
-    """A probe that sums alignment up."""
+    """An observer that sums alignment up."""
 
     def __init__(self, every: float | None = None) -> None:
         """`every`: iterations in which leaders turn to and fro once."""
@@ -65,9 +65,9 @@ class AlignmentMeasures:
         self._headings: list[NDArray[np.float64]] = []
         self._orders: list[float] = []
         self._following: list[float] = []
-        self._last: Moment | None = None
+        self._last: Moment[Headings] | None = None
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Headings]) -> None:
         """Take note of one iteration."""
         self._orders.append(moment.measured.values["order"])
         if np.isfinite(moment.measured.values["following"]):

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Estimates, Knowledge, Measured, Moment, Observations
+from swarmsim.core.state import Done, Estimates, Knowledge, Measured, Senses
 
 CURVE: Final = Curve("error", "largest error", low=0.0, format=".2e", rises=False)
 
@@ -52,7 +52,7 @@ class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     def build(self, setting: Setting) -> AverageComputation:
         """The computation. Raises InputError for keys that contradict each other or the swarm."""
-        count = setting.robots.count
+        count = setting.swarm
         if (self.gain is None) == (self.weights == "constant"):
             raise InputError(f"gain: expected one with weights = 'constant' alone, not with {self.weights!r}")
         if self.values is not None and len(self.values) != count:
@@ -66,26 +66,25 @@ class AverageComputation:
     knows: type[Knowledge] = Values
 
     def __init__(self, parameters: AverageConsensus, setting: Setting) -> None:
-        count = setting.robots.count
+        count = len(setting.ids)
         self.codec = PlainCodec(Share(np.zeros(0), np.zeros(0, np.int32)))
         self._gain = parameters.gain
-        drawn = [setting.streams.open("average", robot).uniform() for robot in range(count)]
-        self._given = np.array(drawn if parameters.values is None else parameters.values, np.float64)
+        drawn = [stream.uniform() for stream in setting.own_streams("average")]
+        given = drawn if parameters.values is None else np.take(parameters.values, setting.ids)
+        self._given = np.array(given, np.float64)
         self._fixed = parameters.values is not None
         self._value, self._measured = np.zeros(count), np.zeros(count)
         self._degree, self._known = np.zeros(count, np.int32), np.zeros(count, np.bool_)
 
-    def say(self, observations: Observations) -> Said[Share]:
+    def say(self, senses: Senses) -> Said[Share]:
         """Every robot's estimate."""
-        field, new = observations.readings.field, ~self._known & observations.alive
+        field, new = senses.readings.field, ~self._known & senses.alive
         self._measured[new] = self._given[new] if field is None or self._fixed else field[new]
         self._value[new], self._known[new] = self._measured[new], True
         return Said.each(Share(self._value.copy(), self._degree.copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Values:
+    def hear(self, senses: Senses, inbox: Inbox[Share]) -> Values:
         """Move towards those heard."""
-        inbox = observations.inbox
-        assert inbox is not None
         receivers, content = inbox.receivers, inbox.content
         heard = np.bincount(receivers, minlength=len(self._value)).astype(np.int32)
         if self._gain is not None:
@@ -94,7 +93,7 @@ class AverageComputation:
             weight = 1.0 / (1.0 + np.maximum(content.degree, self._degree[receivers]))
             weight[(content.degree == 0) | (self._degree[receivers] == 0)] = 0.0  # it is not known yet
         step = np.bincount(receivers, weight * (content.value - self._value[receivers]), minlength=len(self._value))
-        self._value += np.where(observations.alive, step, 0.0)
+        self._value += np.where(senses.alive, step, 0.0)
         self._degree[:] = heard
         return Values(self._value.copy(), self._measured.copy())
 
@@ -128,19 +127,19 @@ class AgreementTask:
         self._tolerance = tolerance
         self._first: float | None = None
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Values]) -> Measured:
         """The largest error, how far estimates are apart, and the error of each."""
-        knowledge, alive = moment.knowledge, moment.state.alive
+        knowledge, alive = done.knowledge, done.state.alive
         each = np.abs(knowledge.value - knowledge.measured.mean())
         error = float(each[alive].max(initial=0.0))
         spread = float(np.ptp(knowledge.value[alive])) if alive.any() else 0.0
         self._first = max(error, self._tolerance) if self._first is None else self._first
-        done = 1.0 - np.log(max(error, self._tolerance) / self._tolerance) / max(
+        progress = 1.0 - np.log(max(error, self._tolerance) / self._tolerance) / max(
             np.log(self._first / self._tolerance), 1e-12
         )
         values = {"error": error, "spread": spread}
-        return Measured(values, {"errors": each}, float(np.clip(done, 0.0, 1.0)), error <= self._tolerance)
+        return Measured(values, {"errors": each}, float(np.clip(progress, 0.0, 1.0)), error <= self._tolerance)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Values]]:
         """The last errors."""
         return (Last(),)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Estimates, Knowledge, Observations
+from swarmsim.core.state import Estimates, Knowledge, Senses
 from swarmsim.operations.steering import wrapped
 
 TURN: Final = 2.0 * np.pi  # rad
@@ -59,10 +59,8 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     def build(self, setting: Setting) -> HeadingComputation:
         """The computation. Raises InputError for a leader that there is not."""
         for robot in self.leaders:
-            if robot >= setting.robots.count:
-                raise InputError(
-                    f"leaders: there is no robot {robot}; expected ids from 0 to {setting.robots.count - 1}"
-                )
+            if robot >= setting.swarm:
+                raise InputError(f"leaders: there is no robot {robot}; expected ids from 0 to {setting.swarm - 1}")
         return HeadingComputation(self, setting)
 
 
@@ -72,41 +70,39 @@ class HeadingComputation:
     knows: type[Knowledge] = Headings
 
     def __init__(self, parameters: HeadingConsensus, setting: Setting) -> None:
-        count = setting.robots.count
+        count = len(setting.ids)
         self.codec = PlainCodec(Heading(np.zeros(0)))
         self._parameters, self._period = parameters, setting.period
         self._dt = parameters.dt or min(1.0, setting.period)
         self._salt = int(setting.streams.open("heading noise").integers(0, 2**64, dtype=np.uint64))
         self._heading, self._known = np.zeros(count), np.zeros(count, np.bool_)
-        self._leads = np.zeros(count, np.bool_)
-        self._leads[parameters.leaders] = True
+        self._ids, self._leads = setting.ids, np.isin(setting.ids, parameters.leaders)
         self._course = np.zeros(count)  # where leaders headed when they began to turn
 
-    def say(self, observations: Observations) -> Said[Heading]:
+    def say(self, senses: Senses) -> Said[Heading]:
         """Every robot's heading; whoever has none yet has that of its body."""
-        new = observations.alive | ~self._known if self._parameters.body else ~self._known
+        new = senses.alive | ~self._known if self._parameters.body else ~self._known
         first = ~self._known
-        self._heading[new] = observations.pose[new, 2]
+        self._heading[new] = senses.pose[new, 2]
         self._heading[first] *= self._parameters.spread / TURN
         self._known[:] = True
         return Said.each(Heading(self._heading.copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Headings:
+    def hear(self, senses: Senses, inbox: Inbox[Heading]) -> Headings:
         """Turn towards those heard."""
-        inbox, heading, parameters = observations.inbox, self._heading, self._parameters
-        assert inbox is not None
+        heading, parameters = self._heading, self._parameters
         count = len(heading)
         apart = wrapped(inbox.content.heading - heading[inbox.receivers])
         total = np.bincount(inbox.receivers, apart, minlength=count)
         heard = np.bincount(inbox.receivers, minlength=count)
         turned = heading + self._dt * total / np.maximum(heard, 1)
         if parameters.noise > 0.0:
-            draw = chance.uniform(self._salt, observations.iteration, np.arange(count), 0)
+            draw = chance.uniform(self._salt, senses.iteration, self._ids, 0)
             turned = turned + parameters.noise * np.pi * (2.0 * draw - 1.0)
-        leads = self._leads if observations.iteration >= parameters.at else np.zeros_like(self._leads)
+        leads = self._leads if senses.iteration >= parameters.at else np.zeros_like(self._leads)
         if leads.any():
-            turned = np.where(leads, self._led(observations.iteration - parameters.at), turned)
-        heading[observations.alive] = wrapped(turned[observations.alive])
+            turned = np.where(leads, self._led(senses.iteration - parameters.at), turned)
+        heading[senses.alive] = wrapped(turned[senses.alive])
         return Headings(heading.copy(), leads)
 
     def _led(self, since: int) -> NDArray[np.float64]:

@@ -7,8 +7,9 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Observations
+from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import away_from_walls, wrapped
 
@@ -37,15 +38,15 @@ class Propulsion:
         self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
         self._clearance, self._lattice, self._period = parameters.clearance, setting.lattice, setting.period
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Headings) -> Intents:
         """On, towards the heading or away from walls."""
-        heading = observations.knowledge.heading
-        tiles, place = observations.readings.tiles, observations.pose[:, :2]
+        heading = knowledge.heading
+        tiles, place = senses.readings.tiles, senses.pose[:, :2]
         push = away_from_walls(place, tiles, self._lattice, self._clearance)
         way = np.stack([np.cos(heading), np.sin(heading)], axis=1) + push
-        turn = wrapped(np.arctan2(way[:, 1], way[:, 0]) - observations.pose[:, 2]) / self._period
-        ahead = np.where(observations.alive, self._speed, 0.0)
-        return Intents.twisting(np.stack([ahead, np.where(observations.alive, turn, 0.0)], axis=1))
+        turn = wrapped(np.arctan2(way[:, 1], way[:, 0]) - senses.pose[:, 2]) / self._period
+        ahead = np.where(senses.alive, self._speed, 0.0)
+        return Intents.twisting(np.stack([ahead, np.where(senses.alive, turn, 0.0)], axis=1))
 
 
 class Stand(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -61,6 +62,6 @@ class Standing:
 
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """Nothing."""
-        return Intents.twisting(np.zeros((len(observations.alive), 2)))
+        return Intents.twisting(np.zeros((len(senses.alive), 2)))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Observations, Record
+from swarmsim.core.state import Knowledge, Record, Senses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ class Reconstruction(Knowledge):
     samples: NDArray[np.int64]  # (n,): how many each robot has taken in
     basis: Basis
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """The weights, and how many samples made them."""
         return self.weights, self.samples
 
@@ -96,7 +96,7 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         basis = Basis(setting.building.bounds, self.spacing)
         if len(basis.centres) > MOST:
             raise InputError(f"spacing: {len(basis.centres)} bells at {self.spacing:g} m; expected {MOST} at most")
-        return FieldComputation(self, setting.robots.count, basis)
+        return FieldComputation(self, len(setting.ids), basis)
 
 
 MOST = 1000  # bells: with more, an iteration takes seconds
@@ -117,27 +117,26 @@ class FieldComputation:
         half = parameters.half_life
         self._kept = 1.0 if half is None else 0.5 ** (1.0 / half)
 
-    def say(self, observations: Observations) -> Said[Sample]:
+    def say(self, senses: Senses) -> Said[Sample]:
         """Every robot's sample."""
-        field = observations.readings.field
+        field = senses.readings.field
         assert field is not None
-        place = observations.pose
+        place = senses.pose
         return Said.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Reconstruction:
+    def hear(self, senses: Senses, inbox: Inbox[Sample]) -> Reconstruction:
         """Take in the own sample and all that were heard."""
-        inbox, field = observations.inbox, observations.readings.field
-        assert inbox is not None
+        field = senses.readings.field
         assert field is not None
         heard = inbox.content
         starts = np.searchsorted(inbox.receivers, np.arange(len(field) + 1))
         if self._kept < 1.0:
             self._precision += (1.0 - self._kept) * (self._first - self._precision)
             self._evidence *= self._kept
-        for robot in np.flatnonzero(observations.alive):
+        for robot in np.flatnonzero(senses.alive):
             rows = slice(starts[robot], starts[robot + 1])
-            x = np.append(heard.x[rows], observations.pose[robot, 0])
-            y = np.append(heard.y[rows], observations.pose[robot, 1])
+            x = np.append(heard.x[rows], senses.pose[robot, 0])
+            y = np.append(heard.y[rows], senses.pose[robot, 1])
             value = np.append(heard.value[rows], field[robot])
             sound = np.isfinite(x) & np.isfinite(y) & np.isfinite(value)
             functions = self._basis.at(np.stack([x[sound], y[sound]], axis=1)) / self._parameters.noise

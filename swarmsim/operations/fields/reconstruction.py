@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Field, Setting
-from swarmsim.core.state import Knowledge, Measured, Moment
+from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.operations.fields.estimate import Reconstruction
 
 CURVE: Final = Curve("error", "relative error, %", scale=100.0, low=0.0, robots="errors", format=".1f", rises=False)
@@ -46,18 +46,18 @@ class FieldTask:
         self._points = setting.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
         self._wanted, self._field, self._period = wanted, field, setting.period
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Reconstruction]) -> Measured:
         """The mean and the largest error of the live, and the error of each."""
-        truth = self._field.value(moment.state.iteration * self._period, self._points)
-        errors = errors_of(moment.knowledge, self._points, truth)
-        live = errors[moment.state.alive]
+        truth = self._field.value(done.state.iteration * self._period, self._points)
+        errors = errors_of(done.knowledge, self._points, truth)
+        live = errors[done.state.alive]
         error = float(live.mean()) if len(live) else float("nan")
         values = {"error": error, "worst": float(live.max(initial=0.0))}
         finished = error <= self._wanted  # never while nobody lives, and there is no error
         progress = 1.0 if finished else self._wanted / error if len(live) else 0.0
         return Measured(values, {"errors": errors}, progress, finished)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Reconstruction]]:
         """The last errors."""
         return (ErrorMeasures(),)
 
@@ -71,13 +71,13 @@ def errors_of(
 
 
 class ErrorMeasures:
-    """A probe that keeps the errors."""
+    """An observer that keeps the errors."""
 
     def __init__(self) -> None:
         self._errors: list[float] = []
         self._worst = float("nan")
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Reconstruction]) -> None:
         """Take note of one iteration."""
         self._errors.append(moment.measured.values["error"])
         self._worst = moment.measured.values["worst"]

@@ -9,8 +9,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Observations
+from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.operations.fields.estimate import Basis, Reconstruction
 
 ARRIVED = 0.15  # m: nearer than this to its place, a robot takes the next
@@ -39,18 +40,18 @@ class Waypoints:
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def __init__(self, setting: Setting, margin: float) -> None:
-        count, page = setting.robots.count, setting.building.bounds
+        page, self._ids = setting.building.bounds, setting.ids
         self._low = np.array(page[:2]) + margin
         self._size = np.maximum(np.array(page[2:]) - margin - self._low, 0.0)
         self._salt = int(setting.streams.open("waypoints").integers(0, 2**64, dtype=np.uint64))
-        self._legs = Legs(count, setting)
+        self._legs = Legs(setting)
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """On to the place, or to a new one."""
-        robots = self._legs.arrived(observations)
+        robots = self._legs.arrived(senses)
         legs = self._legs.counts[robots]
-        part = np.stack([chance.uniform(self._salt, robots, legs, axis) for axis in (0, 1)], axis=1)
-        return self._legs.intents(observations, robots, self._low + part * self._size)
+        part = np.stack([chance.uniform(self._salt, self._ids[robots], legs, axis) for axis in (0, 1)], axis=1)
+        return self._legs.intents(senses, robots, self._low + part * self._size)
 
 
 class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -76,20 +77,20 @@ class Uncertainty:
 
     def __init__(self, parameters: MostUncertain, setting: Setting) -> None:
         self._parameters, self._page = parameters, setting.building.bounds
-        self._legs = Legs(setting.robots.count, setting)
+        self._legs = Legs(setting)
         self._diagonal = float(np.hypot(self._page[2] - self._page[0], self._page[3] - self._page[1]))
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Reconstruction) -> Intents:
         """On to the place, or to a new one."""
-        robots, knowledge = self._legs.arrived(observations), observations.knowledge
+        robots = self._legs.arrived(senses)
         places = self._places(knowledge.basis)
         if len(robots) == 0:
-            return self._legs.intents(observations, robots, np.empty((0, 2)))
+            return self._legs.intents(senses, robots, np.empty((0, 2)))
         deviation = np.sqrt(knowledge.variance(places)[robots])
         first = np.sqrt((knowledge.basis.at(places) ** 2).sum(axis=1))
-        away = np.hypot(*(places[:, None] - observations.pose[robots, :2]).transpose(2, 1, 0)) / self._diagonal
+        away = np.hypot(*(places[:, None] - senses.pose[robots, :2]).transpose(2, 1, 0)) / self._diagonal
         worth = deviation / np.maximum(first, 1e-12) - self._parameters.nearness * away
-        return self._legs.intents(observations, robots, places[worth.argmax(axis=1)])
+        return self._legs.intents(senses, robots, places[worth.argmax(axis=1)])
 
     def _places(self, basis: Basis) -> NDArray[np.float64]:
         low, high = np.array(self._page[:2]), np.array(self._page[2:])
@@ -101,27 +102,28 @@ class Uncertainty:
 class Legs:
     """Straight ways of robots, one after the other."""
 
-    def __init__(self, count: int, setting: Setting) -> None:
+    def __init__(self, setting: Setting) -> None:
+        count = len(setting.ids)
         self._place = np.full((count, 2), np.nan)
         self._until = np.zeros(count, np.int64)  # the iteration in which a place is given up
         self._pace, self._lattice = setting.robots.speed * setting.period, setting.lattice
         #: How many places each robot (n,) has had.
         self.counts = np.zeros(count, np.int64)
 
-    def arrived(self, observations: Observations) -> NDArray[np.int64]:
+    def arrived(self, senses: Senses) -> NDArray[np.int64]:
         """The live robots (r,) that need a new place."""
-        away = np.hypot(*(self._place - observations.pose[:, :2]).T)
-        late = observations.iteration >= self._until
-        return np.flatnonzero(observations.alive & (~(away > ARRIVED) | late))
+        away = np.hypot(*(self._place - senses.pose[:, :2]).T)
+        late = senses.iteration >= self._until
+        return np.flatnonzero(senses.alive & (~(away > ARRIVED) | late))
 
-    def intents(self, observations: Observations, robots: NDArray[np.int64], places: NDArray[np.float64]) -> Intents:
+    def intents(self, senses: Senses, robots: NDArray[np.int64], places: NDArray[np.float64]) -> Intents:
         """Everybody's way, with new places (r, 2) for robots (r,)."""
-        way = np.hypot(*(places - observations.pose[robots, :2]).T)
+        way = np.hypot(*(places - senses.pose[robots, :2]).T)
         self._place[robots] = places
-        self._until[robots] = observations.iteration + 2 + (PATIENCE * way / self._pace).astype(np.int64)
+        self._until[robots] = senses.iteration + 2 + (PATIENCE * way / self._pace).astype(np.int64)
         self.counts[robots] += 1
         planned = np.zeros(len(self._place), np.bool_)
         planned[robots] = True
-        there = np.flatnonzero(observations.alive & ~np.isnan(self._place[:, 0]))
-        ways = {int(robot): np.stack([observations.pose[robot, :2], self._place[robot]]) for robot in there}
+        there = np.flatnonzero(senses.alive & ~np.isnan(self._place[:, 0]))
+        ways = {int(robot): np.stack([senses.pose[robot, :2], self._place[robot]]) for robot in there}
         return Intents.along(ways, len(self._place), self._lattice, planned)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
-from typing import Annotated, Any, Final
+from collections.abc import Callable, Mapping
+from typing import Annotated, Final
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -112,11 +112,12 @@ class Formula(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return FiniteField(FormulaField(self.formula), f"formula: {self.formula!r}", setting)
 
 
-_OPERATORS: Final[dict[type, Callable[..., Any]]] = {
+_Value = float | NDArray[np.float64]
+_OPERATORS: Final[dict[type, np.ufunc]] = {
     ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
     ast.USub: np.negative, ast.UAdd: np.positive,
 }  # fmt: skip
-_FUNCTIONS: Final[dict[str, tuple[Callable[..., Any], int]]] = {
+_FUNCTIONS: Final[dict[str, tuple[np.ufunc, int]]] = {
     **{name: (getattr(np, name), 1) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "abs", "tanh")},
     **{name: (getattr(np, name), 2) for name in ("hypot", "minimum", "maximum")},
 }
@@ -139,12 +140,12 @@ class FormulaField:
 
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The values (k,) at points (k, 2)."""
-        known = {"x": points[:, 0], "y": points[:, 1], "t": time, "pi": np.pi}
+        known: dict[str, _Value] = {"x": points[:, 0], "y": points[:, 1], "t": time, "pi": np.pi}
         with np.errstate(all="ignore"):
             return np.broadcast_to(np.asarray(self._evaluate(known), np.float64), len(points)).copy()
 
 
-def _compiled(node: ast.AST) -> Callable[[dict[str, Any]], Any]:
+def _compiled(node: ast.AST) -> Callable[[Mapping[str, _Value]], _Value]:
     """What a node of a formula evaluates to. Raises InputError for nodes that formulas do not have."""
     match node:
         case ast.Constant(value=int() | float()) if not isinstance(node.value, bool):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.state import Moment
+from swarmsim.operations.mapping.maps import Maps
 
 Cells = NDArray[np.bool_]  # (rows, columns)
 
@@ -27,7 +28,7 @@ class Change:
 
 
 class ChangeMeasures:
-    """A probe that compares the maps with the truth of the moment.
+    """An observer that compares the maps with the truth of the moment.
 
     The union holds a cell for occupied if any robot that observed it does, as in the films.
     """
@@ -40,7 +41,7 @@ class ChangeMeasures:
         self._robots = 0
         self.changes: list[Change] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         observed, log_odds = moment.knowledge.observed, moment.knowledge.log_odds
         self._robots = len(observed)

@@ -19,7 +19,7 @@ from swarmsim.core import memory, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Observations, Tiles
+from swarmsim.core.state import Knowledge, Senses, Tiles
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 from swarmsim.operations.mapping.maps import Maps
@@ -79,7 +79,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             )
         if self.quorum is not None and self.trust != "quorum":
             raise InputError(f"quorum: robots with trust {self.trust!r} need none; expected trust = 'quorum'")
-        others = setting.robots.count - 1
+        others = setting.swarm - 1
         if self.trust == "quorum" and (self.quorum or 2) > others:
             raise InputError(f"quorum: {self.quorum or 2} of {others} others never agree; expected {others} at most")
         try:
@@ -95,7 +95,7 @@ class MapComputation:
     knows: type[Knowledge] = Maps
 
     def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing) -> None:
-        count, lattice = setting.robots.count, setting.lattice
+        count, lattice = len(setting.ids), setting.lattice
         grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
         self._grids = grids if parameters.trust == "all" else WaryGrids(grids, quorum)
@@ -108,7 +108,7 @@ class MapComputation:
         self._kept, self._least = np.float32(1.0 - parameters.decay), np.float32(0.5 * weakest)
         self._observed, self._log_odds = _read_only(grids.observed), _read_only(grids.log_odds)
         self._columns = lattice.columns
-        self._robots = np.arange(count, dtype=np.int32)
+        self._robots = np.arange(count, dtype=np.int32)  # their rows
         self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
         self._rewritten = False  # whether maps have changed otherwise than by readings since then
         nobody = np.empty(0, np.int32)
@@ -123,19 +123,19 @@ class MapComputation:
         """That of what is shared."""
         return self._sharing.codec
 
-    def say(self, observations: Observations) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Any]:
         """What the sharing policy tells."""
-        return self._sharing.say(observations, self.maps)
+        return self._sharing.say(senses, self.maps)
 
-    def hear(self, observations: Observations) -> Maps:
+    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Maps:
         """Map what was sensed, then what was heard."""
-        tiles, alive = tiles_of(observations), observations.alive
-        taken = self._sharing.taken(observations)
+        tiles, alive = tiles_of(senses), senses.alive
+        taken = self._sharing.taken(senses, inbox)
         if self._forgets:
             known, log_odds = (grid.reshape(len(alive), -1) for grid in (self._grids.observed, self._grids.log_odds))
             occupancy.fade(log_odds, known, alive, self._kept, self._least)
         if self._spared:
-            tiles, taken = self._without_robots(tiles, taken, observations.iteration)
+            tiles, taken = self._without_robots(tiles, taken, senses.iteration)
         fresh = self._grids.update(alive, tiles, taken)
         news = fresh[: len(alive)].copy()
         np.add.at(news, taken.receivers, fresh[len(news) :])

@@ -12,7 +12,7 @@ from swarmsim.core import memory
 from swarmsim.core.building import Building
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Measured, Moment
+from swarmsim.core.state import Done, Knowledge, Measured
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.changes import ChangeMeasures
 from swarmsim.operations.mapping.frames import FrameMeasures
@@ -50,7 +50,7 @@ class CoverageTask:
     curve = CURVE
 
     def __init__(self, parameters: Coverage, setting: Setting) -> None:
-        count, cells = setting.robots.count, setting.lattice.rows * setting.lattice.columns
+        count, cells = setting.swarm, setting.lattice.rows * setting.lattice.columns
         self._setting, self._wanted, self._traces = setting, parameters.share, parameters.provenance
         self._held = memory.zeros((count, cells), np.bool_)  # which cells each map holds
         self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
@@ -59,26 +59,26 @@ class CoverageTask:
         self._version = -1  # of the building whose domain that is
         self._sightings = Sightings(setting.lattice)
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Maps]) -> Measured:
         """The share of the domain that the union covers, and that each robot's own map does."""
-        if self._version != moment.building.version:
-            self._count_anew(moment.building)
+        if self._version != done.building.version:
+            self._count_anew(done.building)
         more: dict[str, float] = {}
-        if moment.knowledge.frames is None:
-            changes = moment.knowledge.changes
+        if done.knowledge.frames is None:
+            changes = done.knowledge.changes
             self._union += occupancy.recount(changes, self._held, self._holders, self._domain, self._each)
         else:
-            more["correct"] = self._count_what_is_right(moment)
+            more["correct"] = self._count_what_is_right(done)
         share = self._union / self._cells
         return Measured(
             {"coverage": share, **more}, {"covered": self._each / self._cells}, min(1.0, share / self._wanted),
             share >= self._wanted,
         )  # fmt: skip
 
-    def _count_what_is_right(self, moment: Moment) -> float:
+    def _count_what_is_right(self, done: Done[Maps]) -> float:
         """Count the cells that maps hold for what was truly seen there; gives the share of the union that is so."""
-        self._sightings.add(moment)
-        maps = cells_of(moment.knowledge)
+        self._sightings.add(done)
+        maps = cells_of(done.knowledge)
         right = self._sightings.agree(maps).reshape(len(maps), -1) & self._domain
         self._each[:] = np.count_nonzero(right, axis=1)
         self._union = int(np.count_nonzero(right.any(axis=0)))
@@ -91,9 +91,9 @@ class CoverageTask:
         self._each[:] = [np.count_nonzero(held & self._domain) for held in self._held]
         self._union = int(np.count_nonzero((self._holders > 0) & self._domain))
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Maps]]:
         """What maps are judged by, and how well they follow a building that changes."""
-        robots, building = self._setting.robots.count, self._setting.building
+        robots, building = self._setting.swarm, self._setting.building
         lattice = self._setting.lattice
         always = MapMeasures(robots, building.domain, lattice), ChangeMeasures(building), FrameMeasures(building.domain)
         return (*always, MapProvenance(robots, lattice)) if self._traces else always

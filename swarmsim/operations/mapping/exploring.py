@@ -12,9 +12,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Inbox
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Observations
+from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, search, survey
 from swarmsim.operations.mapping.frontier import FrontierStrategy, NearestFrontier
 from swarmsim.operations.mapping.maps import Maps
@@ -37,7 +37,7 @@ class Others:
 class Options:
     """What one robot can choose from: pieces of frontier, nearest first; there is at least one."""
 
-    id: int  # of the robot
+    id: int  # the robot's number
     goals: NDArray[np.int32]  # (p, 2): row and column of the nearest cell of each piece
     ways: NDArray[np.float64]  # (1 + h, p): cells from the robot, then from each it hears; inf where it knows no way
     sizes: NDArray[np.int32]  # (p,): cells of each piece
@@ -99,18 +99,17 @@ class ExploringStrategy(FrontierStrategy):
         self._rule, self._shape = rule, setting.lattice.shape
         self._ground = survey.ground(*self._shape)
         self._grain = rule.grain or max(self._shape)
-        self._random = [setting.streams.open("explore", robot) for robot in range(setting.robots.count)]
+        self._ids, self._random = setting.ids.tolist(), setting.own_streams("explore")
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], maps: Maps) -> Intents:
         """Choose goals and paths."""
-        maps: Maps = observations.knowledge
-        now, plans, rules = observations.iteration + 1, self._plans, self._rules
+        now, plans, rules = senses.iteration + 1, self._plans, self._rules
         grids = search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned)
         here, chooses, stuck, draws, before = decide.look(
-            now, observations.pose, observations.alive, maps.news, grids, plans, self._patrol, rules, self._salts,
+            now, senses.pose, senses.alive, maps.news, grids, plans, self._patrol, rules, self._salts,
             self._scratch,
         )  # fmt: skip
-        height, width = tiles_of(observations).values.shape[1:]
+        height, width = tiles_of(senses).values.shape[1:]
         heard = _latest_tiles(maps.taken)
         starts = np.searchsorted(heard.receivers, np.arange(len(here) + 1))
         middles = np.clip(np.add(heard.content.origins, (height // 2, width // 2)), 0, np.subtract(self._shape, 1))
@@ -126,7 +125,7 @@ class ExploringStrategy(FrontierStrategy):
                 decide.stay(now, i, here[i], stuck[i], draws[i], grids, plans, rules)
                 continue
             options = Options(
-                id=i,
+                id=self._ids[i],
                 goals=np.stack(np.divmod(found.goals, self._columns), axis=1).astype(np.int32),
                 ways=np.where(found.costs == survey.FAR, np.inf, found.costs / survey.STRAIGHT),
                 sizes=found.sizes,

@@ -20,12 +20,12 @@ from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Observations
+from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Senses
 from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.message import MapCodec, TileItems, assembled, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.registration import Cells, Meetings, Transform, register
-from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, inbox_of, mark_sensed, tiles_of
+from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, mark_sensed, tiles_of
 
 #: Whose frame it is and how well founded (2 bytes each), then how it lies in the sender's: a turn (rad), rows and
 #: columns (cells), 4 bytes each.
@@ -90,36 +90,38 @@ class MergeSharing(GossipSharing):
     """Gossip among robots that have found each other's frames."""
 
     def __init__(self, parameters: Merge, setting: Setting) -> None:
-        super().__init__(setting.robots.count, setting.lattice)
-        count, lattice = setting.robots.count, setting.lattice
+        super().__init__(setting)
+        lattice, count = setting.lattice, len(setting.ids)
+        pairs = count, setting.swarm  # by each robot's row and another one's number
         self._parameters, self._lattice = parameters, lattice
-        starts = setting.start if len(setting.start) else np.zeros((count, 3))
-        self._own = [_into_own_frame(pose, lattice) for pose in starts]
-        self._found = np.zeros((count, count, 3))  # how the column's frame lies in the row's ...
-        self._weight = np.diag(np.full(count, np.iinfo(np.int32).max))  # ... and walls by which that was found
-        self._told_at = np.zeros((count, count), np.int32)  # iterations from 1; 0: never
+        self._frames = [_into_own_frame(pose, lattice) for pose in setting.starts]  # by number
+        self._own = [self._frames[robot] for robot in setting.ids.tolist()]
+        self._itself = self._ids[:, None] == np.arange(setting.swarm)
+        self._found = np.zeros((*pairs, 3))  # how the column's frame lies in the row's ...
+        self._weight = np.iinfo(np.int32).max * self._itself  # ... and walls by which that was found
+        self._told_at = np.zeros(pairs, np.int32)  # iterations from 1; 0: never
         self._offers = np.zeros(count, np.bool_)  # who tells its whole map next
         self._offered = np.full(count, -parameters.again, np.int64)
-        self._tried = np.full((count, count), -PATIENCE * parameters.again, np.int64)
+        self._tried = np.full(pairs, -PATIENCE * parameters.again, np.int64)
         self._met: dict[tuple[int, int], list[NDArray[np.float64]]] = {}  # where hearer and teller were, in cells
         self._sensed: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)
         self._maps: Maps | None = None  # those of the end of the last iteration
         #: What robots know of each other's frames, and how wrong it is.
-        self.frames = Frames(np.eye(count, dtype=np.bool_), np.zeros((count, count, 3)))
+        self.frames = Frames(self._itself.copy(), np.zeros((*pairs, 3)))
 
     def _cut(self, rows: int, columns: int) -> None:
         super()._cut(rows, columns)
         self.codec = MergeCodec((rows, columns), self._grid)
 
-    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
+    def say(self, senses: Senses, maps: Maps) -> Said[Any]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
-        said = super().say(observations, maps)
-        self._maps, now, robots, tile = maps, observations.iteration, self._robots, self._tile
-        mark_sensed(self._sensed, observations.alive, tiles_of(observations))
+        said = super().say(senses, maps)
+        self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
+        mark_sensed(self._sensed, senses.alive, tiles_of(senses))
         speakers = [np.repeat(robots, np.diff(said.ends, prepend=0))]
         items = [MergeItems.of(said.content, TILE)]
-        sizes = said.sizes + observations.alive.astype(np.int32)
-        tellers, whose = self._next_frames(observations.alive)
+        sizes = said.sizes + senses.alive.astype(np.int32)
+        tellers, whose = self._next_frames(senses.alive)
         if len(tellers):
             self._told_at[tellers, whose] = now + 1
             nothing = _tiles(np.zeros((len(tellers), *tile), np.uint8), np.zeros((len(tellers), 2), np.int32), now)
@@ -127,7 +129,7 @@ class MergeSharing(GossipSharing):
             items.append(MergeItems.of(nothing, PLACE, whose, weight, place))
             speakers.append(tellers)
             sizes[tellers] += np.int32(FRAME.size)
-        offering = np.flatnonzero(self._offers & observations.alive).astype(np.int32)
+        offering = np.flatnonzero(self._offers & senses.alive).astype(np.int32)
         if len(offering):
             self._offered[offering] = now
             known = self._sensed_by_itself(maps)[offering]
@@ -146,29 +148,28 @@ class MergeSharing(GossipSharing):
 
     def _next_frames(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Who has a frame to tell, and whose: of those it knows the one that it has told longest ago."""
-        others = self.frames.known & ~np.eye(len(alive), dtype=np.bool_)
+        others = self.frames.known & ~self._itself
         waited = np.where(others, self._told_at, np.iinfo(np.int32).max)
         tellers = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
 
-    def taken(self, observations: Observations) -> Inbox[Any]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[Any]:
         """What those said whose frames are known, put where the hearer believes it to be."""
-        inbox = inbox_of(observations)
-        self._find_frames(observations, inbox)
+        self._find_frames(senses, inbox)
         self._hear_of_frames(inbox)
-        self._meet(observations, inbox)
+        self._meet(senses, inbox)
         known, part = self.frames.known[inbox.receivers, inbox.senders], inbox.content.part
         heard = inbox.take(np.flatnonzero(known & (part != PLACE)))
         errors = self.frames.errors[heard.receivers, heard.senders]
         values, origins = moved(heard.content.values, heard.content.origins, errors)
         return replace(heard, content=replace(heard.content, values=values, origins=origins))
 
-    def _meet(self, observations: Observations, inbox: Inbox[Any]) -> None:
+    def _meet(self, senses: Senses, inbox: Inbox[Any]) -> None:
         """Note who hears whom nearby; those who have met in places far enough apart will tell their maps."""
         self._offers[:] = False
-        content, now = inbox.content, observations.iteration
+        content, now = inbox.content, senses.iteration
         own = np.flatnonzero((content.part == TILE) & (content.sources == inbox.senders))  # where their senders are
-        here = _cells_at(observations.pose[inbox.receivers[own]], self._lattice)
+        here = _cells_at(senses.pose[inbox.receivers[own]], self._lattice)
         there = content.origins[own] + np.array(self._tile) / 2.0
         near = np.hypot(*(here - there).T) * self._lattice.cell <= self._parameters.within
         near &= self._wanted(now)[inbox.receivers[own], inbox.senders[own]]
@@ -182,7 +183,7 @@ class MergeSharing(GossipSharing):
                 self._offers[hearer] |= self._far_enough(np.array(met))
 
     def _wanted(self, now: int) -> NDArray[np.bool_]:
-        """Whose frame each robot looks for (n, n): strangers', and now and then those that are not well founded."""
+        """Whose frame each robot looks for (n, N): strangers', and now and then those that are not well founded."""
         rested = now - self._tried >= PATIENCE * self._parameters.again
         return np.asarray((self._weight < SURE) & (rested | ~self.frames.known))
 
@@ -191,23 +192,23 @@ class MergeSharing(GossipSharing):
         spans = [np.hypot(*np.ptp(met[:, one], axis=0)) for one in (0, 1)]
         return bool(min(spans) * self._lattice.cell >= SPREAD * self._parameters.within)
 
-    def _find_frames(self, observations: Observations, inbox: Inbox[Any]) -> None:
+    def _find_frames(self, senses: Senses, inbox: Inbox[Any]) -> None:
         """Lay the maps of strangers on one's own."""
         part = np.flatnonzero(inbox.content.part == MAP)
         if not len(part) or self._maps is None:
             return
         cells = self._sensed_by_itself(self._maps)
-        wanted = self._wanted(observations.iteration)
+        wanted = self._wanted(senses.iteration)
         for hearer, teller in np.unique(
             np.stack([inbox.receivers[part], inbox.senders[part]], axis=1), axis=0
         ).tolist():
             met = np.array(self._met.get((hearer, teller), []))
             if not wanted[hearer, teller] or not len(met) or not self._far_enough(met):
                 continue
-            self._tried[hearer, teller] = observations.iteration
+            self._tried[hearer, teller] = senses.iteration
             rows = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
-            found = self._compared(cells[hearer], told, self._own[teller], met)
+            found = self._compared(cells[hearer], told, self._frames[teller], met)
             if found is not None:
                 self._learn(hearer, teller, self._own[hearer].after(found[0]), min(found[1], MOST))
 
@@ -236,7 +237,7 @@ class MergeSharing(GossipSharing):
         for row in np.flatnonzero(content.part == PLACE).tolist():
             hearer, teller, third = int(inbox.receivers[row]), int(inbox.senders[row]), int(content.whose[row])
             told, walls = Transform(*map(float, content.place[row])), int(content.weight[row])
-            if third != hearer and weight[hearer, teller] > 0:
+            if third != self._ids[hearer] and weight[hearer, teller] > 0:
                 found = Transform(*self._found[hearer, teller]).after(told)
                 self._learn(hearer, third, found, int(SECOND_HAND * min(walls, weight[hearer, teller])))
             if weight[hearer, third] > 0:  # which the hearer itself may be
@@ -247,7 +248,7 @@ class MergeSharing(GossipSharing):
         """Believe a frame that is better founded than what was believed before."""
         if walls <= self._weight[hearer, other]:
             return
-        error = self._own[hearer].inverse().after(found).after(self._own[other])
+        error = self._own[hearer].inverse().after(found).after(self._frames[other])
         self._found[hearer, other] = found.turn, found.rows, found.columns
         self._weight[hearer, other] = walls
         self.frames.errors[hearer, other] = error.turn, error.rows, error.columns
@@ -290,7 +291,7 @@ class MergeCodec:
 
 
 class FrameMeasures:
-    """A probe that counts who has found whose frame, and judges how right; silent where all know from the start."""
+    """An observer that counts who has found whose frame, and judges how right; silent where all know from the start."""
 
     def __init__(self, domain: NDArray[np.bool_]) -> None:
         rows, columns = (np.flatnonzero(domain.any(axis=axis)) for axis in (1, 0))
@@ -299,7 +300,7 @@ class FrameMeasures:
         self._joined: int | None = None
         self._last: Frames | None = None
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         self._last = moment.knowledge.frames
         alive = moment.state.alive

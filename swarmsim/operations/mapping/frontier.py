@@ -14,8 +14,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Observations
+from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.kernels import decide, occupancy, search
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing import tiles_of
@@ -42,7 +43,7 @@ class FrontierStrategy:
 
     def __init__(self, parameters: NearestFrontier, setting: Setting) -> None:
         robots, lattice = setting.robots, setting.lattice
-        count, cells = robots.count, lattice.rows * lattice.columns
+        count, cells = len(setting.ids), lattice.rows * lattice.columns
         self._barred, self._shunned = (memory.zeros((count, *lattice.shape), np.int32) for _ in range(2))
         self._plans = decide.Plans(
             goal=np.full(count, -1, np.int32),
@@ -57,7 +58,7 @@ class FrontierStrategy:
         patrolled = lattice.shape if parameters.idle == "patrol" else (0, 0)
         self._patrol = search.Patrol(memory.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
         per_iteration = robots.speed * setting.period / lattice.cell  # cells, of the fastest
-        slowest = float(robots.each("speed").min()) * setting.period / lattice.cell
+        slowest = robots.least("speed") * setting.period / lattice.cell
         footprint = search.footprint(robots.radius / lattice.cell)
         self._rules = search.Rules(
             lattice.x0,
@@ -71,23 +72,22 @@ class FrontierStrategy:
             math.ceil(per_iteration) + 3,
         )
         self._scratch = search.scratch(cells)
-        self._salts = salts(setting, "unstick", count)
-        self._tie_salts = salts(setting, "ties", count)
+        self._salts = salts(setting, "unstick")
+        self._tie_salts = salts(setting, "ties")
         if parameters.ties == "row-order":
             self._tie_salts[:] = 0
         self._columns = lattice.columns
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], maps: Maps) -> Intents:
         """Choose goals and paths."""
-        maps: Maps = observations.knowledge
         plans = self._plans
         if self._patrol.seen.size:
-            self._see(observations, maps)
+            self._see(senses, maps)
         # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
         decide.decide(
-            observations.iteration + 1,
-            observations.pose,
-            observations.alive,
+            senses.iteration + 1,
+            senses.pose,
+            senses.alive,
             maps.news,
             search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
             plans,
@@ -110,13 +110,13 @@ class FrontierStrategy:
         goals[plans.goal < 0] = -1
         return Intents(goals, waypoints, counts, plans.planned.copy())
 
-    def _see(self, observations: Observations, maps: Maps) -> None:
+    def _see(self, senses: Senses, maps: Maps) -> None:
         """Note which cells were seen when."""
-        tiles, taken = tiles_of(observations), maps.taken
+        tiles, taken = tiles_of(senses), maps.taken
         occupancy.see(
             self._patrol.seen,
-            observations.iteration + 1,
-            observations.alive,
+            senses.iteration + 1,
+            senses.alive,
             tiles.values,
             tiles.origins,
             taken.receivers,
@@ -127,7 +127,6 @@ class FrontierStrategy:
         )
 
 
-def salts(setting: Setting, purpose: str, count: int) -> NDArray[np.uint64]:
+def salts(setting: Setting, purpose: str) -> NDArray[np.uint64]:
     """One random number of each robot's own, never 0."""
-    streams = (setting.streams.open(purpose, robot) for robot in range(count))
-    return np.array([stream.integers(1, 2**63) for stream in streams], np.uint64)
+    return np.array([stream.integers(1, 2**63) for stream in setting.own_streams(purpose)], np.uint64)

@@ -10,10 +10,9 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
-from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, Observations
+from swarmsim.core.state import FREE, OCCUPIED, Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
     TileItems,
@@ -24,7 +23,7 @@ from swarmsim.operations.mapping.message import (
     unpack,
     unpack_cells,
 )
-from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+from swarmsim.operations.mapping.sharing import tiles_of
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -45,7 +44,7 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> GossipSharing:
         """The policy."""
-        return GossipSharing(setting.robots.count, setting.lattice)
+        return GossipSharing(setting)
 
 
 class GossipSharing:
@@ -53,15 +52,16 @@ class GossipSharing:
 
     codec: Codec[Any]
 
-    def __init__(self, robots: int, lattice: Lattice) -> None:
-        self._robots = np.arange(robots, dtype=np.int32)
-        self._grid = lattice.shape
+    def __init__(self, setting: Setting) -> None:
+        self._ids = setting.ids.astype(np.int32)
+        self._robots = np.arange(len(self._ids), dtype=np.int32)  # their rows
+        self._grid = setting.lattice.shape
         self._tile = (0, 0)  # rows and columns of tiles, once one was seen
-        self._changed, self._told = (np.empty((robots, 0), np.int32) for _ in range(2))  # iterations from 1; 0: never
+        self._changed, self._told = (np.empty((0, 0), np.int32) for _ in range(2))  # iterations from 1; 0: never
 
-    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's own tile, then a piece of its map; the dead say nothing."""
-        tiles, alive, now = tiles_of(observations), observations.alive, observations.iteration
+        tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
         if not self._changed.size:
             self._cut(*tiles.values.shape[1:])
         robot, cell, _ = maps.changes.T
@@ -75,7 +75,7 @@ class GossipSharing:
         items = TileItems(
             np.concatenate([tiles.values[alive], self._cells(maps, tellers, corners)])[order],
             np.concatenate([tiles.origins[alive], corners.astype(np.int32)])[order],
-            np.concatenate([self._robots[alive], np.full(len(tellers), -1, np.int32)])[order],
+            np.concatenate([self._ids[alive], np.full(len(tellers), -1, np.int32)])[order],
             np.full(len(order), now, np.int32),
         )
         sizes = alive * np.int32(current_tile_bytes(*self._tile))
@@ -107,9 +107,9 @@ class GossipSharing:
         states = np.where(maps.log_odds[at] > 0.0, np.uint8(OCCUPIED), np.uint8(FREE))
         return np.asarray(states * (maps.observed[at] & inside), np.uint8)
 
-    def taken(self, observations: Observations) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
         """All of it."""
-        return inbox_of(observations)
+        return inbox
 
 
 class GossipCodec:

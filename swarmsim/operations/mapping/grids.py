@@ -107,8 +107,8 @@ class WaryGrids:
         self._grids = grids
         shape = grids.observed.shape
         sets = shape if quorum > 1 else (shape[0], 0, 0)
-        own, free, occupied = (memory.zeros(*of) for of in ((shape, np.bool_), (sets, np.uint64), (sets, np.uint64)))
-        self._witnesses = trust.Witnesses(own, free, occupied, quorum)
+        free, occupied = (memory.zeros(sets, np.uint64) for _ in range(2))
+        self._witnesses = trust.Witnesses(memory.zeros(shape, np.bool_), free, occupied, quorum)
 
     @property
     def log_odds(self) -> NDArray[np.float32]:

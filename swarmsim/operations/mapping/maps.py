@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.messages import Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Auditor, Knowledge, Observations, Record
+from swarmsim.core.state import Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
 from swarmsim.operations.mapping.message import TileItems
 
@@ -21,8 +21,8 @@ from swarmsim.operations.mapping.message import TileItems
 class Frames:
     """What robots that started without knowing each other's places know of each other's frames of reference."""
 
-    known: NDArray[np.bool_]  # (n, n): whether the robot of the row can place what the one of the column says
-    #: (n, n, 3): where it places that, in truth: a turn about the grid's corner (rad), then rows and columns (cells).
+    known: NDArray[np.bool_]  # (n, N): whether each robot can place what each of the swarm says
+    #: (n, N, 3): where it places that, in truth: a turn about the grid's corner (rad), then rows and columns (cells).
     #: All are 0 where it is right.
     errors: NDArray[np.float64]
 
@@ -61,13 +61,13 @@ class MapAuditor(Auditor):
     """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
 
     def __init__(self, setting: Setting) -> None:
-        shape = (setting.robots.count, setting.lattice.rows * setting.lattice.columns)
+        shape = (setting.swarm, setting.lattice.rows * setting.lattice.columns)
         self._columns = setting.lattice.columns
         self._shown: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # by any tile so far
         self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say
         self._words = self._known.view(np.uint64)
 
-    def audit(self, knowledge: Any, observations: Observations) -> str | None:
+    def audit(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
         """The first cell that a robot cannot know, or a map that differs from its changes.
 
         Every change is checked when it is made, since measures and recordings are made of changes; whole maps, which
@@ -78,11 +78,11 @@ class MapAuditor(Auditor):
             return f"changes: {changes.dtype} of shape {changes.shape}; expected int32 of (c, 3)"
         if observed.dtype != np.bool_ or observed.shape[0] != len(self._known) or observed.size != self._known.size:
             return f"observed: {observed.dtype} of shape {observed.shape}; expected one grid of bool for each robot"
-        wrong_word = self._learn(knowledge, observations)
+        wrong_word = self._learn(knowledge, senses, inbox)
         if wrong_word is not None:
             return wrong_word
         words = observed.reshape(len(observed), -1).view(np.uint64)
-        wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, observations.iteration)
+        wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, senses.iteration)
         if wrong == 1:
             return f"changes[{at}]: {changes[at].tolist()}: a robot, cell or state that there is not"
         if wrong == 2:
@@ -93,11 +93,10 @@ class MapAuditor(Auditor):
             return f"robot {at}'s map holds {held} cells, but its changes say {told}"
         return None
 
-    def _learn(self, knowledge: Any, observations: Observations) -> str | None:
+    def _learn(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
         """Note what was shown; robots that place what they hear by an estimate are shown it there."""
-        tiles, inbox = observations.readings.tiles, observations.inbox
+        tiles = senses.readings.tiles
         assert tiles is not None
-        assert inbox is not None
         if knowledge.frames is not None:
             heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
             inbox = knowledge.taken
@@ -106,7 +105,7 @@ class MapAuditor(Auditor):
                     return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(
-            self._shown.reshape(rows), observations.alive, tiles.values, tiles.origins,
+            self._shown.reshape(rows), senses.alive, tiles.values, tiles.origins,
             inbox.receivers, inbox.content.values, inbox.content.origins,
         )  # fmt: skip
         return None

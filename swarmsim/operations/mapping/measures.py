@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
+from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sightings import Sightings
 from swarmsim.recording.measures import jain, mean_value, share_of
 
@@ -144,7 +145,7 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 class MapMeasures:
-    """A probe that keeps what it takes to judge the maps of a run, so that studies need no recording.
+    """An observer that keeps what it takes to judge the maps of a run, so that studies need no recording.
 
     Cells count in the coverage domain alone, except those that messages carry. What a robot *sensed* came
     from its own tiles; its map also holds what it heard. Robots that died keep their rows.
@@ -158,17 +159,17 @@ class MapMeasures:
         self._robots = np.arange(robots)
         self._offsets = np.zeros((0, 0), np.int64)  # of a tile's cells from its first, in the grid's row-major order
         self._union: list[float] = []
-        self._last: Moment | None = None
+        self._last: Moment[Maps] | None = None
         self._readings = self._carried = self._fresh = self._heard = self._age = 0
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         self._union.append(moment.measured.values["coverage"])
         self._last = moment
         self._sightings.add(moment)
         self._read(moment)
 
-    def _read(self, moment: Moment) -> None:
+    def _read(self, moment: Moment[Maps]) -> None:
         """Count what was sensed, then what was heard."""
         robots, tiles, inbox = len(self._robots), moment.readings.tiles, moment.knowledge.taken
         assert tiles is not None

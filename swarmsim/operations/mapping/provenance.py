@@ -13,11 +13,12 @@ from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import Moment
 from swarmsim.kernels import provenance
+from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import RelayedItems
 
 
 class MapProvenance:
-    """A probe that follows every reading to the maps it ends up in; it sees all messages, as no robot does.
+    """An observer that follows every reading to the maps it ends up in; it sees all messages, as no robot does.
 
     A piece of its sender's map has the origins that the sender knows when it arrives; where messages are delayed these
     can be later ones than when it was said.
@@ -34,7 +35,7 @@ class MapProvenance:
         #: The mean age of what each live robot knows (t, n), in iterations; NaN for the dead.
         self.ages: list[NDArray[np.float64]] = []
 
-    def sample(self, moment: Moment) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
         tiles, taken, state = moment.readings.tiles, moment.knowledge.taken, moment.state
         assert tiles is not None

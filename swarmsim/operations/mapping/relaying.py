@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Observations
+from swarmsim.core.state import Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import RelayCodec, RelayedItems, current_tile_bytes, relayed_tile_bytes
-from swarmsim.operations.mapping.sharing import inbox_of, tiles_of
+from swarmsim.operations.mapping.sharing import tiles_of
 
 
 class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -27,7 +27,7 @@ class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> RelaySharing:
         """The policy."""
-        return RelaySharing(setting.robots.count, self.hops)
+        return RelaySharing(setting, self.hops)
 
 
 class RelaySharing:
@@ -35,20 +35,20 @@ class RelaySharing:
 
     codec: Codec[Any]
 
-    def __init__(self, robots: int, hops: int) -> None:
-        self._robots, self._hops = robots, hops
-        self._known = KnownReadings(robots)
+    def __init__(self, setting: Setting, hops: int) -> None:
+        self._ids, self._hops = setting.ids.astype(np.int32), hops
+        self._known = KnownReadings(len(self._ids), setting.swarm)
         self._relayed: Inbox[RelayedItems] | None = None  # to be said by its receivers
         self._oldest: dict[int, int] = {}  # of the readings said, by the iteration in which they were
 
-    def say(self, observations: Observations, maps: Maps) -> Said[RelayedItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[RelayedItems]:
         """Every live robot's own tile, then those that it relays; the dead say nothing."""
-        tiles, alive, now = tiles_of(observations), observations.alive, observations.iteration
+        tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
         rows, columns = tiles.values.shape[1:]
         self.codec = RelayCodec((rows, columns))
         robots = np.flatnonzero(alive).astype(np.int32)
         own = RelayedItems(
-            tiles.values[robots], tiles.origins[robots], robots, np.full(len(robots), now, np.int32),
+            tiles.values[robots], tiles.origins[robots], self._ids[robots], np.full(len(robots), now, np.int32),
             np.zeros(len(robots), np.uint8),
         )  # fmt: skip
         relayers, items = robots[:0], own.take(robots[:0])
@@ -57,27 +57,26 @@ class RelaySharing:
             relayers, items = again.receivers, again.content
         speakers = np.concatenate([robots, relayers])
         order = np.argsort(speakers, kind="stable")
-        ends = np.searchsorted(speakers[order], np.arange(self._robots), side="right")
-        relayed = np.bincount(relayers, minlength=self._robots)
+        ends = np.searchsorted(speakers[order], np.arange(len(alive)), side="right")
+        relayed = np.bincount(relayers, minlength=len(alive))
         sizes = (current_tile_bytes(rows, columns) + relayed * relayed_tile_bytes(rows, columns)) * alive
         content = RelayedItems.joined([own, items]).take(order)
         self._oldest[now] = int(content.sensed.min(initial=now))
         return Said(content, ends, sizes.astype(np.int32))
 
-    def taken(self, observations: Observations) -> Inbox[RelayedItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[RelayedItems]:
         """The readings that are news to their receivers, each by the shortest way, ties by the sender's id."""
-        inbox, known = inbox_of(observations), self._known
-        items = inbox.content
+        known, items = self._known, inbox.content
         hops = items.hops.astype(np.int64) + 1
         keys = known.keys(inbox.receivers, items.sources, items.sensed)
-        news = np.flatnonzero((items.sources != inbox.receivers) & ~known.holds(keys))
+        news = np.flatnonzero((items.sources != self._ids[inbox.receivers]) & ~known.holds(keys))
         news = news[np.lexsort((inbox.senders[news], hops[news], keys[news]))]
         news = np.sort(news[np.unique(keys[news], return_index=True)[1]])
         known.add(keys[news])
         heard = inbox.take(news)
         heard = replace(heard, content=replace(heard.content, hops=hops[news].astype(np.uint8)))
         self._relayed = heard.take(hops[news] < self._hops)
-        now = observations.iteration
+        now = senses.iteration
         self._oldest = {t: sensed for t, sensed in self._oldest.items() if t >= min(inbox.oldest, now)}
         under_way = min(self._oldest.values(), default=now)
         known.forget_before(int(self._relayed.content.sensed.min(initial=under_way)))
@@ -87,14 +86,15 @@ class RelaySharing:
 class KnownReadings:
     """Which robot has which reading of the others."""
 
-    def __init__(self, robots: int) -> None:
-        self._robots = robots
+    def __init__(self, rows: int, swarm: int) -> None:
+        """Of so many robots, among all those of the swarm."""
+        self._rows, self._swarm = rows, swarm
         self._keys = np.empty(0, np.int64)  # rising
 
     def keys(self, owners: ArrayLike, sources: ArrayLike, sensed: ArrayLike) -> NDArray[np.int64]:
-        """One number for each robot in `owners` and the reading that it has; they rise with `sensed`."""
+        """One number for each robot, by its row in `owners`, and the reading that it has; they rise with `sensed`."""
         when, owner, source = (np.asarray(column, np.int64) for column in (sensed, owners, sources))
-        return np.asarray((when * self._robots + owner) * self._robots + source)
+        return np.asarray((when * self._rows + owner) * self._swarm + source)
 
     def holds(self, keys: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the robot of each of the `keys` (t,) has the reading."""

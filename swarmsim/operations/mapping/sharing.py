@@ -8,10 +8,11 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from swarmsim.core import parts
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Observations, Tiles
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses, Tiles
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
@@ -27,18 +28,10 @@ from swarmsim.operations.mapping.message import (
 )
 
 
-class Sharing(Protocol):
-    """What mapping robots say, and what they take in of what they hear."""
+class Sharing(parts.Sharing[Maps], Protocol):
+    """What mapping robots say; the items that they take in have the columns of TileItems at least."""
 
     codec: Codec[Any]
-
-    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
-        """The message of every robot: from its tile now, and from its map before this iteration."""
-        ...
-
-    def taken(self, observations: Observations) -> Inbox[Any]:
-        """The items of the inbox that are taken in, with the columns of TileItems at least."""
-        ...
 
 
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -46,7 +39,7 @@ class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     def build(self, setting: Setting) -> CurrentTileSharing:
         """The policy."""
-        return CurrentTileSharing(setting.robots.count)
+        return CurrentTileSharing(setting)
 
 
 class CurrentTileSharing:
@@ -54,25 +47,25 @@ class CurrentTileSharing:
 
     codec: Codec[Any]
 
-    def __init__(self, robots: int) -> None:
-        self._ids = np.arange(robots, dtype=np.int32)
-        self._ends = np.arange(1, robots + 1, dtype=np.int64)
+    def __init__(self, setting: Setting) -> None:
+        self._ids = setting.ids.astype(np.int32)
+        self._ends = np.arange(1, len(self._ids) + 1, dtype=np.int64)
         self._sizes = np.empty(0, np.int32)
 
-    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        tiles = tiles_of(observations)
+        tiles = tiles_of(senses)
         if len(self._sizes) != len(self._ids):
             rows, columns = tiles.values.shape[1:]
             self._sizes = np.full(len(self._ids), current_tile_bytes(rows, columns), np.int32)
             self.codec = TileCodec((rows, columns))
-        sensed = np.full(len(self._ids), observations.iteration, np.int32)
+        sensed = np.full(len(self._ids), senses.iteration, np.int32)
         items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
         return Said(items, self._ends, self._sizes, one_each=True)
 
-    def taken(self, observations: Observations) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
         """All of it."""
-        return inbox_of(observations)
+        return inbox
 
 
 class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -92,20 +85,20 @@ class WholeMapSharing:
 
     codec: Codec[Any]
 
-    def say(self, observations: Observations, maps: Maps) -> Said[TileItems]:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's map; the dead say nothing."""
         known = cells_of(maps)
-        known *= observations.alive[:, None, None]  # the dead's are UNKNOWN, 0
-        rows, columns = tiles_of(observations).values.shape[1:]
+        known *= senses.alive[:, None, None]  # the dead's are UNKNOWN, 0
+        rows, columns = tiles_of(senses).values.shape[1:]
         self.codec = MapCodec((rows, columns), known.shape[1:])
         owners, origins, values = pieces(known, (rows, columns))
-        nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), observations.iteration, np.int32)
+        nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), senses.iteration, np.int32)
         ends = np.searchsorted(owners, np.arange(len(known)), side="right")
         return Said(TileItems(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
 
-    def taken(self, observations: Observations) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
         """All of it."""
-        return inbox_of(observations)
+        return inbox
 
 
 class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -116,16 +109,16 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     def build(self, setting: Setting) -> TileAndGoalSharing:
         """The policy."""
-        return TileAndGoalSharing(setting.robots.count)
+        return TileAndGoalSharing(setting)
 
 
 class TileAndGoalSharing(CurrentTileSharing):
     """One tile and one goal a message."""
 
-    def say(self, observations: Observations, maps: Maps) -> Said[Any]:
+    def say(self, senses: Senses, maps: Maps) -> Said[Any]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        said = super().say(observations, maps)
-        count, decided = len(self._ids), observations.decided
+        said = super().say(senses, maps)
+        count, decided = len(self._ids), senses.decided
         goals = np.full((count, 2), -1, np.int32) if decided is None else decided.goals
         left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
         shape = said.content.values.shape[1:]
@@ -134,18 +127,12 @@ class TileAndGoalSharing(CurrentTileSharing):
         return Said(items, self._ends, self._sizes + np.int32(GOAL.size), one_each=True)
 
 
-def tiles_of(observations: Observations) -> Tiles:
+def tiles_of(senses: Senses) -> Tiles:
     """The tiles that robots sense. Raises InputError if their sensor gives none."""
-    tiles = observations.readings.tiles
+    tiles = senses.readings.tiles
     if tiles is None:
         raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
     return tiles
-
-
-def inbox_of(observations: Observations) -> Inbox[Any]:
-    """What robots hear, once there is something to hear."""
-    assert observations.inbox is not None
-    return observations.inbox
 
 
 def cells_of(maps: Maps) -> NDArray[np.uint8]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.state import FREE, OCCUPIED, Moment
+from swarmsim.core.state import FREE, OCCUPIED, Done, Knowledge
 from swarmsim.kernels import occupancy
 from swarmsim.recording.measures import share_of
 
@@ -19,14 +19,14 @@ class Sightings:
         self._lattice = lattice
         self._shown = memory.zeros((2, *lattice.shape), np.bool_)  # as FREE, and as OCCUPIED
 
-    def add(self, moment: Moment) -> None:
+    def add(self, done: Done[Knowledge]) -> None:
         """Take in the tiles of one iteration; those of robots that err about their place go back where they belong."""
-        tiles, state = moment.readings.tiles, moment.state
+        tiles, state = done.readings.tiles, done.state
         assert tiles is not None
         origins = tiles.origins
-        if moment.believed is not None and moment.believed is not state.pose:
+        if done.believed is not None and done.believed is not state.pose:
             cells = self._lattice.cells
-            origins = (origins - (cells(moment.believed[:, :2]) - cells(state.pose[:, :2]))).astype(np.int32)
+            origins = (origins - (cells(done.believed[:, :2]) - cells(state.pose[:, :2]))).astype(np.int32)
         live = np.flatnonzero(state.alive)
         values, nobody = tiles.values[live], np.empty(0, np.bool_)
         seen = np.concatenate([values == FREE, values == OCCUPIED]).view(np.uint8)

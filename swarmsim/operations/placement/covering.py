@@ -10,9 +10,10 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.forms import Last
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
 from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering
@@ -51,15 +52,15 @@ class LloydLaw:
         self._points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         self._steering = Steering(setting, parameters.speed, parameters.clearance)
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
         """Towards the centroid."""
-        place, knowledge = observations.pose[:, :2], observations.knowledge
+        place = senses.pose[:, :2]
         goal = place.copy()
         starts = np.searchsorted(knowledge.receivers, np.arange(len(place) + 1))
-        for robot in np.flatnonzero(observations.alive):
+        for robot in np.flatnonzero(senses.alive):
             others = knowledge.place[starts[robot] : starts[robot + 1]]
             goal[robot] = centroid(place[robot], others, self._points)
-        return self._steering.intents(observations, self._steering.towards(place, goal))
+        return self._steering.intents(senses, self._steering.towards(place, goal))
 
 
 def centroid(
@@ -94,9 +95,9 @@ class CoveringTask:
         self._points = setting.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
         self._tolerance = tolerance
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """H and the largest distance of a live robot from its centroid."""
-        place = moment.state.pose[moment.state.alive, :2]
+        place = done.state.pose[done.state.alive, :2]
         if len(place) == 0:
             return Measured({"cost": float("nan"), "off_centre": float("nan")})
         square = ((self._points[:, None] - place) ** 2).sum(axis=2)
@@ -107,6 +108,6 @@ class CoveringTask:
         values = {"cost": float(square.min(axis=1).mean()), "off_centre": off}
         return Measured(values, {}, min(1.0, self._tolerance / off) if off else 1.0, off <= self._tolerance)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last values."""
         return (Last(),)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
 from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering
@@ -22,9 +23,9 @@ Places = list[tuple[float, float]]
 
 
 def offsets_of(places: Places, setting: Setting) -> NDArray[np.float64]:
-    """The places (n, 2) of all robots. Raises InputError unless there is one for each."""
-    if len(places) != setting.robots.count:
-        raise InputError(f"places: {len(places)} for {setting.robots.count} robots; expected one for each")
+    """The places (N, 2) of all robots. Raises InputError unless there is one for each."""
+    if len(places) != setting.swarm:
+        raise InputError(f"places: {len(places)} for {setting.swarm} robots; expected one for each")
     return np.array(places, np.float64)
 
 
@@ -53,16 +54,15 @@ class FormationLaw:
 
     def __init__(self, parameters: Formation, offsets: NDArray[np.float64], setting: Setting) -> None:
         self._gain, self._march, self._offsets = parameters.gain, np.array(parameters.march), offsets
+        self._own = offsets[setting.ids]
         self._steering = Steering(setting, parameters.speed, parameters.clearance)
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
         """To the place among those heard, and on."""
-        knowledge, own = observations.knowledge, observations.pose[:, :2] - self._offsets
+        own = senses.pose[:, :2] - self._own
         apart = knowledge.place - self._offsets[knowledge.senders] - own[knowledge.receivers]
         counts = np.maximum(knowledge.counts(len(own)), 1)[:, None]
-        return self._steering.intents(
-            observations, self._march + self._gain * knowledge.total(apart, len(own)) / counts
-        )
+        return self._steering.intents(senses, self._march + self._gain * knowledge.total(apart, len(own)) / counts)
 
 
 class FormationError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -88,17 +88,17 @@ class FormationTask:
     def __init__(self, tolerance: float, offsets: NDArray[np.float64]) -> None:
         self._tolerance, self._offsets = tolerance, offsets
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """The root-mean-square and the largest distance of live robots from their places, best moved."""
-        alive = moment.state.alive
-        own = moment.state.pose[alive, :2] - self._offsets[alive]
+        alive = done.state.alive
+        own = done.state.pose[alive, :2] - self._offsets[alive]
         if len(own) == 0:
             return Measured({"error": float("nan"), "worst": float("nan")})
         off = np.hypot(*(own - own.mean(axis=0)).T)
         error = float(np.sqrt((off**2).mean()))
-        done = min(1.0, self._tolerance / error) if error else 1.0
-        return Measured({"error": error, "worst": float(off.max())}, {}, done, error <= self._tolerance)
+        progress = min(1.0, self._tolerance / error) if error else 1.0
+        return Measured({"error": error, "worst": float(off.max())}, {}, progress, error <= self._tolerance)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last errors."""
         return (Last(),)

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from scipy.spatial import distance
 
 from swarmsim.core.forms import Last
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering
 
@@ -50,14 +51,14 @@ class RendezvousLaw:
         self._apart = parameters.apart or 3.0 * setting.robots.radius
         self._steering = Steering(setting, parameters.speed, parameters.clearance)
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
         """To the centre, as far as is safe."""
-        place, knowledge, steering = observations.pose[:, :2], observations.knowledge, self._steering
+        place, steering = senses.pose[:, :2], self._steering
         way = centres(place, knowledge) - place
         if self._range is not None:
             way *= _safe(place, way, knowledge, self._range)[:, None]
         push = separation(place, knowledge, self._apart, steering.speed)
-        return steering.intents(observations, steering.towards(place, place + way) + push)
+        return steering.intents(senses, steering.towards(place, place + way) + push)
 
 
 def centres(place: NDArray[np.float64], knowledge: Positions) -> NDArray[np.float64]:
@@ -101,7 +102,7 @@ class Gathered(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def build(self, setting: Setting) -> GatheringTask:
         """The task."""
         robots = setting.robots
-        return GatheringTask(self.within or 4.0 * robots.radius * float(np.sqrt(robots.count)))
+        return GatheringTask(self.within or 4.0 * robots.radius * float(np.sqrt(setting.swarm)))
 
 
 class GatheringTask:
@@ -113,15 +114,15 @@ class GatheringTask:
     def __init__(self, within: float) -> None:
         self._within = within
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """The diameter, and the mean distance from the middle."""
-        place = moment.state.pose[moment.state.alive, :2]
+        place = done.state.pose[done.state.alive, :2]
         diameter = float(distance.pdist(place).max(initial=0.0))
         off = float(np.hypot(*(place - place.mean(axis=0)).T).mean()) if len(place) else 0.0
-        done = min(1.0, self._within / diameter) if diameter else 1.0
-        return Measured({"diameter": diameter, "off_middle": off}, {}, done, diameter <= self._within)
+        progress = min(1.0, self._within / diameter) if diameter else 1.0
+        return Measured({"diameter": diameter, "off_middle": off}, {}, progress, diameter <= self._within)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last distances."""
         return (Last(),)
 
@@ -149,10 +150,10 @@ class DispersionLaw:
     def __init__(self, parameters: Disperse, setting: Setting) -> None:
         self._apart, self._steering = parameters.apart, Steering(setting, parameters.speed, parameters.clearance)
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
         """Away."""
-        push = separation(observations.pose[:, :2], observations.knowledge, self._apart, 2.0 * self._steering.speed)
-        return self._steering.intents(observations, push)
+        push = separation(senses.pose[:, :2], knowledge, self._apart, 2.0 * self._steering.speed)
+        return self._steering.intents(senses, push)
 
 
 class Spacing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -174,18 +175,18 @@ class SpacingTask:
     def __init__(self, wanted: float) -> None:
         self._wanted = wanted
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """The smallest and the mean distance to the nearest, and that of each; of the dead infinite."""
-        alive = moment.state.alive
+        alive = done.state.alive
         gaps = np.full(len(alive), np.inf)
         if alive.sum() > 1:
-            apart = distance.squareform(distance.pdist(moment.state.pose[alive, :2]))
+            apart = distance.squareform(distance.pdist(done.state.pose[alive, :2]))
             np.fill_diagonal(apart, np.inf)
             gaps[alive] = apart.min(axis=1)
         nearest = float(gaps.min(initial=np.inf))
         values = {"nearest": nearest, "mean_nearest": float(gaps[alive].mean()) if alive.any() else float("nan")}
         return Measured(values, {"gaps": gaps}, min(1.0, nearest / self._wanted), nearest >= self._wanted)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last distances."""
         return (Last(),)

@@ -11,9 +11,10 @@ from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import Last
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Intents, Knowledge, Measured, Moment, Observations
+from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
 from swarmsim.operations.placement.gathering import Clearance, Positive, separation
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering
@@ -55,12 +56,12 @@ class PerimeterLaw:
         self._apart = 3.0 * setting.robots.radius
         self._steering = Steering(setting, parameters.speed, parameters.clearance)
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
         """To the middle of the gap."""
-        place, knowledge = observations.pose[:, :2], observations.knowledge
+        place = senses.pose[:, :2]
         length = self._curve.length
-        at = shapely.line_locate_point(self._curve, shapely.points(place))
-        other = shapely.line_locate_point(self._curve, shapely.points(knowledge.place))
+        at = np.asarray(shapely.line_locate_point(self._curve, shapely.points(place)))
+        other = np.asarray(shapely.line_locate_point(self._curve, shapely.points(knowledge.place)))
         ahead = (other - at[knowledge.receivers]) % length
         gaps = np.full((2, len(place)), length)
         np.minimum.at(gaps[0], knowledge.receivers, ahead)
@@ -68,7 +69,7 @@ class PerimeterLaw:
         target = (at + 0.25 * (gaps[0] - gaps[1])) % length
         goal = shapely.get_coordinates(shapely.line_interpolate_point(self._curve, target))
         push = separation(place, knowledge, self._apart, self._steering.speed)
-        return self._steering.intents(observations, self._steering.towards(place, goal) + push)
+        return self._steering.intents(senses, self._steering.towards(place, goal) + push)
 
 
 class Guarded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -92,18 +93,18 @@ class PerimeterTask:
     def __init__(self, parameters: Guarded) -> None:
         self._parameters, self._curve = parameters, ring(parameters.corners)
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Knowledge]) -> Measured:
         """The largest gap, and how far the farthest robot is off the perimeter."""
-        points = shapely.points(moment.state.pose[moment.state.alive, :2])
+        points = np.asarray(shapely.points(done.state.pose[done.state.alive, :2]))
         if len(points) == 0:
             return Measured({"gap": float("nan"), "off": float("nan")})
         length, wanted = self._curve.length, self._parameters
         at = np.sort(shapely.line_locate_point(self._curve, points))
         gaps = np.diff(np.append(at, at[0] + length))
         gap, off = float(gaps.max() * len(points) / length), float(shapely.distance(self._curve, points).max())
-        done = gap <= wanted.gap and off <= wanted.off
-        return Measured({"gap": gap, "off": off}, {}, min(1.0, wanted.gap / gap), done)
+        finished = gap <= wanted.gap and off <= wanted.off
+        return Measured({"gap": gap, "off": off}, {}, min(1.0, wanted.gap / gap), finished)
 
-    def summaries(self) -> Sequence[Summary]:
+    def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last values."""
         return (Last(),)

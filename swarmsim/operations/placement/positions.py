@@ -10,9 +10,9 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, Observations, Record
+from swarmsim.core.state import Knowledge, Record, Senses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,8 +27,8 @@ class Position(Columns):
 class Positions(Knowledge):
     """Where each robot knows others to be: the newest that it has heard of each in this iteration."""
 
-    receivers: NDArray[np.int32]  # (t,): who knows it, ascending
-    senders: NDArray[np.int32]  # (t,): of whom
+    receivers: NDArray[np.int32]  # (t,): the row of who knows it, ascending
+    senders: NDArray[np.int32]  # (t,): the number of whom it knows
     place: NDArray[np.float64]  # (t, 2): m
 
     def arrays(self) -> tuple[NDArray[Any], ...]:
@@ -70,15 +70,13 @@ class PositionComputation:
     def __init__(self) -> None:
         self.codec = PlainCodec(Position(np.zeros(0), np.zeros(0)))
 
-    def say(self, observations: Observations) -> Said[Position]:
+    def say(self, senses: Senses) -> Said[Position]:
         """Every robot's place."""
-        pose = observations.pose
+        pose = senses.pose
         return Said.each(Position(pose[:, 0].copy(), pose[:, 1].copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Positions:
+    def hear(self, senses: Senses, inbox: Inbox[Position]) -> Positions:
         """The newest of each sender."""
-        inbox = observations.inbox
-        assert inbox is not None
         receivers, senders = inbox.receivers, inbox.senders
         newest = np.ones(len(receivers), np.bool_)
         newest[:-1] = (receivers[:-1] != receivers[1:]) | (senders[:-1] != senders[1:])  # sorted by iteration sent

@@ -6,7 +6,6 @@ import json
 import zlib
 from base64 import b64encode
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 import shapely
@@ -15,7 +14,7 @@ from msgspec import to_builtins
 from numpy.typing import NDArray
 
 from swarmsim.core.events import BoxGone, BoxStands
-from swarmsim.recording.reader import Recording
+from swarmsim.recording.reader import Recording, Summary
 from swarmsim.recording.recorder import without_none
 from swarmsim.view.panel import clock
 from swarmsim.view.scene import Scene
@@ -41,12 +40,12 @@ def payload(recording: Recording) -> dict[str, str]:
     return {"words": text, "numbers": b64encode(zlib.compress(blob, 9)).decode()}
 
 
-def _arrays(recording: Recording, scene: Scene) -> dict[str, NDArray[Any]]:
+def _arrays(recording: Recording, scene: Scene) -> dict[str, NDArray[np.generic]]:
     rows = range(recording.iterations)
     pose = np.rint(MILLI * recording["pose"]).astype(np.int32)
     marks = np.array([[MARKS.index(mark) for mark in scene.marks_at(row)] for row in rows], np.uint8)
     letters = recording["letters"]
-    arrays: dict[str, NDArray[Any]] = {
+    arrays: dict[str, NDArray[np.generic]] = {
         "pose": np.diff(pose, axis=0, prepend=np.zeros_like(pose[:1])),
         "alive": recording["alive"].astype(np.uint8),
         "marks": marks,
@@ -94,7 +93,7 @@ def _beams(recording: Recording, scene: Scene) -> NDArray[np.uint8] | None:
     return np.asarray(np.rint(STEPS * np.array(lengths) / reach[:, None]).astype(np.uint8))
 
 
-def _words(recording: Recording, scene: Scene) -> dict[str, Any]:
+def _words(recording: Recording, scene: Scene) -> dict[str, object]:
     summary, lattice, curve = recording.summary(), recording.lattice, recording.curve
     name, _, unit = curve.label.partition(", ")
     themes = {name: asdict(theme) for name, theme in THEMES.items()}
@@ -130,7 +129,7 @@ def _words(recording: Recording, scene: Scene) -> dict[str, Any]:
     }
 
 
-def _summary(summary: dict[str, Any], scene: Scene) -> dict[str, str]:
+def _summary(summary: Summary, scene: Scene) -> dict[str, str]:
     lost = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items() if count)
     reached = ", ".join(f"{share} at {at}" for share, at in summary["reached"].items() if at is not None)
     return {
@@ -152,14 +151,16 @@ def _worded(name: str, value: float, scene: Scene) -> str:
     return f"{curve.scale * value:{curve.format}} {unit}".rstrip() if name == curve.name else f"{value:.4g}"
 
 
-def _boxes(recording: Recording) -> list[list[Any]]:
+def _boxes(recording: Recording) -> list[tuple[list[float], int, int]]:
     """Each box with its first iteration and the one in which it is gone: [box, from, to]."""
-    boxes: list[list[Any]] = []
+    boxes: list[tuple[list[float], int, int]] = []
     for event in recording.events():
         if isinstance(event, BoxStands):
-            boxes.append([list(event.box), event.iteration, recording.iterations + 1])
+            boxes.append((list(event.box), event.iteration, recording.iterations + 1))
         elif isinstance(event, BoxGone):
-            next(box for box in boxes if box[0] == list(event.box) and box[2] > event.iteration)[2] = event.iteration
+            stands = enumerate(boxes)
+            at = next(at for at, (box, _, end) in stands if box == list(event.box) and end > event.iteration)
+            boxes[at] = (*boxes[at][:2], event.iteration)
     return boxes
 
 

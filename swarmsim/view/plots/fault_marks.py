@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -75,7 +74,7 @@ def quartile_box(axes: Axes, place: float, taken: Reals, done: NDArray[np.bool_]
 
 
 def estimate_bars(
-    axes: Axes, at: NDArray[Any], means: Reals, spans: Reals, colour: str = BLUE, width: float = 2.5
+    axes: Axes, at: NDArray[np.generic], means: Reals, spans: Reals, colour: str = BLUE, width: float = 2.5
 ) -> None:
     """Means (m,) as points on upright bars over `spans` (m, 2)."""
     if np.shape(spans) != (len(at), 2) or len(means) != len(at):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -51,7 +51,7 @@ def name_conditions(figure: Figure, axes: Axes, labels: Sequence[str], runs: Seq
         figure.set_figheight(figure.get_figheight() + 0.045 * max(map(len, turned)))
 
 
-def mark_values(figure: Figure, axes: Axes, values: NDArray[Any]) -> None:
+def mark_values(figure: Figure, axes: Axes, values: NDArray[np.generic]) -> None:
     """Ticks along x at the values themselves, or at round numbers where those would overlap."""
     axes.set_xticks(np.unique(values))
     if is_crowded(figure, axes):

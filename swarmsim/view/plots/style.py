@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from matplotlib import style
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.typing import LineStyleType
 
 Reals = NDArray[np.float64]
 Line = Literal["", "-", "--", ":"]
@@ -25,8 +28,8 @@ GREY: Final = "#6B7280"
 PALE: Final = "#DCEBF5"
 #: With eleven colours and nine markers no two of the first 99 curves look alike.
 MARKERS: Final = ("o", "s", "^", "D", "v", "P", "X", "<", ">")
-DASHES: Final[Sequence[Any]] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)))
-STYLE: Final[dict[Any, Any]] = {
+DASHES: Final[Sequence[LineStyleType]] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)))
+STYLE: Final[dict[str, object]] = {
     "font.size": 10.0, "axes.labelsize": 10.0, "legend.fontsize": 9.0, "xtick.labelsize": 9.0, "ytick.labelsize": 9.0,
     "figure.titlesize": 12.0, "figure.titleweight": "bold", "text.parse_math": False,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": GREY, "axes.axisbelow": True,

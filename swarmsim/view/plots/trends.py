@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -19,8 +19,8 @@ from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPL
 
 @styled
 def scaling(
-    robots: NDArray[Any], means: Reals, intervals: Reals, fit: tuple[float, float], published: Mapping[int, float],
-    title: str, runs: Sequence[int] = (),
+    robots: NDArray[np.generic], means: Reals, intervals: Reals, fit: tuple[float, float],
+    published: Mapping[int, float], title: str, runs: Sequence[int] = (),
 ) -> Figure:  # fmt: skip
     """Iterations against the number of robots with the line T = a + b / N, and the speed-up over the fewest robots.
 

@@ -14,7 +14,7 @@ from swarmsim.core.state import UNKNOWN
 from swarmsim.recording.reader import Recording
 from swarmsim.view.scene import Scene
 from swarmsim.view.theme import DARK, colour_of
-from swarmsim.view.viewers.foxglove import CELLS, UNKNOWN_CELL
+from swarmsim.view.viewers.cells import CELLS, UNKNOWN_CELL
 
 
 def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], None] | None = None) -> None:

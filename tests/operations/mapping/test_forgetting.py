@@ -37,7 +37,7 @@ def observe(mind, iteration, value, robots=1, alive=None):
     tiles = Tiles(np.full((robots, 1, 1), value, np.uint8), np.tile(np.array(SPOT, np.int32), (robots, 1)))
     nobody = inbox_of(NOBODY, NOBODY, np.empty((0, 1, 1), np.uint8), np.empty((0, 2), np.int32))
     alive = np.ones(robots, bool) if alive is None else alive
-    return mind.step(seen_as(iteration, pose, alive, tiles, nobody))
+    return mind.step(seen_as(iteration, pose, alive, tiles), nobody)
 
 
 @pytest.mark.parametrize("decay", [0.0, 0.01, 0.05, 0.2])
@@ -210,7 +210,7 @@ def test_on_patrol_a_frontier_comes_first() -> None:
     for iteration in range(20):
         if iteration == 6:
             mind.observed[0, 7, 2] = False  # beside the corridor
-        intents = mind.step(seen_as(iteration, pose, np.ones(1, bool), blind, nobody))
+        intents = mind.step(seen_as(iteration, pose, np.ones(1, bool), blind), nobody)
         goals.append(tuple(int(place) for place in intents.goals[0]))
         pose[0, :2] = intents.waypoints[0, 0]
     assert set(goals[:6]) <= {(8, c) for c in range(1, 15)} - {(8, 2)}  # on patrol in the corridor
@@ -228,8 +228,8 @@ def test_what_one_robot_forgets_and_patrols_depends_on_its_own_row_alone() -> No
             values = np.stack([draw.choice([0, 1, 1, 1, 2], (6, 7)).astype(np.uint8) for draw in (own, others)])
             origins = np.stack([draw.integers(0, 9, 2).astype(np.int32) for draw in (own, others)])
             pose = np.array([[*own.uniform(1.0, 1.4, 2), 0.0], [*others.uniform(1.0, 1.4, 2), 0.0]])
-            seen = seen_as(iteration, pose, np.ones(2, bool), Tiles(values, origins), nobody)
-            goals.append(tuple(mind.step(seen).goals[0]))
+            seen = seen_as(iteration, pose, np.ones(2, bool), Tiles(values, origins))
+            goals.append(tuple(mind.step(seen, nobody).goals[0]))
         outcomes.append((goals, mind.log_odds[0].copy()))
     assert outcomes[0][0] == outcomes[1][0]
     assert_array_equal(outcomes[0][1], outcomes[1][1])

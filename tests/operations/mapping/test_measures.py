@@ -83,7 +83,7 @@ def moment(iteration, xy, alive, tiles, origins, links, heard, covered, events=(
     measured = Measured({"coverage": share}, {"covered": np.array(covered[1:]) / 20}, share)
     knowledge = replace(believer(), taken=inbox)
     readings = Readings(Tiles(values, origins))
-    return Moment(state, tuple(events), HALL, readings, links, delivery, inbox, knowledge, intents, measured)
+    return Moment(state, tuple(events), HALL, readings, links, delivery, inbox, knowledge, intents, measured=measured)
 
 
 def story(last_events=()) -> list[Moment]:

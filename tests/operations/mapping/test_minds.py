@@ -71,9 +71,9 @@ class Alone:
             self.world = drawn(picture)
         pose = np.array([[*self.lattice.centres(np.array([row, column])), 0.0]])
         tiles = Tiles(self.world[None], np.zeros((1, 2), np.int32))
-        observations = seen_as(self.iteration, pose, np.ones(1, bool), tiles, silence(self.world.shape))
+        senses = seen_as(self.iteration, pose, np.ones(1, bool), tiles)
         self.iteration += 1
-        self.intents = self.mind.step(observations)
+        self.intents = self.mind.step(senses, silence(self.world.shape))
         return self.intents
 
     @property
@@ -313,8 +313,8 @@ def test_a_robot_explores_all_that_it_can_reach_of_a_maze_and_then_stands(replan
             origin = np.array([[here[0] - 1, here[1] - 1]], np.int32)
             tile = truth[None, here[0] - 1 : here[0] + 2, here[1] - 1 : here[1] + 2]
             pose = np.array([[*lattice.centres(np.array(here)), 0.0]])
-            seen = seen_as(iteration, pose, np.ones(1, bool), Tiles(tile, origin), silence((3, 3)))
-            intents = mind.step(seen)
+            seen = seen_as(iteration, pose, np.ones(1, bool), Tiles(tile, origin))
+            intents = mind.step(seen, silence((3, 3)))
             observed, free = mind.observed[0], mind.observed[0] & (mind.log_odds[0] < 0.0)
             if intents.counts[0] == 0:
                 break
@@ -333,7 +333,7 @@ def test_a_robot_explores_all_that_it_can_reach_of_a_maze_and_then_stands(replan
 WINDOW, SHAPE, SWARM = (6, 7), (16, 24), 5
 
 
-def random_observations(rng, iteration):
+def random_senses(rng, iteration):
     """A moment in which nothing makes sense, with a random inbox sorted by receiver and sender."""
     pose = np.column_stack([rng.uniform(0.0, [3.6, 2.4], (SWARM, 2)), rng.uniform(-4.0, 4.0, SWARM)])
     alive = rng.random(SWARM) < 0.9
@@ -342,7 +342,7 @@ def random_observations(rng, iteration):
     heard = (rng.random((SWARM, SWARM)) < 0.4) & alive & alive[:, None] & ~np.eye(SWARM, dtype=bool)
     receivers, senders = (ids.astype(np.int32) for ids in np.nonzero(heard))
     inbox = inbox_of(receivers, senders, values[senders], origins[senders])
-    return seen_as(iteration, pose, alive, Tiles(values, origins), inbox)
+    return seen_as(iteration, pose, alive, Tiles(values, origins)), inbox
 
 
 def columns_of(inbox):
@@ -350,18 +350,19 @@ def columns_of(inbox):
 
 
 def transplanted(mine, others, robot):
-    """The observations `others`, but for what `robot` senses and hears, which is as in `mine`."""
+    """What `others` sense and hear, but for `robot`, for which it is as in `mine`."""
+    (mine, my_inbox), (others, other_inbox) = mine, others
     pose, alive = others.pose.copy(), others.alive.copy()
     values, origins = others.readings.tiles.values.copy(), others.readings.tiles.origins.copy()
     pose[robot], alive[robot] = mine.pose[robot], mine.alive[robot]
     values[robot], origins[robot] = mine.readings.tiles.values[robot], mine.readings.tiles.origins[robot]
-    to_me, to_others = mine.inbox.receivers == robot, others.inbox.receivers != robot
+    to_me, to_others = my_inbox.receivers == robot, other_inbox.receivers != robot
     fields = [
         np.concatenate([ours[to_me], theirs[to_others]])
-        for ours, theirs in zip(columns_of(mine.inbox), columns_of(others.inbox), strict=True)
+        for ours, theirs in zip(columns_of(my_inbox), columns_of(other_inbox), strict=True)
     ]
     order = np.lexsort((fields[1], fields[0]))
-    return seen_as(mine.iteration, pose, alive, Tiles(values, origins), inbox_of(*(field[order] for field in fields)))
+    return seen_as(mine.iteration, pose, alive, Tiles(values, origins)), inbox_of(*(field[order] for field in fields))
 
 
 @settings(derandomize=True, deadline=None, max_examples=60)
@@ -379,12 +380,12 @@ def test_a_robot_decides_by_what_it_senses_and_hears_alone(robot, seed, replan, 
     mine, others = np.random.default_rng(seed), np.random.default_rng(seed + 1)
     pose = None
     for iteration in range(12):
-        seen = random_observations(mine, iteration)
+        seen, inbox = random_senses(mine, iteration)
         if pose is not None and mine.random() < 0.7:  # most often it stands still, so that it gets stuck
             seen.pose[robot] = pose
         pose = seen.pose[robot].copy()
-        one = here.step(seen)
-        two = elsewhere.step(transplanted(seen, random_observations(others, iteration), robot))
+        one = here.step(seen, inbox)
+        two = elsewhere.step(*transplanted((seen, inbox), random_senses(others, iteration), robot))
         assert_array_equal(one.goals[robot], two.goals[robot])
         assert one.counts[robot] == two.counts[robot]
         assert one.planned[robot] == two.planned[robot]
@@ -404,9 +405,9 @@ def test_what_a_robot_hears_does_change_what_it_does():
         rng = np.random.default_rng(seed)
         hearing, deaf = Mapper().build(place), Mapper().build(place)
         for iteration in range(5):
-            seen = random_observations(rng, iteration)
-            one = hearing.step(seen)
-            two = deaf.step(seen_as(iteration, seen.pose, seen.alive, seen.readings.tiles, silence(WINDOW)))
+            seen, inbox = random_senses(rng, iteration)
+            one = hearing.step(seen, inbox)
+            two = deaf.step(seen, silence(WINDOW))
             changed += not np.array_equal(one.goals, two.goals)
     assert changed > 20
 
@@ -422,8 +423,7 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
     one, other = parameters.build(place), parameters.build(place)
     rng = np.random.default_rng(seed)
     for iteration in range(8):
-        seen = random_observations(rng, iteration)
-        inbox = seen.inbox
+        seen, inbox = random_senses(rng, iteration)
         first = np.unique(inbox.receivers, return_index=True)[1]  # one message each: their order would matter
         inbox = inbox_of(*(field[first] for field in columns_of(inbox)))
         again = np.argsort(rows[inbox.receivers])
@@ -432,8 +432,8 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
             inbox.content.values[again], inbox.content.origins[again],
         )  # fmt: skip
         tiles = Tiles(seen.readings.tiles.values[order], seen.readings.tiles.origins[order])
-        a = one.step(seen_as(iteration, seen.pose, seen.alive, seen.readings.tiles, inbox))
-        b = other.step(seen_as(iteration, seen.pose[order], seen.alive[order], tiles, renamed))
+        a = one.step(seen, inbox)
+        b = other.step(seen_as(iteration, seen.pose[order], seen.alive[order], tiles), renamed)
         assert_array_equal(a.goals[order], b.goals)
         assert_array_equal(a.counts[order], b.counts)
         assert_array_equal(a.planned[order], b.planned)
@@ -447,11 +447,11 @@ def test_dead_robots_neither_map_nor_move():
     mind = Mapper().build(place)
     rng = np.random.default_rng(3)
     for iteration in range(5):
-        mind.step(random_observations(rng, iteration))
+        mind.step(*random_senses(rng, iteration))
     before = mind.log_odds.copy()
-    seen = random_observations(rng, 5)
-    nobody = seen_as(5, seen.pose, np.zeros(SWARM, bool), seen.readings.tiles, silence(WINDOW))
-    intents = mind.step(nobody)
+    seen, _ = random_senses(rng, 5)
+    nobody = seen_as(5, seen.pose, np.zeros(SWARM, bool), seen.readings.tiles)
+    intents = mind.step(nobody, silence(WINDOW))
     assert np.all(intents.goals == -1)
     assert not intents.counts.any()
     assert not intents.planned.any()
@@ -637,7 +637,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     """Nobody hears anybody, so each has to see the far room itself, and the corridor holds one robot at a time."""
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
     hall = replace(building(walls), domain=floor)
-    place = Setting(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall)
+    place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall)
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
     bodies = DifferentialDrive(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
     mind = Mapper().build(place)

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,7 +48,7 @@ class Policy:
 
     def hear(self, delivery: Delivery) -> Inbox:
         inbox = self.post.open(self.observed.iteration, delivery)
-        return self.inner.taken(replace(self.observed, inbox=inbox))
+        return self.inner.taken(self.observed, inbox)
 
 
 def opened(table: dict, robots: int, maps: Grids | None = None) -> Policy:

@@ -9,10 +9,10 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.parts import Curve
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Estimates, Intents, Measured, Moment, Observations
+from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
 from swarmsim.operations.mapping.sharing import CurrentTile
 
 
@@ -38,7 +38,7 @@ class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> HottestComputation:
         """The computation."""
-        return HottestComputation(setting.robots.count)
+        return HottestComputation(len(setting.ids))
 
 
 class HottestComputation:
@@ -50,16 +50,15 @@ class HottestComputation:
         self.codec = PlainCodec(Felt(np.zeros(0), np.zeros(0), np.zeros(0)))
         self._warmth, self._place = np.full(count, -np.inf), np.zeros((count, 2))
 
-    def say(self, observations: Observations) -> Said[Felt]:
+    def say(self, senses: Senses) -> Said[Felt]:
         """The warmest so far, which may be here and now."""
-        felt = observations.readings.field
-        better = observations.alive & (felt > self._warmth)
-        self._warmth[better], self._place[better] = felt[better], observations.pose[better, :2]
+        felt = senses.readings.field
+        better = senses.alive & (felt > self._warmth)
+        self._warmth[better], self._place[better] = felt[better], senses.pose[better, :2]
         return Said.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
 
-    def hear(self, observations: Observations) -> Warmest:
+    def hear(self, senses: Senses, inbox: Inbox[Felt]) -> Warmest:
         """The warmest of all that is heard."""
-        inbox = observations.inbox
         order = np.lexsort((inbox.senders, inbox.content.warmth))
         for row in order:  # rising, so that the warmest stays
             robot = inbox.receivers[row]
@@ -98,17 +97,17 @@ class Sometimes:
         """That of the current tile."""
         return self._inner.codec
 
-    def say(self, observations: Observations, maps) -> Said:
+    def say(self, senses: Senses, maps) -> Said:
         """Tiles, or nothing worth knowing."""
-        if observations.iteration % self._every:
-            tiles = observations.readings.tiles
+        if senses.iteration % self._every:
+            tiles = senses.readings.tiles
             blank = replace(tiles, values=np.zeros_like(tiles.values))
-            observations = replace(observations, readings=replace(observations.readings, tiles=blank))
-        return self._inner.say(observations, maps)
+            senses = replace(senses, readings=replace(senses.readings, tiles=blank))
+        return self._inner.say(senses, maps)
 
-    def taken(self, observations: Observations):
+    def taken(self, senses: Senses, inbox: Inbox):
         """All that is heard."""
-        return self._inner.taken(observations)
+        return self._inner.taken(senses, inbox)
 
 
 class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -129,12 +128,12 @@ class Seeker:
     def __init__(self, speed: float) -> None:
         self._speed = speed
 
-    def step(self, observations: Observations) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox, knowledge: Warmest) -> Intents:
         """Turn to the place, and go."""
-        way = observations.knowledge.place - observations.pose[:, :2]
-        turn = np.arctan2(way[:, 1], way[:, 0]) - observations.pose[:, 2]
+        way = knowledge.place - senses.pose[:, :2]
+        turn = np.arctan2(way[:, 1], way[:, 0]) - senses.pose[:, 2]
         turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
-        goes = observations.alive & (np.hypot(*way.T) > 0.05) & np.isfinite(observations.knowledge.warmth)
+        goes = senses.alive & (np.hypot(*way.T) > 0.05) & np.isfinite(knowledge.warmth)
         ahead = self._speed * np.maximum(np.cos(turn), 0.0)
         return Intents.twisting(np.where(goes[:, None], np.stack([ahead, turn], axis=1), 0.0))
 
@@ -158,9 +157,9 @@ class WarmthTask:
     def __init__(self, within: float) -> None:
         self._within = within
 
-    def measure(self, moment: Moment) -> Measured:
+    def measure(self, done: Done[Warmest]) -> Measured:
         """The largest difference of what live robots know."""
-        warmth = moment.knowledge.warmth[moment.state.alive]
+        warmth = done.knowledge.warmth[done.state.alive]
         spread = float(np.ptp(warmth)) if len(warmth) else 0.0
         return Measured({"spread": spread}, {}, float(spread <= self._within), spread <= self._within)
 

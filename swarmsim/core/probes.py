@@ -1,0 +1,86 @@
+"""What probes declare: the tables that they add to a recording, and how often they are asked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import own
+
+NAME: Final = r"^[a-z][a-z0-9_]{0,40}$"  # names become tables, keys and columns
+Name = Annotated[str, Meta(pattern=NAME)]
+Word = Annotated[str, Meta(max_length=200)]
+Side = Annotated[int, Meta(ge=0, le=100_000)] | Literal["robots"]
+Row = NDArray[np.generic]  # of a type and shape that its table declares
+Every = Annotated[int, Meta(ge=1, le=100_000)]
+
+
+class ProbeTable(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """One table of a probe: what a row of it holds. A side of `robots` has an entry for each robot."""
+
+    name: Name
+    dtype: Literal["u1", "i4", "i8", "f4", "f8", "?"] = "f8"
+    shape: Annotated[tuple[Side, ...], Meta(max_length=4)] = ()
+    unit: Word = ""
+    meaning: Word = ""
+    low: float = -math.inf  # numbers lie within, both ends included; NaN may stand where there is none
+    high: float = math.inf
+    columns: Annotated[tuple[Word, ...], Meta(max_length=100)] = ()  # what its last side holds
+
+    def row(self, found: object, robots: int) -> Row:
+        """A copy of what a probe gives as a row. Raises ValueError, which says what is wrong, if it is none."""
+        shape = tuple(robots if side == "robots" else side for side in self.shape)
+        try:
+            given = own.array_of(found, *shape)
+        except ValueError as problem:
+            raise ValueError(f"{self.name!r} is {problem}; expected numbers of shape {shape}") from None
+        if np.any(np.less(given, self.low) | np.greater(given, self.high)):
+            raise ValueError(f"{self.name!r} is not within {self.low:g} and {self.high:g}, as declared")
+        with np.errstate(all="ignore"):
+            kept = given.astype(self.dtype)
+        if kept.dtype.kind != "f" and not (kept == given).all():
+            raise ValueError(f"{self.name!r} has numbers that {kept.dtype} cannot hold")
+        return kept
+
+
+class Sampled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The keys that every probe has; parameters of probes derive from it."""
+
+    name: Name  # what its tables and its frame are called by
+    every: Every = 1  # iterations from one sample to the next
+
+
+class Declared(Struct, frozen=True, forbid_unknown_fields=True):
+    """What a recording says of one probe."""
+
+    name: Name
+    every: Every
+    tables: tuple[ProbeTable, ...]
+
+    def called(self, table: ProbeTable) -> str:
+        """The name of a table in the recording."""
+        return f"{self.name}.{table.name}"
+
+    def samples(self, iterations: int) -> int:
+        """How many samples there are after so many iterations; the first is of iteration 0."""
+        return -(-iterations // self.every)
+
+
+def wrong(found: object, tables: tuple[ProbeTable, ...], robots: int) -> str | None:
+    """What is wrong with a sample of these tables, or None."""
+    if not isinstance(found, Mapping):
+        return f"sample gave {own.brief(found)}; expected a row for each of its tables, by name"
+    names = [one.name for one in tables]
+    if set(found) != set(names):
+        return f"sample gave {', '.join(map(repr, found)) or 'nothing'}; expected {', '.join(map(repr, names))}"
+    try:
+        for one in tables:
+            one.row(found[one.name], robots)
+    except ValueError as problem:
+        return f"sample gave what it does not declare: {problem}"
+    return None

@@ -1,0 +1,85 @@
+"""Probes: what else can be recorded of a run, and how a run asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarmsim.core.parts import Probe
+from swarmsim.core.probes import Declared, Name, ProbeTable, Row, Sampled
+from swarmsim.core.setting import Gauge, Setting
+from swarmsim.core.state import Knowledge, Moment
+
+
+@dataclass(frozen=True, slots=True)
+class Watching:
+    """A probe of a run."""
+
+    declared: Declared
+    probe: Probe
+
+    def rows(self, moment: Moment[Knowledge]) -> dict[str, Row]:
+        """A row of each table by its name in the recording; none in iterations that are not sampled."""
+        if moment.state.iteration % self.declared.every:
+            return {}
+        found = self.probe.sample(moment)
+        robots = moment.state.robots
+        return {self.declared.called(one): one.row(found[one.name], robots) for one in self.declared.tables}
+
+
+class Batteries(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The energy that every robot has left, once its messages of the iteration are paid for.
+
+    What it drives in the iteration is paid for before the next one. Of a robot with two batteries it is that of the
+    emptier one, which ends it; robots without any have an infinite one.
+    """
+
+    name: Name = "batteries"
+
+    def build(self, setting: Setting) -> BatteryProbe:
+        """The probe."""
+        return BatteryProbe(tuple(gauge for gauge in setting.gauges if gauge.name == "energy"))
+
+
+class BatteryProbe:
+    """Reads the gauges of energy."""
+
+    tables = (ProbeTable("left", shape=("robots",), unit="J", meaning="energy left", low=0.0),)
+
+    def __init__(self, gauges: tuple[Gauge, ...]) -> None:
+        self._gauges = gauges
+
+    def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
+        """What is left in each robot's emptiest battery."""
+        full = np.full(moment.state.robots, np.inf)
+        return {"left": np.minimum.reduce([full, *(gauge.read() for gauge in self._gauges)])}
+
+
+class Believed(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Where every robot takes itself to be, and how far that is from where it is."""
+
+    name: Name = "believed_poses"
+
+    def build(self, setting: Setting) -> BelievedProbe:
+        """The probe."""
+        return BelievedProbe()
+
+
+class BelievedProbe:
+    """Compares estimates of poses with poses."""
+
+    tables = (
+        ProbeTable("place", shape=("robots", 2), unit="m", meaning="where it takes itself to be", columns=("x", "y")),
+        ProbeTable("yaw", shape=("robots",), unit="rad", meaning="where it takes itself to head"),
+        ProbeTable("error", shape=("robots",), unit="m", meaning="from there to where it is", low=0.0),
+    )
+
+    def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
+        """The estimates at the start of the iteration, when everybody senses."""
+        truth = moment.state.pose
+        pose = truth if moment.believed is None else moment.believed
+        return {
+            "place": pose[:, :2], "yaw": pose[:, 2], "error": np.hypot(*(pose[:, :2] - truth[:, :2]).T),
+        }  # fmt: skip

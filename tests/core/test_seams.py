@@ -1,0 +1,184 @@
+"""The table of seams: everything that has to go with a row is there, and one more row is seen everywhere."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol
+
+import jsonschema
+import msgspec
+import pytest
+from conftest import ROOT
+from msgspec import field
+from typer.testing import CliRunner
+
+from swarmsim.cli import app, skeletons
+from swarmsim.core import describe, distributions, registry, scenario, schema
+from swarmsim.core.errors import InputError
+from swarmsim.core.files import Table
+from swarmsim.core.forms import FunctionForm
+from swarmsim.core.seams import SEAMS, Seam
+from swarmsim.core.state import State
+from swarmsim.engine.build import build
+from swarmsim.engine.foreign import built
+
+
+def places_of_tables(kind: type[msgspec.Struct], place: tuple[str, ...] = ()) -> set[tuple[str, ...]]:
+    """Where a scenario has tables of parts, or lists of them."""
+    found: set[tuple[str, ...]] = set()
+    for one in msgspec.structs.fields(kind):
+        here = (*place, one.name)
+        if one.type in (Table, tuple[Table, ...]):
+            found.add(here)
+        elif isinstance(one.type, type) and issubclass(one.type, msgspec.Struct):
+            found |= places_of_tables(one.type, here)
+    return found
+
+
+def test_every_seam_has_its_field_in_scenarios_and_its_entry_points() -> None:
+    assert {seam.place for seam in SEAMS.values() if seam.place} == places_of_tables(scenario.Scenario)
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    assert set(groups) == {seam.group for seam in SEAMS.values()}
+    for seam in SEAMS.values():
+        assert seam.default is None or seam.default in groups[seam.group], seam.name
+
+
+def test_every_seam_has_a_skeleton_or_a_reason_why_not() -> None:
+    kinds = set(skeletons.kinds()) - {"mind"}
+    assert kinds | set(skeletons.WITHOUT) == set(SEAMS)
+    assert not kinds & set(skeletons.WITHOUT)
+    with pytest.raises(InputError, match=r"new physics: .*start from swarmsim/robots/particles\.py"):
+        skeletons.written("physics", "mine", Path())
+    for reason in skeletons.WITHOUT.values():
+        for word in reason.split():
+            assert not word.startswith("swarmsim/") or (ROOT / word).is_file(), word
+
+
+def test_the_page_about_parts_has_the_table_of_seams_and_what_there_is_to_start_from() -> None:
+    page = (ROOT / "docs" / "parts.md").read_text()
+    assert describe.seams_in_markdown() in page
+    kinds = skeletons.kinds()
+    assert f"knows {', '.join(kinds[:-1])} and {kinds[-1]}." in page
+    told = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["new", "--help"]).output
+    assert f"{', '.join(kinds[:-1])} or {kinds[-1]}." in " ".join(told.split())
+
+
+def test_our_parts_have_what_their_seams_ask_for() -> None:
+    parts = build(scenario.load(ROOT / "scenarios" / "room.toml"), "room.toml").simulation.parts
+    for name, seam in SEAMS.items():
+        part = {"physics": parts.bodies}.get(name) or getattr(parts, name, None)
+        assert part is None or seam.missing(part) == [], name
+
+
+def test_verbs_are_those_of_the_protocol_and_properties_are_not_asked_for() -> None:
+    class Base(Protocol):
+        colour: str
+
+        @property
+        def codec(self) -> int: ...
+
+    class Wider(Base, Protocol):
+        def shine(self) -> None: ...
+
+    class Part:
+        @property
+        def codec(self) -> int:
+            raise RuntimeError("not there before the first message")
+
+        def __getattr__(self, name: str) -> object:  # as a wrapper passes things on
+            if name == "shine":
+                return print
+            raise AttributeError(name)
+
+    seam = Seam("lamp", ("lamp",), Wider)
+    assert seam.verbs == ("colour", "codec", "shine")
+    assert seam.missing(Part()) == ["colour"]
+
+
+class Beacon(Protocol):
+    """Shines for robots to see."""
+
+    def shine(self, state: State) -> float:
+        """How bright it is."""
+        ...
+
+
+class FunctionBeacon(FunctionForm):
+    def shine(self, state: State) -> float:
+        return float(self._ask(state))
+
+
+class Lamp(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A lamp that never goes out."""
+
+    power: float = 2.0  # W
+
+    def build(self, setting: object) -> object:
+        return object()
+
+
+class Wider(scenario.Scenario, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    beacon: Table = field(default_factory=dict)
+
+
+@pytest.fixture
+def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    """One more seam: a row, a Protocol, a field of scenarios, a distribution with an entry point and a skeleton."""
+    monkeypatch.setitem(SEAMS, "beacon", Seam("beacon", ("beacon",), Beacon, "lamp", function=FunctionBeacon))
+    for module in (scenario, schema):
+        monkeypatch.setattr(module, "Scenario", Wider)
+    installed = tmp_path / "lamps-1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: lamps\nVersion: 1.0\n")
+    (installed / "entry_points.txt").write_text(f"[swarmsim.beacon]\nlamp = {__name__}:Lamp\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    distributions.parts.cache_clear()
+    folder = tmp_path / "skeletons"
+    folder.mkdir()
+    (folder / "beacon.txt").write_text("def $name(state, *, power: float = 1.0):\n    return power\n")
+    monkeypatch.setattr(skeletons, "_HERE", folder)
+    room = (ROOT / "scenarios" / "room.toml").read_text().replace("../worlds", str(ROOT / "worlds"))
+    path = tmp_path / "room.toml"
+    path.write_text(room)
+    yield path
+    distributions.parts.cache_clear()
+
+
+def test_one_more_seam_is_seen_by_registry_scenario_and_schema(beacon: Path) -> None:
+    assert registry.known("beacon") == {"lamp": Lamp}
+    read = scenario.load(beacon)
+    assert msgspec.structs.asdict(read)["beacon"] == {"use": "lamp", "power": 2.0}
+    assert scenario.tables(read)["beacon"] == {"use": "lamp", "power": 2.0}
+    assert msgspec.structs.asdict(scenario.load(beacon, ["beacon.power=3"]))["beacon"]["power"] == 3.0
+    with pytest.raises(InputError, match=r"room\.toml: beacon\.powr: unknown key; did you mean 'power'"):
+        scenario.load(beacon, ["beacon.powr=3"])
+    with pytest.raises(InputError, match=r"'full' is not what beacon\.power takes: a number"):
+        scenario.load(beacon, ["beacon.power=full"])
+    table = tomllib.loads(beacon.read_text())
+    jsonschema.validate({**table, "beacon": {"use": "lamp", "power": 1.0}}, schema.schema())
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**table, "beacon": {"use": "lamp", "power": "full"}}, schema.schema())
+
+
+def test_one_more_seam_is_held_to_its_protocol_and_takes_functions(beacon: Path, tmp_path: Path) -> None:
+    run = build(scenario.load(ROOT / "scenarios" / "room.toml"), "room.toml")
+    with pytest.raises(InputError, match=r"use: what 'lamp' builds, .*object, lacks shine; expected a beacon"):
+        built("beacon", {"use": "lamp"}, run.setting)
+    (tmp_path / "mine.py").write_text("def mine(state, *, power: float = 4.0):\n    return power\n")
+    with registry.own_code(True):
+        part = built("beacon", {"use": f"{tmp_path}/mine.py:mine"}, run.setting)
+    assert part.shine(run.simulation.state) == 4.0
+
+
+def test_one_more_seam_is_told_listed_and_started_from(beacon: Path, tmp_path: Path) -> None:
+    assert "| beacon | `[beacon]` | `lamp` | Shines for robots to see | `shine` |" in describe.seams_in_markdown()
+    (described,) = describe.parts("beacon")
+    assert (described.name, described.default, described.origin) == ("lamp", True, "lamps 1.0")
+    printed = CliRunner(env={"COLUMNS": "200"}).invoke(app, ["parts"]).output
+    assert "beacon (* is the default)" in printed
+    assert "A lamp that never goes out." in printed
+    made = CliRunner().invoke(app, ["new", "beacon", "mine", "--to", str(tmp_path)])
+    assert '[beacon] use = "./mine.py:mine"' in made.output
+    assert 'beacon = {use = "HERE/mine.py:mine"}' in (tmp_path / "test_mine.py").read_text()
