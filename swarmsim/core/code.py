@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
-
-import msgspec
 
 from swarmsim.core import distributions, snapshot
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import Scenario, every_part
 from swarmsim.core.snapshot import Files
 
 OURS: Final = "swarmsim"
@@ -26,27 +26,31 @@ class Code:
     files: Files = field(default_factory=Files)  # the user's own
 
 
-def code_of(scenario: msgspec.Struct) -> Code:
-    """The code that makes the runs of a scenario, whose own code is loaded."""
-    named = set(uses(msgspec.to_builtins(scenario)))
-    places = sorted({use.rpartition(":")[0] for use in named if ":" in use})
-    hashes = {OURS: distributions.ours()}
-    for entries in distributions.parts().values():
-        used = [entries[use] for use in named & entries.keys()]
-        hashes |= dict(distributions.plugin(entry) for entry in used if not _is_ours(entry.module))
-    if not places:
-        return Code(hashes)
-    now = snapshot.present()
-    texts = now.texts(places)
-    for place in places:
-        if now.name_of(place) is None and not _is_ours(place):
+def code_of(scenario: Scenario) -> Code:
+    """The code that makes the runs of a scenario, as its parts have it. Raises InputError if no one text did that."""
+    hashes, base = {OURS: distributions.ours()}, ""
+    texts, names = dict[Path, bytes](), dict[Path, str]()
+    for part in every_part(scenario):
+        place = part.use.rpartition(":")[0]
+        entry = distributions.parts().get(part.seam, {}).get(part.use)
+        if entry is not None and not _is_ours(entry.module):
+            hashes |= [distributions.plugin(entry)]
+        if not place or _is_ours(place):
+            continue
+        own = snapshot.home_of_class(type(part.parameters))
+        if own.name_of(place) is None:
             hashes[place.partition(".")[0]] = distributions.module(place) or UNSEEN
-    for file, text in sorted(texts.items()):
-        name, number = now.short(file), 2
+        found, base = own.texts([place]), str(own.base)
+        if changed := [str(file) for file in found.keys() & texts.keys() if found[file] != texts[file]]:
+            raise InputError(f"{', '.join(sorted(changed))}: was edited while the scenario was read; read it again")
+        texts |= found
+        names |= {file: own.short(file) for file in found}
+    for file in sorted(texts):
+        name, number = names[file], 2
         while name in hashes:
-            name, number = f"{now.short(file)} ({number})", number + 1
-        hashes[name] = hashlib.blake2b(text, digest_size=8).hexdigest()
-    return Code(hashes, Files(str(now.base), tuple((str(file), text) for file, text in sorted(texts.items()))))
+            name, number = f"{names[file]} ({number})", number + 1
+        hashes[name] = hashlib.blake2b(texts[file], digest_size=8).hexdigest()
+    return Code(hashes, Files(base, tuple((str(file), texts[file]) for file in sorted(texts))))
 
 
 def known(code: Code, place: str) -> Code:
@@ -75,15 +79,3 @@ def _short(found: str | None) -> str:
 
 def _is_ours(module: str) -> bool:
     return module.partition(".")[0] == OURS
-
-
-def uses(value: object) -> Iterator[str]:
-    """What parts are called, at any depth of a scenario's tables."""
-    if isinstance(value, dict):
-        if isinstance(use := value.get("use"), str):
-            yield use
-        value = value.values()
-    elif not isinstance(value, list | tuple):
-        return
-    for inner in value:
-        yield from uses(inner)

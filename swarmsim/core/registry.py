@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from importlib.metadata import EntryPoint
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 
@@ -18,8 +17,6 @@ from swarmsim.core.forms import adapted
 from swarmsim.core.own import told
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.snapshot import Snapshot
-
-T = TypeVar("T", bound=msgspec.Struct)
 
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
 
@@ -86,7 +83,9 @@ def _own(code: Snapshot, seam: str, use: str) -> type[msgspec.Struct]:
     if found is None:
         there = {one: kind for one, kind in vars(module).items() if getattr(kind, "__module__", "") == module.__name__}
         raise InputError(f"use: {place!r} has no {name!r}; {nearest(name, there)}")
-    return _part(seam, use, found)
+    part = _part(seam, use, found)
+    code.makes(part)
+    return part
 
 
 def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
@@ -115,64 +114,3 @@ def is_ours(part: object) -> bool:
 def is_own(kind: Any) -> bool:
     """Whether a class or function stands in a file that a scenario names."""
     return str(kind.__module__).startswith(snapshot.PREFIX)
-
-
-def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> list[str]:
-    """The dotted required keys that are missing, at any depth.
-
-    Raises InputError for the first key that the struct lacks or that is not finite.
-    """
-    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
-    for key in given:
-        if key not in fields:
-            raise InputError(f"{place}{key}: unknown key; {nearest(key, fields)}")
-    missing = []
-    for key, field in fields.items():
-        inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)
-        value = given.get(key, {} if field.required and inner is not None and key not in given else None)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"{place}{key}: {value} is not a number to compute with; expected a finite one")
-        if inner is not None and isinstance(value, dict):
-            missing += _faults_of(value, inner, f"{place}{key}.")
-        elif inner is not None and isinstance(value, list):
-            for i, one in enumerate(value):
-                missing += _faults_of(one, inner, f"{place}{key}[{i}].") if isinstance(one, dict) else []
-        elif field.required and key not in given:
-            missing.append(f"{place}{key}")
-    return missing
-
-
-def _is_struct(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
-
-
-def convert(given: Mapping[str, Any], kind: type[T]) -> T:
-    """The struct that a table describes. Raises InputError that starts with the key, or all missing keys, at fault."""
-    missing = _faults_of(given, kind)
-    if missing:
-        raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing")
-    try:
-        return msgspec.convert(given, kind)
-    except msgspec.ValidationError as problem:
-        what, _, where = str(problem).partition(" - at `$")
-        key = where.strip(".`")
-        text = what[:1].lower() + what[1:]
-        raise InputError(f"{key}: {text}" if key else text) from problem
-
-
-def part(seam: str, table: Mapping[str, Any]) -> Any:
-    """The parameter struct that `table` (`use` and the part's own keys) describes, checked and complete."""
-    use = table.get("use", SEAMS[seam].default)
-    if not isinstance(use, str):
-        raise InputError(f"use: required key is missing or not a string; {nearest('', entries(seam))}")
-    parameters = {key: value for key, value in table.items() if key != "use"}
-    return convert(parameters, find(seam, use))
-
-
-def complete(seam: str, table: Mapping[str, Any]) -> dict[str, Any]:
-    """The same table with every default written out, as far as TOML can: it has no null."""
-    plain = msgspec.json.decode(msgspec.json.encode(part(seam, table)))
-    return {
-        "use": table.get("use", SEAMS[seam].default),
-        **{key: value for key, value in plain.items() if value is not None},
-    }

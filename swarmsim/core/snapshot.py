@@ -26,6 +26,7 @@ from pathlib import Path
 from threading import RLock
 from types import CodeType, ModuleType
 from typing import Final
+from weakref import WeakKeyDictionary
 
 from swarmsim.core import statements
 from swarmsim.core.distributions import home_of
@@ -90,6 +91,10 @@ class Snapshot:
         if "." in file.stem:
             self._named[name] = file
         return name
+
+    def makes(self, kind: type) -> None:
+        """Note that a class comes from here."""
+        _shelf().made[kind] = self
 
     def texts(self, places: Iterable[str]) -> dict[Path, bytes]:
         """The texts of all files that these places need, those included that code has loaded by name."""
@@ -282,6 +287,8 @@ class _Shelf:
 
     def __init__(self) -> None:
         self.latest = self.active = Snapshot()
+        #: Where classes come from that parts are made by.
+        self.made: WeakKeyDictionary[type, Snapshot] = WeakKeyDictionary()
         sys.meta_path.insert(0, _Finder(self))
 
     def activate(self, snapshot: Snapshot) -> None:
@@ -333,6 +340,11 @@ def present() -> Snapshot:
         if not shelf.latest.is_current():
             shelf.latest = Snapshot()
         return shelf.latest
+
+
+def home_of_class(kind: type) -> Snapshot:
+    """The code that a class comes from which makes parts."""
+    return _shelf().made[kind]
 
 
 @lru_cache(maxsize=8)

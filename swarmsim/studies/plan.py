@@ -15,12 +15,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from swarmsim.core import budget, registry
-from swarmsim.core.code import Code, known, uses
+from swarmsim.core import budget
+from swarmsim.core.code import Code, known
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
+from swarmsim.core.part import plain
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, without_later
+from swarmsim.core.scenario import Scenario, assign, decode, every_part, files_outside, without_later
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -114,10 +116,10 @@ def asked(scenario: Scenario) -> bytes:
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
     table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    whole = msgspec.to_builtins({**table, "world": unnamed}, order="deterministic")
-    files = [file for use in uses(whole) if (file := use.rpartition(":")[0]).endswith(".py")]
+    whole = msgspec.to_builtins({**table, "world": unnamed}, enc_hook=plain, order="deterministic")
+    files = [Path(part.use.rpartition(":")[0]) for part in every_part(scenario) if ".py:" in part.use]
     if files:
-        whole = _placed(whole, os.path.commonpath([Path.cwd() / Path(file).parent for file in files]))
+        whole = _placed(whole, os.path.commonpath([Path.cwd() / file.parent for file in files]))
     return msgspec.json.encode(whole)
 
 
@@ -137,7 +139,7 @@ def libraries(found: dict[str, str]) -> dict[str, str]:
 
 def _world_key(scenario: Scenario) -> bytes:
     """All that a floor plan's text depends on."""
-    return msgspec.json.encode([scenario.world, scenario.grid.cell], order="deterministic")
+    return msgspec.json.encode([scenario.world, scenario.grid.cell], enc_hook=plain, order="deterministic")
 
 
 def open_study(
@@ -151,7 +153,7 @@ def open_study(
     Raises InputError that names the file, the condition and the key.
     """
     try:
-        study = registry.convert(read_toml(path, "a study file"), Study)
+        study = convert(read_toml(path, "a study file"), Study)
     except InputError as problem:
         text = str(problem)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from problem

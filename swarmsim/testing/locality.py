@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from swarmsim.core import registry
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.parts import Computation, Parts, Strategy
-from swarmsim.core.scenario import tables
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Beams, Intents, Knowledge, Readings, Senses, Tiles
 from swarmsim.engine.build import Run
@@ -143,8 +142,8 @@ Mind = tuple[Computation[Any, Knowledge], Strategy[Any]]
 
 def _mind(run: Run, setting: Setting) -> Mind:
     """A new mind, as built for a run."""
-    parts = tables(run.scenario)
-    return built("computation", parts["computation"], setting), built("strategy", parts["strategy"], setting)
+    mind = run.scenario.mind
+    return built(mind.computation, setting), built(mind.strategy, setting)
 
 
 def _repeated(

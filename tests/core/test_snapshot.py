@@ -290,3 +290,23 @@ def test_code_of_ours_and_of_plug_ins_is_known_by_content(tmp_path: Path) -> Non
     (hashes,) = {tuple(code_of(load(ROOT / "scenarios" / "room.toml")).hashes.items()) for _ in range(2)}
     ((name, first),) = hashes
     assert (name, len(first)) == ("swarmsim", 16)
+
+
+@pytest.mark.parametrize("keys", ["", "    angles: list[float] = []\n"], ids=["hashable", "not hashable"])
+def test_an_edited_sensor_changes_what_can_be_explored(keys: str, tmp_path: Path) -> None:
+    """Which is found out once for equal sensors: they are not equal if their code is not."""
+    sensor = (
+        "import msgspec\nfrom swarmsim.robots.sensors import IrRing, NoSensor\n"
+        f"class Eye(msgspec.Struct, frozen=True):\n{keys}    def build(self, setting):\n"
+        "        return IrRing(tile=[9, 9], reach=0.6).build(setting)\n"
+    )
+    path = scenario(tmp_path, STILL + MINE, eye=sensor)
+    path.write_text(path.read_text() + '[sensor]\nuse = "./eye.py:Eye"\n')
+
+    def explored() -> int:
+        with registry.own_code(True):
+            return int(build(load(path), str(path)).domain.sum())
+
+    first = explored()
+    (tmp_path / "eye.py").write_text(sensor.replace("IrRing(tile=[9, 9], reach=0.6)", "NoSensor()"))
+    assert explored() != first

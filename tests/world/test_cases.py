@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.cli.worlds import CELL
 from swarmsim.core.errors import InputError
+from swarmsim.core.part import plain
 from swarmsim.core.scenario import World, load
 from swarmsim.engine.build import build
 from swarmsim.engine.inspection import Inspection, inspect
@@ -79,7 +80,7 @@ def opened(folder: Path, content: str | NDArray[np.uint8], **keys: object) -> Wo
 def checked(folder: Path, world: World) -> tuple[Inspection, str]:
     """What `world check` finds, and the path of a scenario with five robots in that world."""
     path = folder / "run.toml"
-    table = {"world": msgspec.to_builtins(world), "robots": {"count": 5}, "stop": {"iterations": 1500}}
+    table = {"world": msgspec.to_builtins(world, enc_hook=plain), "robots": {"count": 5}, "stop": {"iterations": 1500}}
     path.write_bytes(msgspec.toml.encode({**table, "network": {"topology": {"use": "knn", "k": 2}}}))
     scenario = load(path)
     return inspect(scenario, read_world(scenario.world, scenario.grid.cell), "w", 1.1), str(path)

@@ -81,6 +81,11 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     within: Annotated[float, Meta(gt=0.0, le=1000.0)] = 1.0  # m, that robots which meet are apart at most
     again: Annotated[int, Meta(ge=1)] = 10  # iterations before a robot tells its map once more
 
+    @property
+    def merges(self) -> bool:
+        """Whether robots have frames of reference of their own."""
+        return True
+
     def build(self, setting: Setting) -> MergeSharing:
         """The policy."""
         return MergeSharing(self, setting)

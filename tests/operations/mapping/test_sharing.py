@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from swarmsim.core import registry
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
+from swarmsim.core.part import Part
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State, Tiles
 from swarmsim.engine import contracts
@@ -38,7 +39,7 @@ class Policy:
     """A sharing policy of robots that stand still, with its post office."""
 
     def __init__(self, table: dict, robots: int, maps: Grids) -> None:
-        self.inner, self.maps, self.post = registry.part("sharing", table).build(setting(robots)), maps, PostOffice()
+        self.inner, self.maps, self.post = Part("sharing", table).build(setting(robots)), maps, PostOffice()
 
     def say(self, state: State, tiles: Tiles) -> Said:
         self.observed = seen_as(state.iteration, state.pose, state.alive, tiles)
