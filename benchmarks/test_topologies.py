@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from swarmsim.core import registry
+from swarmsim.core.part import Part
 from swarmsim.core.parts import Topology
 from swarmsim.core.robots import Robots
 from swarmsim.core.scenario import load
@@ -54,7 +55,7 @@ def test_links_are_quick() -> None:
         costs = []
         for size in SIZES:
             setting = Setting.of(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1), building)
-            net: Topology = registry.part("topology", table).build(setting)
+            net: Topology = Part("topology", table).build(setting)
             pose = np.zeros((size, 3))
             pose[:, :2] = free[rng.choice(len(free), size, replace=False)]
             pose[:, :2] += rng.uniform(-0.5, 0.5, (size, 2)) * lattice.cell

@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.scenario import World
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
@@ -43,7 +44,7 @@ class Made:
             self.content(path)
         else:
             path.write_bytes(self.content.encode() if isinstance(self.content, str) else self.content)
-        return World(file=str(path), **{**self.keys, **keys})
+        return convert({"file": str(path), **self.keys, **keys}, World)
 
 
 def plan_in(world: World, cell: float = CELL) -> FloorPlan:

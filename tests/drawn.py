@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.scenario import World
 from swarmsim.world import svg
 from swarmsim.world.plan import FloorPlan
@@ -21,5 +22,5 @@ def read_floor_plan(
     """What of an SVG text is solid, before its floor is chosen."""
     more = {"layers": {layer: list(names) for layer, names in layers.items()}} if layers else {}
     size = {"width": across} if across is not None else {} if scale == 1.0 else {"scale": scale}
-    world = World(file=name, **size, **more, **keys)
+    world = convert({"file": name, **size, **more, **keys}, World)
     return plan_of(svg.read(source, name, world), world)

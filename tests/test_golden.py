@@ -18,7 +18,7 @@ from conftest import ROOT, made
 from typer.testing import CliRunner
 
 from swarmsim.cli import app
-from swarmsim.core import registry
+from swarmsim.core.decoding import convert
 from swarmsim.core.scenario import load
 from swarmsim.core.streams import Streams
 from swarmsim.core.toml import read_toml
@@ -59,7 +59,7 @@ def text_of_scenario(name: str) -> str:
 
 def asked_by(path: Path) -> str:
     """A hash of what all conditions of a study ask for."""
-    study = registry.convert(read_toml(path, "a study"), Study)
+    study = convert(read_toml(path, "a study"), Study)
     base = path.parent / study.scenario
     table, asks = read_toml(base, "a scenario"), hashlib.blake2b(digest_size=16)
     for change in changes_of(path, study).values():

@@ -96,10 +96,9 @@ def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> Non
     from swarmsim.view.video import write_pictures
 
     opened = Recording(path)
-    share = opened.scenario.mind.computation.get("share", {}).get("use")
-    if share != "merge":
+    if not opened.scenario.mind.computation.says("merges", False):
         raise InputError(
-            f"--frames: the robots of {path} share by {share}; expected mind.computation.share.use = merge"
+            f"--frames: the robots of {path} have one frame of reference; expected mind.computation.share.use = merge"
         )
     made = build(opened.scenario, str(path), opened.world)
     gathering = Gathering(Scene(opened), made.setting.start, how)

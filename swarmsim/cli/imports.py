@@ -125,7 +125,7 @@ def import_(
 
 
 def _world(keys: Keys) -> World:
-    from swarmsim.core.registry import convert
+    from swarmsim.core.decoding import convert
     from swarmsim.core.scenario import World
 
     return convert(keys, World)

@@ -16,6 +16,7 @@ from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.part import Part
 from swarmsim.core.seams import SEAMS
 
 
@@ -87,7 +88,7 @@ def _parameters(kind: type[msgspec.Struct]) -> Iterator[Parameter]:
 
 def _toml(field: types.Field) -> str:
     value = field.default if field.default is not msgspec.NODEFAULT else field.default_factory()
-    plain = msgspec.to_builtins(value)
+    plain = {} if isinstance(value, Part) else msgspec.to_builtins(value)
     return "none" if plain is None else msgspec.json.encode(plain).decode()
 
 
@@ -117,6 +118,7 @@ PLAIN: Final[dict[type, str]] = {
     types.AnyType: "anything",
     types.NoneType: "nothing",
     types.DictType: "a table",
+    types.CustomType: "a table",
 }
 
 

@@ -24,12 +24,11 @@ def with_files(table: Table, folder: Path, place: str = "") -> Table:
     InputError, which starts with the key (after `place`).
     """
     filled = dict(table)
-    use = table.get("use")
-    if isinstance(use, str) and use.rpartition(":")[0].endswith(".py"):
-        file, _, own = use.rpartition(":")
-        filled["use"] = f"{os.path.normpath(folder / file)}:{own}"
     for key, value in table.items():
-        if isinstance(value, dict) and value.keys() == {"file"} and isinstance(value["file"], str):
+        if key == "use" and isinstance(value, str) and value.rpartition(":")[0].endswith(".py"):
+            file, _, own = value.rpartition(":")
+            filled[key] = f"{os.path.normpath(folder / file)}:{own}"
+        elif isinstance(value, dict) and value.keys() == {"file"} and isinstance(value["file"], str):
             try:
                 filled[key] = read_rows(folder / value["file"])
             except InputError as problem:

@@ -62,7 +62,7 @@ def with_platforms(table: Table) -> Table:
             raise InputError(
                 f"robots.count: is {count}, but robots.groups has {mixed['count']} robots; expected the same number"
             )
-        return {**table, "robots": {**mixed, **robots, "groups": mixed["groups"]}}
+        return {**table, "robots": {"count": 1, **mixed, **robots, "groups": mixed["groups"]}}
     if isinstance(robots, dict):
         filled, sensor = _filled(robots, "robots")
         own = table.get("sensor", {})
@@ -70,7 +70,7 @@ def with_platforms(table: Table) -> Table:
             table = {**table, "sensor": {**sensor, **own}}
         return {**table, "robots": filled}
     if isinstance(robots, list):
-        return {**table, "robots": _mixed(robots, bool(table.get("sensor")))}
+        return {**table, "robots": {"count": 1, **_mixed(robots, bool(table.get("sensor")))}}
     return table
 
 
@@ -86,7 +86,10 @@ def _filled(robots: Table, place: str) -> tuple[Table, Table]:
 
 
 def _mixed(groups: list[object], has_sensor: bool) -> Table:
-    """One table for groups of robots; each has its platform's sensor unless it, or the scenario, has another."""
+    """One table for groups of robots; each has its platform's sensor unless it, or the scenario, has another.
+
+    Their number is in it if every group says its own.
+    """
     found, spawns = [], []
     for number, group in enumerate(groups):
         if not isinstance(group, dict):
@@ -96,7 +99,8 @@ def _mixed(groups: list[object], has_sensor: bool) -> Table:
             spawns.append(filled.pop("spawn"))
         if sensor and not has_sensor:
             filled.setdefault("sensor", sensor)
-        found.append(filled)
+        own = filled.pop("sensor", {})
+        found.append({**filled, **({} if own == {} else {"sensor": own})})
     if not found:
         raise InputError("robots: no group in it; expected one or more")
     if any(spawn != spawns[0] for spawn in spawns):

@@ -5,25 +5,22 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import msgspec
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.forms import adapted
-from swarmsim.core.own import is_failure, not_ending, told
+from swarmsim.core.own import is_failure, told
 from swarmsim.core.seams import SEAMS
-
-T = TypeVar("T", bound=msgspec.Struct)
 
 _OWN: Final = "swarmsim_own_"  # what the modules of scenarios' own files are called first
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
@@ -155,65 +152,3 @@ def source_of(seam: str, use: str) -> bytes:
         return b""
     file = getattr(sys.modules[kind.__module__], "__file__", None)
     return hashlib.blake2b(Path(file).read_bytes(), digest_size=16).digest() if file else b""
-
-
-def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> list[str]:
-    """The dotted required keys that are missing, at any depth.
-
-    Raises InputError for the first key that the struct lacks or that is not finite.
-    """
-    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
-    for key in given:
-        if key not in fields:
-            raise InputError(f"{place}{key}: unknown key; {nearest(key, fields)}")
-    missing = []
-    for key, field in fields.items():
-        inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)
-        value = given.get(key, {} if field.required and inner is not None and key not in given else None)
-        if isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"{place}{key}: {value} is not a number to compute with; expected a finite one")
-        if inner is not None and isinstance(value, dict):
-            missing += _faults_of(value, inner, f"{place}{key}.")
-        elif inner is not None and isinstance(value, list):
-            for i, one in enumerate(value):
-                missing += _faults_of(one, inner, f"{place}{key}[{i}].") if isinstance(one, dict) else []
-        elif field.required and key not in given:
-            missing.append(f"{place}{key}")
-    return missing
-
-
-def _is_struct(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
-
-
-def convert(given: Mapping[str, Any], kind: type[T]) -> T:
-    """The struct that a table describes. Raises InputError that starts with the key, or all missing keys, at fault."""
-    missing = _faults_of(given, kind)
-    if missing:
-        raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing")
-    try:
-        with not_ending():
-            return msgspec.convert(given, kind)
-    except msgspec.ValidationError as problem:
-        what, _, where = str(problem).partition(" - at `$")
-        key = where.strip(".`")
-        text = what[:1].lower() + what[1:]
-        raise InputError(f"{key}: {text}" if key else text) from problem
-
-
-def part(seam: str, table: Mapping[str, Any]) -> Any:
-    """The parameter struct that `table` (`use` and the part's own keys) describes, checked and complete."""
-    use = table.get("use", SEAMS[seam].default)
-    if not isinstance(use, str):
-        raise InputError(f"use: required key is missing or not a string; {nearest('', entries(seam))}")
-    parameters = {key: value for key, value in table.items() if key != "use"}
-    return convert(parameters, find(seam, use))
-
-
-def complete(seam: str, table: Mapping[str, Any]) -> dict[str, Any]:
-    """The same table with every default written out, as far as TOML can: it has no null."""
-    plain = msgspec.json.decode(msgspec.json.encode(part(seam, table)))
-    return {
-        "use": table.get("use", SEAMS[seam].default),
-        **{key: value for key, value in plain.items() if value is not None},
-    }

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
-from msgspec import field as of
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from swarmsim.core.files import Table
+from swarmsim.core.part import NONE, Part
 from swarmsim.core.platforms import PLAIN
 
 Positive = Annotated[float, Meta(gt=0.0)]
@@ -35,7 +34,7 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     count: Count
     use: str = PLAIN
-    sensor: Table = of(default_factory=dict)  # the kind's own; none: the scenario's
+    sensor: Part[Any] = NONE  # the kind's own; none: the scenario's
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):

@@ -7,30 +7,65 @@ import os
 from collections.abc import Iterable, Mapping
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta, Struct
-from msgspec import field as of
 from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.budget import BUDGET
+from swarmsim.core.decoding import Take, convert
 from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table, outside, with_files
+from swarmsim.core.files import Table, outside
+from swarmsim.core.part import NONE, Part, plain
+from swarmsim.core.parts import (
+    Bodies,
+    Channel,
+    Computation,
+    Fault,
+    Generator,
+    Localisation,
+    Motion,
+    Probe,
+    Sensor,
+    Strategy,
+    Task,
+    Topology,
+)
 from swarmsim.core.platforms import with_platforms
-from swarmsim.core.robots import Count, Positive, Robots
+from swarmsim.core.robots import Count, Length, Positive, Robots
 from swarmsim.core.seams import SEAMS, at_place
+from swarmsim.core.setting import Field
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 
 _HOMES: Final = (Path(__file__).parents[1], Path(__file__).parents[2])  # of our own scenarios and worlds
 
 
-S = TypeVar("S", bound=Struct)
 Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
 Name = Annotated[str, Meta(min_length=1)]
-Names = Annotated[list[Name], Meta(min_length=1)]
+Names = Annotated[tuple[Name, ...], Meta(min_length=1)]
+
+
+class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """By which names the layers of a drawing are known."""
+
+    # in the order in which identities of studies have them
+    doors: Names | None = None
+    floor: Names | None = None
+    furniture: Names | None = None
+    pillars: Names | None = None
+    spawn: Names | None = None
+    unknown: Names | None = None
+    walls: Names | None = None
+
+    def __reduce__(self) -> str | tuple[object, ...]:
+        """The same that worlds have by default, as which texts leave it out, if it names nothing."""
+        return "UNNAMED" if self == UNNAMED else (msgspec.convert, (msgspec.to_builtins(self), Layers))
+
+
+UNNAMED: Final = Layers()
 
 
 class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -52,17 +87,17 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     scale: Positive | None = None
     width: Positive | None = None  # m, of the whole page
     resolution: Positive | None = None  # m, one pixel
-    layers: dict[str, Names] = of(default_factory=dict)
-    floor: list[Name] = of(default_factory=list)
+    layers: Layers = UNNAMED
+    floor: tuple[Name, ...] = ()
     level: str = ""
     solid: Literal["all", "strokes"] | None = None
     doors: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None  # m, 0 for none
     border: bool | None = None
     pockets: Literal["ignore", "fill", "refuse"] = "ignore"
     despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2
-    spawn: tuple[Edges, Edges, Positive, Positive] | None = None  # x, y of the lower left corner, width, height in m
+    spawn: tuple[Edges, Edges, Length, Length] | None = None  # x, y of the lower left corner, width, height in m
     unknown: Literal["wall", "space"] = "wall"
-    generate: Table = of(default_factory=dict)  # none unless it has a `use`
+    generate: Part[Generator] = NONE
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of what is made
 
     def __post_init__(self) -> None:
@@ -74,7 +109,12 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     @property
     def title(self) -> str:
         """What messages call it."""
-        return self.file or f"{self.generate.get('use')} {self.seed}"
+        return self.file or f"{self.generate.use} {self.seed}"
+
+    @property
+    def named(self) -> dict[str, Names]:
+        """By which names a drawing's layers are known, of those that the scenario names."""
+        return {layer: names for layer, names in msgspec.structs.asdict(self.layers).items() if names is not None}
 
 
 class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -86,15 +126,15 @@ class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Who hears whom, and what arrives."""
 
-    topology: Table
-    channel: Table = of(default_factory=dict)
+    topology: Part[Topology]
+    channel: Part[Channel] = Part("channel")
 
 
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a robot computes from what it senses and hears, and what it does with that."""
 
-    computation: Table = of(default_factory=dict)
-    strategy: Table = of(default_factory=dict)
+    computation: Part[Computation[Any, Any]] = Part("computation")
+    strategy: Part[Strategy[Any]] = Part("strategy")
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -108,7 +148,7 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One run. The tables of parts (`sensor`, `network.topology`, ...) are complete once read."""
+    """One run. Its parts (`sensor`, `network.topology`, ...) are typed values, complete once read."""
 
     title: str = ""  # default: the name of the file; {robots.count} in it is their number
     world: World
@@ -116,20 +156,21 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     period: Annotated[float, Meta(ge=1e-4, le=1e5)] = 1.0  # s, one iteration
     grid: Grid = Grid()
     robots: Robots
-    physics: Table = of(default_factory=dict)
-    sensor: Table = of(default_factory=dict)
-    field: Table = of(default_factory=dict)  # none unless it has a `use`
-    localisation: Table = of(default_factory=dict)
+    physics: Part[Bodies] = Part("physics")
+    sensor: Part[Sensor] = Part("sensor")
+    field: Part[Field] = NONE
+    localisation: Part[Localisation] = Part("localisation")
     network: Network
     mind: Mind = Mind()
-    motion: Table = of(default_factory=dict)
-    task: Table = of(default_factory=dict)
-    faults: tuple[Table, ...] = ()
-    probes: tuple[Table, ...] = ()
+    motion: Part[Motion] = Part("motion")
+    task: Part[Task[Any]] = Part("task")
+    faults: tuple[Part[Fault], ...] = ()
+    probes: tuple[Part[Probe], ...] = ()
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
+OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
@@ -143,24 +184,52 @@ MOVED: Final = {
 }
 
 
-def tables(scenario: Scenario) -> dict[str, Table]:
-    """The table of every part that a scenario has one of, by seam: a field or a generator only if there is one."""
-    found: dict[str, Table] = {}
+def parts_of(scenario: Scenario) -> dict[str, Part[Any]]:
+    """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
+    found: dict[str, Part[Any]] = {}
     for seam in SEAMS.values():
-        table = _at(scenario, seam.place) if seam.place and not seam.many else None
-        if isinstance(table, dict) and (seam.default is not None or seam.required or table):
-            found[seam.name] = table
+        part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
+        if part or seam.required:
+            found[seam.name] = part
     return found
 
 
-def lists(scenario: Scenario) -> list[tuple[str, str, Table]]:
-    """The table of every part that a scenario has any number of, with its seam and its place: `faults[2]`."""
+def lists(scenario: Scenario) -> list[tuple[str, Part[Any]]]:
+    """Every part that a scenario has any number of, with its place: `faults[2]`."""
     return [
-        (seam.name, f"{seam.at}[{i}]", table)
+        (f"{seam.at}[{i}]", part)
         for seam in SEAMS.values()
         if seam.many
-        for i, table in enumerate(_at(scenario, seam.place))
+        for i, part in enumerate(_at(scenario, seam.place))
     ]
+
+
+def all_parts(scenario: Scenario) -> list[Part[Any]]:
+    """Every part that a scenario names: one a seam, those of groups of robots, and those of which there are many."""
+    own = [getattr(group, seam.name) for seam in SEAMS.values() if seam.of_groups for group in scenario.robots.groups]
+    return [*parts_of(scenario).values(), *(part for part in own if part), *(part for _, part in lists(scenario))]
+
+
+def sensors_of(scenario: Scenario) -> tuple[tuple[str, Part[Sensor]], ...]:
+    """The sensor of each group of robots, or of all, with its place in the scenario."""
+    groups = enumerate(scenario.robots.groups)
+    own = [
+        (f"robots[{i}].sensor", group.sensor) if group.sensor else ("sensor", scenario.sensor) for i, group in groups
+    ]
+    return tuple(own) or (("sensor", scenario.sensor),)
+
+
+def table_of(scenario: Scenario) -> Table:
+    """A scenario as the table that a TOML file holds, complete."""
+    table: Table = _without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
+    return table
+
+
+def _without_none(value: Any) -> Any:
+    """The same without what TOML cannot say."""
+    if isinstance(value, dict):
+        return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
+    return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def without_later(table: Table) -> Table:
@@ -171,13 +240,6 @@ def without_later(table: Table) -> Table:
 def _at(whole: Any, place: tuple[str, ...]) -> Any:
     """What is at these keys of a scenario."""
     return reduce(getattr, place, whole)
-
-
-def _with(whole: S, place: tuple[str, ...], value: object) -> S:
-    """A scenario, or a struct in it, with another value at these keys."""
-    key, *rest = place
-    inner = _with(getattr(whole, key), tuple(rest), value) if rest else value
-    return msgspec.structs.replace(whole, **{key: inner})
 
 
 def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] | None = None) -> Scenario:
@@ -221,31 +283,17 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers (a value
     {file = "net.csv"} of a part stands for the rows of that file) and of its own parts. Raises InputError.
     """
-    scenario = shape(table, name)
 
-    def complete(seam: str, place: str, table: Table) -> Table:
-        try:
-            return registry.complete(seam, table if folder is None else with_files(table, folder))
-        except InputError as problem:
-            raise InputError(f"{name}: {place}.{problem}") from problem
+    def complete(part: Part[Any]) -> Part[Any]:
+        return (part if folder is None else part.beside(folder)).decoded()
 
-    groups = list(scenario.robots.groups)
-    for i, group in enumerate(groups):
-        for seam in SEAMS.values():
-            if seam.of_groups and (table := getattr(group, seam.name)):
-                whole = complete(seam.name, f"robots[{i}].{seam.name}", table)
-                groups[i] = msgspec.structs.replace(groups[i], **{seam.name: whole})
-    if groups:
-        scenario = _with(scenario, ("robots", "groups"), tuple(groups))
-    for which, table in tables(scenario).items():
-        scenario = _with(scenario, SEAMS[which].place, complete(which, SEAMS[which].at, table))
-    for seam in SEAMS.values():
-        if seam.many:
-            listed = [complete(which, place, one) for which, place, one in lists(scenario) if which == seam.name]
-            scenario = _with(scenario, seam.place, tuple(listed))
-    if folder is not None and scenario.world.file:
-        scenario = _with(scenario, ("world", "file"), os.path.normpath(folder / scenario.world.file))
-    return _with(scenario, ("title",), scenario.title.replace("{robots.count}", str(scenario.robots.count)))
+    scenario = _scenario(table, name, complete)
+    world = scenario.world
+    if folder is not None and world.file:
+        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
+    return msgspec.structs.replace(
+        scenario, title=scenario.title.replace("{robots.count}", str(scenario.robots.count)), world=world
+    )
 
 
 def shape(table: Table, name: str) -> Scenario:
@@ -253,22 +301,39 @@ def shape(table: Table, name: str) -> Scenario:
 
     Raises InputError, which names the file `name` and the key.
     """
+    return _scenario(table, name, lambda part: part)
+
+
+def _of_groups(table: Table) -> Table:
+    """The table with parts in the place of the tables of those that groups of robots have of their own."""
+    robots = table.get("robots")
+    if not isinstance(robots, dict) or not isinstance(robots.get("groups"), list):
+        return table
+    groups = [{key: _of_group(key, value) for key, value in one.items()} for one in robots["groups"]]
+    return {**table, "robots": {**robots, "groups": groups}}
+
+
+def _of_group(key: str, value: Any) -> Any:
+    is_part = key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str)
+    return Part(key, value) if is_part else value
+
+
+def _scenario(table: Table, name: str, take: Take) -> Scenario:
+    listed = isinstance(table.get("robots"), list)
     try:
+        if isinstance(mind := table.get("mind"), dict) and "use" in mind and set(HALVES) & mind.keys():
+            raise InputError("mind.use: stands for computation and strategy at once; expected it without those")
         table = with_platforms(spelled_out(table))
+        for key, now in MOVED.items():
+            inner: Any = table
+            for step in key.split("."):
+                inner = inner.get(step) if isinstance(inner, dict) else None
+            if inner is not None:
+                raise InputError(f"{key}: is not called so any more; expected {now}")
+        return convert(_of_groups(table), Scenario, take)
     except InputError as problem:
-        raise InputError(f"{name}: {problem}") from problem
-    if isinstance(mind := table.get("mind"), dict) and "use" in mind:
-        raise InputError(f"{name}: mind.use: stands for computation and strategy at once; expected it without those")
-    for key, now in MOVED.items():
-        inner: Any = table
-        for step in key.split("."):
-            inner = inner.get(step) if isinstance(inner, dict) else None
-        if inner is not None:
-            raise InputError(f"{name}: {key}: is not called so any more; expected {now}")
-    try:
-        return registry.convert(table, Scenario)
-    except InputError as problem:
-        raise InputError(f"{name}: {problem}") from problem
+        wrong = str(problem).replace("robots.groups[", "robots[") if listed else problem
+        raise InputError(f"{name}: {wrong}") from problem
 
 
 def set_key(table: Table, override: str) -> None:
@@ -365,7 +430,8 @@ def _places(table: Table, path: str) -> list[list[str]]:
     mind = spelled_out(table).get("mind")
     if keys[0] != "mind" or len(keys) < 2 or keys[1] in HALVES or not isinstance(mind, dict):
         return [keys]
-    uses = [half.get("use") if isinstance(half, dict) else None for half in (mind.get(half) for half in HALVES)]
-    if uses[0] is None or uses[0] != uses[1]:
+    halves = [mind.get(half) for half in HALVES]
+    uses = [half["use"] for half in halves if isinstance(half, dict) and "use" in half]
+    if len(uses) < 2 or uses[0] != uses[1]:
         return [keys]
     return [["mind", half, *keys[1:]] for half in HALVES]

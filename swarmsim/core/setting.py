@@ -54,6 +54,7 @@ class Setting:
     starts: NDArray[np.float64]  # (N, 3): poses of all robots at the start, by number
     scalar_field: Field | None = None  # what there is to measure besides walls
     number: int = 0  # a fault's place among the scenario's
+    tile: tuple[int, int] | None = None  # rows and columns of the tiles that robots sense; None: they sense none
     gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
 
     @classmethod
@@ -65,11 +66,12 @@ class Setting:
         streams: Streams,
         building: Building,
         start: NDArray[np.float64] | None = None,
+        tile: tuple[int, int] | None = None,
     ) -> Self:
         """The setting of a part of all robots, without a field; they start at (n, 3) or, by default, at the origin."""
         ids = np.arange(robots.count)
         poses = np.zeros((robots.count, 3)) if start is None else start
-        return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses)
+        return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses, tile=tile)
 
     def serving(self, ids: NDArray[np.int64]) -> Self:
         """The same for a mind of the robots with these numbers (rows,); to be asked of a setting of all robots."""

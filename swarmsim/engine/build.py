@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -19,15 +19,14 @@ from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.files import Table
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import lent
 from swarmsim.core.own import not_ending
-from swarmsim.core.parts import Calendar, Computation, Fault, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.part import Buildable, Part
+from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
 from swarmsim.core.probes import Row
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import Scenario, World, lists
-from swarmsim.core.scenario import tables as scenario_tables
+from swarmsim.core.scenario import Scenario, World, all_parts, parts_of, sensors_of
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
@@ -41,12 +40,16 @@ from swarmsim.recording import layout
 from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import misled
-from swarmsim.robots.sensors import IrRing, MixedSensor, with_field
+from swarmsim.robots.sensors import MixedSensor, with_field
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 from swarmsim.world.unreached import unreached
+
+P = TypeVar("P")
+Asked = dict[str, Part[Any]]  # the parts of a scenario, by seam
+Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -108,7 +111,7 @@ class Run:
     def astray(self) -> list[int]:
         """The robots whose bodies are in a wall, or where nobody can get to from where they started."""
         parts, arena = self.simulation.parts, self.arena
-        if self.scenario.physics.get("use") != "pymunk":  # walls stop no others
+        if not self.scenario.physics.says("walled", False):
             return []
         places = self.simulation.state.pose[:, :2]
         row, column = arena.lattice.cells(places).T
@@ -145,15 +148,14 @@ def build(
 
 
 def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
-    robots, stop, tables = scenario.robots, scenario.stop, scenario_tables(scenario)
-    place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
-    alone = _of_each_kind(robots)  # how many there are changes nothing of what they can reach
+    robots, stop, asked, sensors = scenario.robots, scenario.stop, parts_of(scenario), sensors_of(scenario)
+    key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), sensors
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
         with budget.of(scenario.budget):  # also while the run goes on
-            return _survey(world, place, scenario.grid.cell, alone, sensor, boxes)
+            return _survey(*key, boxes)
 
-    ground = _open(world, place, scenario.grid.cell, alone, sensor)
+    ground = _open(*key)
     arena = ground.arena
     cells = arena.lattice.rows * arena.lattice.columns
     if robots.count * cells > MOST_MAPPED:
@@ -168,48 +170,43 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
     setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
     clock = Clock()
-    if "field" in tables:
-        field = _make("field", tables["field"], setting)
+    if scenario.field:
+        field = _make(scenario.field, setting)
         setting = replace(
             setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
         )
-
-    def make(seam: str) -> Any:
-        return _make(seam, tables[seam], setting)
-
-    bodies, localisation = make("physics"), make("localisation")
+    setting = replace(setting, tile=_tile(_sensors(robots, sensors, setting), setting))
+    mind, network = scenario.mind, scenario.network
+    bodies, localisation = _make(scenario.physics, setting), _make(scenario.localisation, setting)
     parts = Parts(
-        sensor=with_field(
-            _sensors(robots, tables["sensor"], setting), setting, float(tables.get("field", {}).get("noise", 0.0))
-        ),
+        sensor=with_field(_sensors(robots, sensors, setting), setting, float(scenario.field.says("noise", 0.0))),
         localisation=localisation,
-        computation=make("computation"),
-        strategy=make("strategy"),
-        topology=make("topology"),
-        channel=make("channel"),
-        motion=misled(make("motion"), localisation),
+        computation=_make(mind.computation, setting),
+        strategy=_make(mind.strategy, setting),
+        topology=_make(network.topology, setting),
+        channel=_make(network.channel, setting),
+        motion=misled(_make(scenario.motion, setting), localisation),
         bodies=bodies,
-        task=make("task"),
+        task=_make(scenario.task, setting),
         building=building,
         calendar=Calendar(bodies.state()),
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(SEAMS[seam].at, part, parts.computation, tables)
-    _check_names(parts, tables)
-    theirs = [seam for seam, table in tables.items() if foreign(seam, table)]
+        _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
+    _check_names(parts, asked)
+    theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
     parts = guarded(parts, setting, HELD if strict else theirs, theirs, clock)
     parts = parts if watch is None else watch(parts)
-    for number, table in enumerate(scenario.faults):
-        fault: Fault = _make("fault", table, replace(setting, number=number), f"faults[{number}]")
+    for number, one in enumerate(scenario.faults):
+        fault = _make(one, replace(setting, number=number), f"faults[{number}]")
         try:
-            parts = with_fault(fault, parts, partial(installed, fault, table), clock)
+            parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     probes = watching(scenario, setting, parts, clock)
-    listed = [(seam, table) for seam, _, table in lists(scenario)]
-    used = [foreign(seam, table) for seam, table in (*tables.items(), *listed)]
+    used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
-    beams, length = max(_beams(table, arena.lattice.cell)[:2] for table in _tables_of_sensors(robots, sensor))
+    beams, length = max(_beams(one, arena.lattice.cell)[:2] for _, one in sensors)
     budget.begin(budget.running(robots.count, stop.iterations, beams, length))
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
@@ -219,46 +216,43 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     )  # fmt: skip
 
 
-def _sensors(robots: Robots, table: Table, setting: Setting) -> Sensor:
-    """The sensor that a table describes or, of a mixed swarm, those of its groups."""
+def _sensors(robots: Robots, sensors: Sensors, setting: Setting) -> Sensor:
+    """The sensor of all robots or, of a mixed swarm, those of its groups."""
     if not any(group.sensor for group in robots.groups):
-        sensor: Sensor = _make("sensor", table, setting)
-        return sensor
+        return _make(sensors[0][1], setting)
     ends = np.cumsum([group.count for group in robots.groups])
     return MixedSensor(
         [
-            (
-                _make("sensor", group.sensor or table, setting, f"robots[{i}].sensor"),
-                np.arange(ends[i] - group.count, ends[i]),
-            )
-            for i, group in enumerate(robots.groups)
+            (_make(part, setting, place), np.arange(end - group.count, end))
+            for (place, part), group, end in zip(sensors, robots.groups, ends, strict=True)
         ]
     )
 
 
-def _tables_of_sensors(robots: Robots, table: bytes) -> list[Table]:
-    """The tables of all sensors that a swarm has."""
-    own: Table = msgspec.json.decode(table)
-    return [group.sensor or own for group in robots.groups] or [own]
+def _tile(sensor: Sensor, setting: Setting) -> tuple[int, int] | None:
+    """Rows and columns of the tiles that a sensor gives; it is asked for that, and is of no use afterwards."""
+    pose, alive = setting.start, np.ones(setting.swarm, np.bool_)
+    tiles = sensor.sense(State(0, pose, np.zeros_like(pose), np.zeros((setting.swarm, 2)), alive)).tiles
+    return None if tiles is None else (tiles.values.shape[1], tiles.values.shape[2])
 
 
 def _check_knowledge(
-    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], tables: dict[str, Table]
+    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], asked: Asked
 ) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(
-            f"{place}.use: {tables[place.rpartition('.')[2]]['use']!r} reads {part.reads.__name__}, and "
-            f"{tables['computation']['use']!r} gives {computation.knows.__name__}; expected a "
+            f"{place}.use: {asked[place.rpartition('.')[2]].use!r} reads {part.reads.__name__}, and "
+            f"{asked['computation'].use!r} gives {computation.knows.__name__}; expected a "
             f"{place.rpartition('.')[2]} and a computation that go together"
         )
 
 
-def _check_names(parts: Parts, tables: dict[str, Table]) -> None:
+def _check_names(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used: dict[str, str] = {}  # which seam's part gives each name
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{SEAMS[seam].at}.use: {tables[seam]['use']!r}"
+        place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
         for name, says, at in announced(seam, part):
             wrong = layout.wrong_name(name, seam)
             if wrong is None and name in used:
@@ -277,14 +271,11 @@ class _Explorable:
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _Explorable:
+def _open(text: str, world: World, cell: float, robots: Robots, sensors: Sensors) -> _Explorable:
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
-    robots = msgspec.json.decode(kinds, type=Robots)
-    world = msgspec.json.decode(place, type=World)
-    sensors = _tables_of_sensors(robots, sensor)
     plan = floor_plan(text, world)
     with told_to_scale(plan, world):
-        margin = max(margin_of(registry.part("sensor", one)) for one in sensors) + 1
+        margin = max(margin_of(one) for _, one in sensors) + 1
         arena = Arena.open(plan, cell, margin, world.title)
         budget.begin(budget.opening(arena.occupied.size))
         spawn = arena.area_name(robots.spawn)
@@ -302,16 +293,15 @@ def _open(text: str, place: bytes, cell: float, kinds: str, sensor: bytes) -> _E
 
 
 @lru_cache(maxsize=16)
-def _survey(text: str, place: bytes, cell: float, kinds: str, sensor: bytes, boxes: tuple[Box, ...]) -> Survey:
+def _survey(text: str, world: World, cell: float, robots: Robots, sensors: Sensors, boxes: tuple[Box, ...]) -> Survey:
     """What can be explored of the world with boxes standing in it; a room that they cut off is left out."""
-    ground = _open(text, place, cell, kinds, sensor)
-    robots = msgspec.json.decode(kinds, type=Robots)
+    ground = _open(text, world, cell, robots, sensors)
     arena, reachable, domain = ground.arena, ground.reachable, ground.domain
     home = arena.spawn_cells(robots.spawn)
     if boxes:
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
-        observed = _observed(_tables_of_sensors(robots, sensor), arena, robots, reachable)
+        observed = _observed(sensors, arena, robots, reachable)
         domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
@@ -325,17 +315,16 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
 
     Raises InputError for a building in which the robots cannot run.
     """
-    place, sensor = msgspec.json.encode(scenario.world), msgspec.json.encode(scenario.sensor)
-    key = text, place, scenario.grid.cell, _of_each_kind(scenario.robots), sensor
+    key = text, scenario.world, scenario.grid.cell, _of_each_kind(scenario.robots), sensors_of(scenario)
     with budget.of(scenario.budget):
         found = _survey(*key, ())
         return found.domain, found.entrance, _open(*key).notices
 
 
-def _of_each_kind(robots: Robots) -> str:
-    """One robot of each kind, in JSON: what can be reached and observed depends on no more."""
+def _of_each_kind(robots: Robots) -> Robots:
+    """One robot of each kind: what can be reached and observed depends on no more."""
     groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
-    return msgspec.json.encode(msgspec.structs.replace(robots, count=1, groups=groups)).decode()
+    return msgspec.structs.replace(robots, count=1, groups=groups)
 
 
 def _walls_alone(arena: Arena) -> Building:
@@ -348,36 +337,34 @@ def _walls_alone(arena: Arena) -> Building:
     return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
-def _make(seam: str, table: Table, setting: Setting, place: str = "") -> Any:
-    """The part that a table describes. Raises InputError that starts with its place in the scenario."""
-    place = place or SEAMS[seam].at
+def _make(part: Part[P], setting: Setting, place: str = "") -> P:
+    """The part, built. Raises InputError that starts with its place in the scenario."""
     try:
-        return built(seam, table, setting)
+        return built(part, setting)
     except InputError as problem:
-        raise InputError(f"{place}.{problem}") from problem
+        raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
 
 
-def _observed(
-    sensors: list[Table], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
-) -> NDArray[np.bool_] | None:
+def _observed(sensors: Sensors, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot of any of these sensors can observe; None without tiles."""
-    found = [_observable(table, arena, robots, reachable) for table in sensors]
+    found = [_observable(place, one, arena, robots, reachable) for place, one in sensors]
     seen = [one for one in found if one is not None]
     return np.asarray(np.logical_or.reduce(seen)) if seen else None
 
 
-def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+def _observable(
+    place: str, part: Part[Sensor], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
+) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
     setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
-    part = registry.part("sensor", table)
-    if isinstance(part, IrRing):  # what robots can see in the end does not depend on gaps between their beams
-        table = registry.complete("sensor", {"use": table["use"], **msgspec.to_builtins(part.surveying)})
-    sensor: Sensor = _make("sensor", table, setting)
+    # What robots can see in the end does not depend on gaps between their beams.
+    surveying: Buildable[Sensor] | None = part.says("surveying", None)
+    sensor = _make(part, setting, place) if surveying is None else surveying.build(setting)
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
-    work = budget.survey(len(places), *_beams(table, lattice.cell))
+    work = budget.survey(len(places), *_beams(part, lattice.cell))
     for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
@@ -389,13 +376,11 @@ def _observable(table: Table, arena: Arena, robots: Robots, reachable: NDArray[n
     return observed
 
 
-def _beams(table: Table, cell: float) -> tuple[int, float, int]:
+def _beams(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
     """A sensor's beams, how many cells of side `cell` (m) they reach into its tile, and the tile's cells; about."""
-    part = registry.part("sensor", table)
-    length, tile = float(margin_of(part)), margin_of(part) ** 2
-    if not isinstance(part, IrRing) or part.beams is None or part.reach is None:
-        return 1, length, tile
-    return part.beams, part.reach / cell if part.ranges else min(part.reach / cell, length), tile
+    margin = margin_of(sensor)
+    beams, reach, beyond = sensor.says("rays", (1, math.inf, False))
+    return beams, reach / cell if beyond else min(reach / cell, margin), margin**2
 
 
 def _start(

@@ -7,46 +7,45 @@ import sys
 import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from typing import Any, Final
-
-import msgspec
+from typing import Any, Final, TypeVar
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
 from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import is_failure, line_of, told
-from swarmsim.core.parts import Fault, Parts
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Fault, Parts, Sensor
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
+P = TypeVar("P")
+
 MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
 
 
-def margin_of(sensor: msgspec.Struct) -> int:
+def margin_of(sensor: Part[Sensor]) -> int:
     """How many cells a sensor's tiles reach beyond the cell of their robot, at most."""
-    margin: int = getattr(sensor, "margin", MARGIN)
-    return margin
+    return sensor.says("margin", MARGIN)
 
 
-def built(seam: str, table: dict[str, Any], setting: Setting) -> Any:
-    """The part that a table describes. Raises InputError, also for whatever somebody else's `build` raises."""
-    parameters = registry.part(seam, table)
-    if registry.is_ours(parameters):
-        return parameters.build(setting)
+def built(asked: Part[P], setting: Setting) -> P:
+    """The part that a scenario asks for. Raises InputError, also for whatever somebody else's `build` raises."""
+    if registry.is_ours(asked.parameters):
+        return asked.build(setting)
     try:
-        part = parameters.build(lent(setting))
+        part = asked.build(lent(setting))
     except InputError:
         raise
     except BaseException as problem:
         if not is_failure(problem):
             raise
-        raise InputError(f"use: {table['use']!r} cannot be built: {told(problem)}") from problem
-    if missing := SEAMS[seam].missing(part):
+        raise InputError(f"use: {asked.use!r} cannot be built: {told(problem)}") from problem
+    if missing := SEAMS[asked.seam].missing(part):
         kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
-        raise InputError(f"use: what {table['use']!r} builds, {kind}, lacks {', '.join(missing)}; expected a {seam}")
-    _check_arguments(seam, part, f"use: what {table['use']!r} builds")
+        raise InputError(f"use: what {asked.use!r} builds, {kind}, lacks {', '.join(missing)}; expected a {asked.seam}")
+    _check_arguments(asked.seam, part, f"use: what {asked.use!r} builds")
     return part
 
 
@@ -86,7 +85,7 @@ def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
         yield field.name, f"gives {part.knows.__name__} with a field {field.name!r}", line_of(part.knows, field.name)
 
 
-def installed(fault: Fault, table: dict[str, Any], parts: Parts) -> Parts:
+def installed(fault: Fault, use: str, parts: Parts) -> Parts:
     """The parts with a fault in them. Raises InputError, also for what somebody else's `install` raises or gives."""
     try:
         found = fault.install(parts)
@@ -95,22 +94,22 @@ def installed(fault: Fault, table: dict[str, Any], parts: Parts) -> Parts:
     except BaseException as problem:
         if registry.is_ours(fault) or not is_failure(problem):
             raise
-        raise InputError(f"use: {table['use']!r} cannot be installed: {told(problem)}") from problem
+        raise InputError(f"use: {use!r} cannot be installed: {told(problem)}") from problem
     if not isinstance(found, Parts):
-        raise InputError(f"use: {table['use']!r} installs {type(found).__name__}; expected the Parts, changed")
+        raise InputError(f"use: {use!r} installs {type(found).__name__}; expected the Parts, changed")
     for seam in ("computation", "strategy") if not registry.is_ours(fault) else ():
         if getattr(found, seam) is not getattr(parts, seam):
-            _check_arguments(seam, getattr(found, seam), f"use: what {table['use']!r} installs")
+            _check_arguments(seam, getattr(found, seam), f"use: what {use!r} installs")
     return found
 
 
-def foreign(seam: str, table: dict[str, Any]) -> dict[str, str]:
-    """The files of the part that a table describes, and of what it shares, that are not ours; with the part's name."""
-    kind, share = registry.find(seam, table["use"]), table.get("share")
-    found = foreign("sharing", share) if isinstance(share, dict) and "use" in share else {}
-    if not registry.is_ours(kind):
-        found[str(getattr(sys.modules[kind.__module__], "__file__", None))] = f"{seam} {table['use']}"
-    return found
+def foreign(part: Part[Any]) -> dict[str, str]:
+    """The files of a part, and of those inside of it, that are not ours; with the part's name."""
+    return {
+        str(getattr(sys.modules[type(one.parameters).__module__], "__file__", None)): f"{one.seam} {one.use}"
+        for one in part.inside()
+        if not registry.is_ours(one.parameters)
+    }
 
 
 def blamed(problem: BaseException, files: Mapping[str, str]) -> str | None:

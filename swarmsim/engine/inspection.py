@@ -12,9 +12,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario
+from swarmsim.core.scenario import Scenario, sensors_of
 from swarmsim.engine.build import build, explored, told_to_scale
 from swarmsim.engine.foreign import margin_of
 from swarmsim.world.arena import Arena
@@ -71,8 +70,7 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
 
     `name` is the scenario's in messages. Raises InputError for what cannot be read at all.
     """
-    tables = [group.sensor or scenario.sensor for group in scenario.robots.groups] or [scenario.sensor]
-    margin = max(margin_of(registry.part("sensor", table)) for table in tables)
+    margin = max(margin_of(sensor) for _, sensor in sensors_of(scenario))
     plan = floor_plan(text, scenario.world)
     arena = Arena.open(plan, scenario.grid.cell, margin + 1, scenario.world.title)
     floor = domain = seconds = problem = None

@@ -12,7 +12,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.own import brief, is_failure, told
 from swarmsim.core.parts import Parts, Probe
 from swarmsim.core.probes import Declared, ProbeTable, Sampled, wrong
-from swarmsim.core.scenario import Scenario, lists
+from swarmsim.core.scenario import Scenario
 from swarmsim.core.setting import Setting
 from swarmsim.engine.foreign import built
 from swarmsim.engine.guard import Clock, Guard
@@ -23,20 +23,17 @@ from swarmsim.recording.probes import Watching
 def watching(scenario: Scenario, setting: Setting, parts: Parts, clock: Clock) -> tuple[Watching, ...]:
     """The probes of a scenario, which can read what the parts let be read. Raises InputError."""
     found: list[Watching] = []
-    for seam, place, table in lists(scenario):
-        if seam != "probe":
-            continue
+    for number, part in enumerate(scenario.probes):
         try:
-            parameters = registry.part("probe", table)
-            probe: Probe = built("probe", table, replace(setting, gauges=parts.gauges))
-            declared = _declared(parameters, probe, table["use"])
+            probe = built(part, replace(setting, gauges=parts.gauges))
+            declared = _declared(part.parameters, probe, part.use)
             if declared.name in (one.declared.name for one in found):
                 raise InputError(f"name: another probe is called {declared.name!r} already; expected a name for each")
             for name in map(declared.called, declared.tables):
                 if problem := layout.wrong_name(name, "probe"):
                     raise InputError(f"name: {problem}")
         except InputError as problem:
-            raise InputError(f"{place}.{problem}") from problem
+            raise InputError(f"probes[{number}].{problem}") from problem
         found.append(Watching(declared, _held(probe, declared.tables, setting.swarm, clock)))
     return tuple(found)
 

@@ -17,6 +17,7 @@ from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts
 from swarmsim.core.setting import Gauge, Setting
 from swarmsim.core.state import State
+from swarmsim.faults.timeline import Mark
 
 Cost = Annotated[float, Meta(ge=0.0, le=1e9)]
 
@@ -33,8 +34,13 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     per_metre: Cost  # J/m of the straight line from where each iteration begins to where it ends
     per_byte: Cost  # J/byte sent
     idle: Cost  # W, as long as the robot is alive
-    robots: list[Annotated[int, Meta(ge=0)]] | None = None  # which have such a battery; the others never tire
+    robots: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # which have such a battery; the others never tire
     empty: Literal["crash", "remove"] = "crash"  # whether an empty robot stays in the way
+
+    @property
+    def mark(self) -> Mark:
+        """How an empty robot is marked."""
+        return "removed" if self.empty == "remove" else "fault"
 
     def build(self, setting: Setting) -> BatteryFault:
         """The fault; raises InputError for batteries that cannot be or can never be empty."""
@@ -124,3 +130,6 @@ class Exhaustion:
         new = out[~self._reported[out]]
         self._reported[out] = True
         return (Begins(now.iteration, self._number, tuple(new.tolist())),) if len(new) else ()
+
+
+# TODO

@@ -14,7 +14,7 @@ from swarmsim.core.parts import Computation, Parts
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, State
 from swarmsim.faults.effect import Lasting, TimedFault
-from swarmsim.faults.timeline import Duration, Robots, Timed, Timeline
+from swarmsim.faults.timeline import Duration, Mark, Robots, Timed, Timeline
 from swarmsim.operations.mapping.maps import Maps
 
 
@@ -22,6 +22,11 @@ class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots vanish from the building and the network; when it ends, they return to the spawn area."""
 
     map: Literal["kept", "lost"] = "kept"  # whether what they mapped stays, in the collective map and with them
+
+    @property
+    def mark(self) -> Mark:
+        """They are gone."""
+        return "removed"
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault."""
@@ -33,6 +38,11 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots die where they are and stay in the way; when it ends, they go on from there."""
 
     map: Literal["kept", "lost"] = "kept"  # whether what they mapped stays, in the collective map and with them
+
+    @property
+    def mark(self) -> Mark:
+        """They are drawn as dead."""
+        return ""
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault."""
@@ -80,6 +90,11 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     count: Annotated[int, Meta(ge=1)] = 1  # robots at a time
     times: Annotated[int, Meta(ge=1)] = 1  # how often robots enter
     map: Literal["empty", "copied"] = "empty"  # copied: from the live robot that has mapped most
+
+    @property
+    def mark(self) -> Mark:
+        """They are not there yet."""
+        return "late"
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError unless somebody is there at the start."""

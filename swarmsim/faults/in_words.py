@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Mapping
-from typing import Any, Literal, get_args, get_origin
+from typing import Any
 
 import msgspec
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Fault
 
 KIND = re.compile(r"[A-Za-z][\w-]*|[A-Za-z_][\w.]*:[A-Za-z_]\w*|[\w./-]+\.py:[A-Za-z_]\w*", re.ASCII)  # a name, or code
 WORD = re.compile(r"[A-Za-z_][\w.:/-]*", re.ASCII)  # what may stand without quotes
@@ -20,8 +21,8 @@ WORDS_OF_TOML = ("true", "false", "inf", "nan")
 EXAMPLE = "expected a kind, its failure if it has several, and key=value, as in 'motor off at=20 count=5'"
 
 
-def fault_in_words(text: str) -> Table:
-    """The scenario's table of a fault, complete: its kind, a second bare word as its `failure`, then key=value.
+def fault_in_words(text: str) -> Part[Fault]:
+    """A fault as a scenario has it: its kind, a second bare word as its `failure`, then key=value.
 
     A value is TOML, or a bare word. Raises InputError that starts with the key or the word at fault.
     """
@@ -33,9 +34,8 @@ def fault_in_words(text: str) -> Table:
         struct = registry.find("fault", kind)
     except InputError as problem:
         raise InputError(str(problem).removeprefix("use: ")) from problem
-    types = {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
     if rest and "=" not in rest[0]:
-        if "failure" not in types:
+        if "failure" not in struct.__struct_fields__:
             raise InputError(f"{rest[0]!r}: {kind!r} fails in one way only; expected key=value next, as in at=20")
         table["failure"] = rest.pop(0)
     for word in rest:
@@ -46,16 +46,7 @@ def fault_in_words(text: str) -> Table:
             hint = "the first word says so already" if key == "use" else "expected each key once"
             raise InputError(f"{key}: given twice; {hint}")
         table[key] = _value(key, value)
-    try:
-        return registry.complete("fault", table)
-    except InputError as problem:
-        raise InputError(f"{problem}{_choices(str(problem), types)}") from problem
-
-
-def _choices(problem: str, types: Mapping[str, object]) -> str:
-    """A clause that lists what may stand for the key with which a message begins, if that is one of few words."""
-    kind = types.get(problem.partition(":")[0])
-    return f"; expected {' or '.join(map(repr, get_args(kind)))}" if get_origin(kind) is Literal else ""
+    return Part[Fault]("fault", table).decoded()
 
 
 def _words(text: str) -> list[str]:
@@ -91,13 +82,13 @@ def _value(key: str, text: str) -> Any:
     return found["value"][0]
 
 
-def described(table: Table) -> str:
-    """A scenario's table of a fault as on the command line: its name, its failure and what is not as by default."""
-    given = dict(table)
+def described(fault: Part[Fault]) -> str:
+    """A scenario's fault as on the command line: its name, its failure and what is not as by default."""
+    given = fault.table
     name = str(given.pop("use")).rpartition(":")[2]
     failure = given.pop("failure", None)
     try:
-        fields = msgspec.structs.fields(registry.find("fault", table["use"]))
+        fields = msgspec.structs.fields(type(fault.parameters))
         defaults = {field.encode_name: msgspec.to_builtins(field.default) for field in fields if not field.required}
     except InputError:  # somebody's own code, which nobody has allowed to run
         defaults = {}

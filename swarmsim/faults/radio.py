@@ -21,7 +21,7 @@ from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline
 from swarmsim.network.channel import but_lost, in_order, letters
 
-Group = Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)]
+Group = Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)]
 
 
 class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -39,7 +39,7 @@ class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     loss: Share | None = None  # for loss: probability
     delay: Duration | None = None  # for delay: iterations
     area: Box | None = None  # for jam: left, lower, right, upper in m
-    groups: list[Group] | None = None  # for partition: ids
+    groups: tuple[Group, ...] | None = None  # for partition: ids
     x: float | None = None  # for partition: m
     y: float | None = None  # for partition: m
 
@@ -76,7 +76,7 @@ def _default(key: str) -> object:
     return next(field.default for field in msgspec.structs.fields(Timed) if field.name == key)
 
 
-def _check_groups(groups: list[Group], robots: int) -> None:
+def _check_groups(groups: tuple[Group, ...], robots: int) -> None:
     ids = [robot for group in groups for robot in group]
     for place, robot in enumerate(ids):
         if robot >= robots:
@@ -230,7 +230,7 @@ class Partition(Disturbance):
         self._x, self._y = fault.x, fault.y
         self._part = np.zeros(robots, np.int64)  # 0 for those whom no group names
         for number, group in enumerate(fault.groups or (), 1):
-            self._part[group] = number
+            self._part[list(group)] = number
 
     def begin(self, robots: Robots, state: State) -> None:
         """Whoever is on one side of the line now belongs to it until the end."""

@@ -39,7 +39,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     value: Literal["free", "occupied"] | None = None  # for stuck
     range: Annotated[float, Meta(gt=0.0)] | None = None  # for range: m
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
-    beams: Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
+    beams: Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
     def build(self, setting: Setting) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
@@ -145,7 +145,7 @@ class FailingSensor:
 class DeadBeams(Lasting):
     """Wraps the ring of beams beneath all failures that spoil its tiles, whichever was installed first."""
 
-    def __init__(self, beams: list[int]) -> None:
+    def __init__(self, beams: tuple[int, ...]) -> None:
         self._beams = beams
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -170,7 +170,7 @@ class MaimedRing:
     maimed: IrRingSensor | RangefinderSensor | MaimedRing
     active: NDArray[np.bool_]  # (n,): a live view of who senses with the maimed ring
 
-    def without(self, beams: list[int]) -> MaimedRing:
+    def without(self, beams: tuple[int, ...]) -> MaimedRing:
         """The same with these beams dead for everybody. Raises InputError for one not there."""
         return MaimedRing(self.whole.without(beams), self.maimed.without(beams), self.active)
 

@@ -27,6 +27,10 @@ class Life(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     shape: Annotated[float, Meta(ge=0.1)] = 1.0  # below 0.1 the law is so skew that its mean says nothing
 
 
+#: How pictures mark robots that have a fault; robots that are dead are drawn as such.
+Mark = Literal["", "fault", "removed", "late"]
+
+
 class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The keys that every kind of fault has. One of `at`, `between`, `progress`, `rate` and `life` says when."""
 
@@ -38,7 +42,7 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     life: Life | None = None  # strikes each robot once, at the end of a life of its own
     lasts: Duration | None = None  # iterations with the fault; default: for good
     duty: tuple[Duration, Duration] | None = None  # intermittent: iterations with and then without it, in turn
-    robots: list[Annotated[int, Meta(ge=0)]] | None = None  # these
+    robots: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # these
     count: Annotated[int, Meta(ge=1)] | None = None  # so many at a time; default: 1, or all in `region`
     share: Share | None = None  # so large a part of those alive, rounded, but one at least
     choose: Literal["random", "nearest", "farthest", "hub"] = "random"  # the hub is heard by most
@@ -111,7 +115,7 @@ class Timeline:
         room = int(open_.sum()) - fault.keep
         if fault.robots is not None:
             chosen = np.zeros_like(open_)
-            chosen[fault.robots] = True
+            chosen[list(fault.robots)] = True
             open_ = open_ & chosen
         if fault.life is not None:
             open_ = open_ & (self._lives <= state.iteration) & ~self._spent
@@ -165,7 +169,7 @@ def _check(fault: Timed, robots: int) -> None:
         raise InputError("lasts: `between` says how long already; expected one of them")
     if fault.keep >= robots:
         raise InputError(f"keep: {fault.keep} of {robots} robots, so that none is ever struck")
-    if fault.robots == []:
+    if fault.robots == ():
         raise InputError("robots: the list is empty; expected at least one id, or no such key")
     for robot in fault.robots or ():
         if robot >= robots:

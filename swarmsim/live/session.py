@@ -6,9 +6,10 @@ from pathlib import Path
 
 import msgspec
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Fault
 from swarmsim.core.scenario import Scenario
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.reader import Recording
@@ -28,7 +29,7 @@ class Session:
     def __init__(self, scenario: Scenario, name: str, folder: Path) -> None:
         """`name` is the scenario's file, for messages; `folder` is where the recording lies. Raises InputError."""
         self._given, self._name, self.folder = scenario, name, folder
-        self._struck: list[Table] = []  # in the order of their iterations
+        self._struck: list[tuple[int, Part[Fault]]] = []  # in the order of their iterations
         self._files = 0
         self._world: str | None = None
         self._recorder: Recorder | None = None
@@ -63,13 +64,13 @@ class Session:
             raise InputError(f"the run ended after {done} iterations; go back in time to let something strike")
         if not 1 <= iteration <= done + 1:
             raise InputError(f"iteration {iteration}: expected 1 to {done + 1}")
-        kept = [one for one in self._struck if one["at"] <= iteration]
-        self._start((*kept, registry.complete("fault", {**fault, "at": iteration})), iteration + 1)
+        kept = [one for one in self._struck if one[0] <= iteration]
+        self._start((*kept, (iteration, Part("fault", {**fault, "at": iteration}).decoded())), iteration + 1)
 
     def undo(self) -> None:
         """Take the latest strike back; the run goes on from the iteration at which it struck."""
         if self._struck:
-            self._start(tuple(self._struck[:-1]), int(self._struck[-1]["at"]))
+            self._start(tuple(self._struck[:-1]), self._struck[-1][0])
 
     def close(self) -> Path:
         """End the recording; gives its file, `recording.h5` in the session's folder."""
@@ -78,9 +79,9 @@ class Session:
         self.recording.path = self.recording.path.replace(self.folder / "recording.h5")
         return self.recording.path
 
-    def _start(self, struck: tuple[Table, ...], iterations: int) -> None:
+    def _start(self, struck: tuple[tuple[int, Part[Fault]], ...], iterations: int) -> None:
         """Do the run with these faults from the seed on, in a recording of its own."""
-        faults = (*self._given.faults, *struck)
+        faults = (*self._given.faults, *(fault for _, fault in struck))
         run: Run = build(msgspec.structs.replace(self._given, faults=faults), self._name, self._world)
         self._files += 1
         path = self.folder / f"recording-{self._files}.h5"

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import msgspec
 import numpy as np
-from msgspec import Struct, field
+from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
-from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.part import Part
 from swarmsim.core.parts import Channel, Links
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
@@ -19,6 +15,16 @@ from swarmsim.core.state import State
 
 class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Everything arrives, at once and unchanged."""
+
+    @property
+    def perfect(self) -> bool:
+        """Whether everything arrives, at once."""
+        return True
+
+    @property
+    def delays(self) -> bool:
+        """Whether messages can be on their way for longer than an iteration."""
+        return False
 
     def build(self, setting: Setting) -> PerfectChannel:
         """The channel."""
@@ -36,25 +42,19 @@ class PerfectChannel:
 class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A channel that lies over another: what the one below delivers is all that it gets.
 
-    `over` is the table of the channel below, `use` and its own keys, which may lie over a further one. It is
-    complete once the struct exists. Raises InputError, naming the path to the key, if it describes no channel.
+    `over` is the channel below, which may lie over a further one.
     """
 
-    over: dict[str, Any] = field(default_factory=dict)
+    over: Part[Channel] = Part("channel")
 
-    def __post_init__(self) -> None:
-        try:
-            msgspec.structs.force_setattr(self, "over", registry.complete("channel", self.over))
-        except InputError as problem:
-            raise InputError(f"over.{problem}") from problem
+    @property
+    def delays(self) -> bool:
+        """Whether messages can be on their way for longer than an iteration."""
+        return self.over.says("delays", True)
 
     def below(self, setting: Setting) -> Channel:
         """The channel that this one lies over. Raises InputError, naming the path to the key, if it cannot work."""
-        try:
-            channel: Channel = registry.part("channel", self.over).build(setting)
-        except InputError as problem:
-            raise InputError(f"over.{problem}") from problem
-        return channel
+        return self.over.build(setting, "over")
 
     def salt(self, setting: Setting) -> int:
         """The random number that this channel's draws are hashed with.
@@ -62,10 +62,8 @@ class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         It follows from the number of channels below, so that channels of one kind in one stack draw
         independently, and one more on top changes nothing below.
         """
-        level, table = 0, self.over
-        while "over" in table:
-            level, table = level + 1, table["over"]
-        return int(setting.streams.open("channel", level).integers(0, 2**64, dtype=np.uint64))
+        level = sum(1 for _ in self.over.inside())
+        return int(setting.streams.open("channel", level - 1).integers(0, 2**64, dtype=np.uint64))
 
 
 def letters(iteration: int, links: Links, sizes: NDArray[np.int32]) -> Letters:

@@ -30,6 +30,11 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     delay: Annotated[float, Meta(ge=0.0, le=1e6)]  # iterations
     law: Literal["fixed", "geometric"] = "fixed"
 
+    @property
+    def delays(self) -> bool:
+        """They do."""
+        return True
+
     def build(self, setting: Setting) -> LatentChannel:
         """The channel. Raises InputError for a fixed delay that is no whole number."""
         below = self.below(setting)
@@ -78,6 +83,11 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     queue: Annotated[int, Meta(ge=0)] | None = None  # messages that can wait from one iteration to the next
     expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations since it was said after which none is sent
 
+    @property
+    def delays(self) -> bool:
+        """They do."""
+        return True
+
     def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""
         robots = setting.swarm
@@ -98,6 +108,11 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     slot: Annotated[float, Meta(gt=0.0)] = 0.1  # s, from one slot to the next
     expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s since it was said after which none is sent
     bytes: Annotated[float, Meta(gt=0.0)] | None = None  # that fit into a slot; default: any number
+
+    @property
+    def delays(self) -> bool:
+        """They do."""
+        return True
 
     def build(self, setting: Setting) -> QueueingChannel:
         """The channel."""

@@ -21,7 +21,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Letters
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Row
-from swarmsim.core.scenario import Scenario, without_later
+from swarmsim.core.scenario import Scenario, table_of
 from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
 from swarmsim.recording.layout import declared_by
@@ -73,8 +73,8 @@ class Recorder:
         self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
-        astray = any(fault.get("use") == "localisation" for fault in scenario.faults)
-        self._errs = astray or scenario.localisation.get("use") != "perfect"  # whether estimates of poses are kept
+        astray = any(fault.use == "localisation" for fault in scenario.faults)
+        self._errs = astray or scenario.localisation.use != "perfect"  # whether estimates of poses are kept
         #: The HDF5 file, which the same process may read while it grows.
         self.file = self._growing.file
         place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
@@ -265,14 +265,7 @@ def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.floa
 
 def text_of(scenario: Scenario) -> str:
     """The scenario as recordings keep it: TOML, complete."""
-    return tomli_w.dumps(without_none(without_later(msgspec.to_builtins(scenario))))
-
-
-def without_none(value: Any) -> Any:
-    """The same without what TOML cannot say."""
-    if isinstance(value, dict):
-        return {key: without_none(inner) for key, inner in value.items() if inner is not None}
-    return [without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+    return tomli_w.dumps(table_of(scenario))
 
 
 def _with_column(letters: Letters, fate: int) -> NDArray[np.int32]:

@@ -36,6 +36,11 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; shorter for fast robots, which might pass walls
     friction: Annotated[float, Meta(ge=0.0)] = 0.09  # coefficient between robots, and of robots on walls
 
+    @property
+    def walled(self) -> bool:
+        """Whether walls stop bodies."""
+        return True
+
     def build(self, setting: Setting) -> DifferentialDrive:
         """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
         stride = longest_stride(setting.robots, self)

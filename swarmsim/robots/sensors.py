@@ -22,6 +22,7 @@ from swarmsim.kernels import rays
 from swarmsim.robots.rangefinders import RangefinderSensor, held, radii_of
 
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0)]
+Bearings = Annotated[tuple[Degrees, ...], Meta(min_length=1, max_length=10_000)]
 Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Error = Annotated[float, Meta(ge=0.0, le=10.0)]
 SIX: Final = (0.0, 45.0, 90.0, 180.0, -90.0, -45.0)  # degrees, the bearings of the reference paper's robots
@@ -58,7 +59,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
     frame: Literal["map", "robot"] = "map"  # what the tile's rows and columns keep to
     beams: Annotated[int, Meta(ge=1, le=10_000)] | None = None  # evenly round the robot; 72 without bearings
-    bearings: Annotated[list[Degrees], Meta(min_length=1, max_length=10_000)] | None = None  # degrees, + is to the left
+    bearings: Bearings | None = None  # degrees, + is to the left
     reach: Annotated[float, Meta(gt=0.0)] | None = None  # m; 1 by default
     blind: Annotated[float, Meta(ge=0.0)] | None = None  # m, nearer than this nothing is measured
     cone: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # degrees, of which a beam sees the nearest thing
@@ -79,7 +80,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             defaults.pop("bearings", None)
         for key, value in defaults.items():
             if getattr(self, key) is None:
-                force_setattr(self, key, list(value) if isinstance(value, tuple) else value)
+                force_setattr(self, key, value)
         if self.beams is None:
             force_setattr(self, "beams", 72 if self.bearings is None else len(self.bearings))
         elif self.bearings is not None and len(self.bearings) != self.beams:
@@ -99,6 +100,11 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def margin(self) -> int:
         """How many cells a tile reaches beyond the cell of its robot, at most."""
         return max(self.shape)
+
+    @property
+    def rays(self) -> tuple[int, float, bool]:
+        """How many beams there are, how far they go, in m, and whether it matters beyond the tile."""
+        return self.beams or 0, self.reach or 0.0, self.ranges
 
     @property
     def errs(self) -> bool:

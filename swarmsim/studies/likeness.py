@@ -9,6 +9,7 @@ from typing import Final
 
 import msgspec
 
+from swarmsim.core.part import plain
 from swarmsim.core.scenario import Scenario
 
 MOST: Final = 4  # names that a notice lists
@@ -32,7 +33,7 @@ def notices(sides: Sequence[Side]) -> list[str]:
     rows = [
         {
             "world": world,
-            **{f"task.{key}": value for key, value in side.scenario.task.items()},
+            **{f"task.{key}": value for key, value in side.scenario.task.table.items()},
             "grid.cell": side.scenario.grid.cell,
             "period": side.scenario.period,
         }
@@ -53,8 +54,8 @@ def _worlds(sides: Sequence[Side]) -> list[str]:
     """What each side's building is called, alike for equal ones; different ones that are called alike get a hash."""
     hashes = []
     for side in sides:
-        plan = {**msgspec.structs.asdict(side.scenario.world), "file": "", "text": side.world}
-        hashes.append(hashlib.blake2b(msgspec.json.encode(plan), digest_size=3).hexdigest())
+        described = {**msgspec.structs.asdict(side.scenario.world), "file": "", "text": side.world}
+        hashes.append(hashlib.blake2b(msgspec.json.encode(described, enc_hook=plain), digest_size=3).hexdigest())
     names: dict[str, str] = {}
     for side, found in zip(sides, hashes, strict=True):
         title = side.scenario.world.title

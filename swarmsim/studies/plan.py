@@ -15,10 +15,12 @@ import msgspec
 from msgspec import Meta, Struct
 
 from swarmsim.core import budget, registry
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
+from swarmsim.core.part import plain
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, files_outside, lists, tables, without_later
+from swarmsim.core.scenario import Scenario, all_parts, assign, decode, files_outside, without_later
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -97,10 +99,9 @@ class Plan:
         hashed.update(self.world_of(condition).encode())
         kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
         hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
-        listed = [(seam, table) for seam, _, table in lists(condition.scenario)]
-        parts = [*tables(condition.scenario).items(), *listed]
-        for seam, table in parts:
-            hashed.update(registry.source_of(seam, table["use"]))
+        for part in all_parts(condition.scenario):
+            for one in part.inside():
+                hashed.update(registry.source_of(one.seam, one.use))
         return hashed.hexdigest()
 
 
@@ -109,12 +110,12 @@ def asked(scenario: Scenario) -> bytes:
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
     table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    return msgspec.json.encode({**table, "world": unnamed}, order="deterministic")
+    return msgspec.json.encode({**table, "world": unnamed}, enc_hook=plain, order="deterministic")
 
 
 def _world_key(scenario: Scenario) -> bytes:
     """All that a floor plan's text depends on."""
-    return msgspec.json.encode([scenario.world, scenario.grid.cell], order="deterministic")
+    return msgspec.json.encode([scenario.world, scenario.grid.cell], enc_hook=plain, order="deterministic")
 
 
 def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None) -> Plan:
@@ -125,7 +126,7 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
     Raises InputError that names the file, the condition and the key.
     """
     try:
-        study = registry.convert(read_toml(path, "a study file"), Study)
+        study = convert(read_toml(path, "a study file"), Study)
     except InputError as problem:
         text = str(problem)
         raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from problem

@@ -22,8 +22,9 @@ import tomli_w
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.files import Table
-from swarmsim.core.scenario import Scenario
-from swarmsim.recording.recorder import without_none
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Fault
+from swarmsim.core.scenario import Scenario, table_of
 from swarmsim.studies.engine import Task
 from swarmsim.studies.store import Row
 
@@ -53,10 +54,10 @@ class Entry:
     first: int  # iteration with it
     lasts: int | None  # iterations; None: for good
 
-    def table(self) -> Table:
-        """As scenario files have it."""
+    def part(self) -> Part[Fault]:
+        """As a scenario has it."""
         lasts = {} if self.lasts is None else {"lasts": self.lasts}
-        return {**KINDS[self.kind], "at": self.first, "count": self.count, "keep": 0, **lasts}
+        return Part("fault", {**KINDS[self.kind], "at": self.first, "count": self.count, "keep": 0, **lasts})
 
     def size(self, limit: int) -> int:
         """Robot-iterations with the fault in a run of so many iterations."""
@@ -233,7 +234,7 @@ class Search:
         tasks = []
         for number, (timeline, seed, limit) in enumerate(wanted):
             stop = msgspec.structs.replace(self._scenario.stop, iterations=limit)
-            faults = (*self._scenario.faults, *(registry.complete("fault", entry.table()) for entry in timeline))
+            faults = (*self._scenario.faults, *(entry.part() for entry in timeline))
             scenario = msgspec.structs.replace(self._scenario, seed=seed, stop=stop, faults=faults)
             name = "; ".join(entry.words() for entry in timeline) or "no faults"
             tasks.append(
@@ -259,9 +260,9 @@ def described(failure: Failure) -> str:
 def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> None:
     """Write the scenario with a failing timeline, to end at the limit when it has failed. Raises InputError."""
     stop = msgspec.structs.replace(scenario.stop, iterations=limit)
-    faults = (*scenario.faults, *(entry.table() for entry in timeline))
+    faults = (*scenario.faults, *(entry.part() for entry in timeline))
     changed = msgspec.structs.replace(scenario, stop=stop, faults=faults)
-    table: Table = without_none(msgspec.to_builtins(changed))
+    table = table_of(changed)
     if scenario.world.file:
         table["world"]["file"] = str(Path(scenario.world.file).resolve())
     try:

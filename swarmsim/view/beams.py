@@ -7,9 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Sensor
+from swarmsim.core.scenario import sensors_of
 from swarmsim.kernels import rays
 from swarmsim.recording.reader import Recording
 from swarmsim.robots.sensors import IrRing
@@ -26,9 +28,9 @@ class BeamReplay:
         scenario = recording.scenario
         self._arena = Arena.open(plan, scenario.grid.cell, 1, scenario.title)
         self._cell = scenario.grid.cell
-        groups = scenario.robots.groups
-        tables = [group.sensor or scenario.sensor for group in groups for _ in range(group.count)]
-        self._rings = [_ring(table) for table in tables or [scenario.sensor] * scenario.robots.count]
+        rings = [_ring(sensor) for _, sensor in sensors_of(scenario)]
+        counts = [group.count for group in scenario.robots.groups] or [scenario.robots.count]
+        self._rings = [ring for ring, count in zip(rings, counts, strict=True) for _ in range(count)]
         self._boxes: tuple[Box, ...] = ()
         self._walls = self._arena.segments
 
@@ -64,9 +66,9 @@ class BeamReplay:
         return min(float(ring.reach or 0.0), self._cell * math.hypot((ring.tile[0] + 1) / 2, (ring.tile[1] + 1) / 2))
 
 
-def _ring(table: dict[str, object]) -> IrRing | None:
+def _ring(sensor: Part[Sensor]) -> IrRing | None:
     try:
-        part = registry.part("sensor", table)
+        part = sensor.parameters
     except InputError:  # code of somebody's own, which pictures do not run
         return None
     return part if isinstance(part, IrRing) else None

@@ -23,9 +23,9 @@ def first_lines(recording: Recording, scene: Scene) -> list[str]:
     scenario = recording.scenario
     robots = f"{scenario.robots.count} robot{'s' if scenario.robots.count != 1 else ''}"
     where = f" in {scene.world}" if scene.world else ""
-    channel = "" if scenario.network.channel.get("use") == "perfect" else f", channel {scene.channel}"
+    channel = "" if scenario.network.channel.says("perfect", False) else f", channel {scene.channel}"
     lines = [scenario.title, f"{robots}{where}, seed {scenario.seed}", f"network: {scene.topology}{channel}"]
-    faults = [fault_line(table) for table in scenario.faults]
+    faults = [fault_line(fault) for fault in scenario.faults]
     lines += [f"fault: {text}" for text in faults[:FAULTS]]
     return [*lines, *([f"and {len(faults) - FAULTS} more"] if len(faults) > FAULTS else [])]
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from swarmsim.core.events import Begins, Box, BoxGone, BoxStands, BoxWaits, Ended, Ends, Event, boxes_at
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Fault
 from swarmsim.core.scenario import Scenario
 from swarmsim.recording.reader import Recording
 from swarmsim.view.wording import cause_of, worded
 
 Mark = Literal["", "fault", "removed", "late", "joined"]
-BODIES = ("remove", "crash", "join", "battery")  # faults of bodies, which pictures show by themselves
 NAMED = 8  # robots that a note names; of more it gives the number
 
 
@@ -100,10 +101,6 @@ class Occurrences:
         return [note for note in self.notes[max(end - most, 0) : end] if iteration - note.iteration < within]
 
 
-def _mark(faults: list[dict[str, object]]) -> Mark:
-    kinds = [fault["use"] for fault in faults]
-    if "join" in kinds:
-        return "late"
-    if "remove" in kinds or any(fault["use"] == "battery" and fault.get("empty") == "remove" for fault in faults):
-        return "removed"
-    return "fault" if any(kind not in BODIES for kind in kinds) or "battery" in kinds else ""
+def _mark(faults: list[Part[Fault]]) -> Mark:
+    marks = [fault.says("mark", "fault") for fault in faults]
+    return next((mark for mark in ("late", "removed", "fault") if mark in marks), "")

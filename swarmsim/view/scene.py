@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import PurePath
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.part import Part
 from swarmsim.core.state import UNKNOWN
 from swarmsim.network.analysis import groups
 from swarmsim.operations.fields.replay import FieldReplay, holds_estimates
@@ -115,7 +116,7 @@ class Scene:
         self._field = FieldReplay(recording, plan.page) if holds_estimates(recording) else None
         self.has_field = self._field is not None
         #: m, of a page whose opposite edges are one: what robots leave by on the right they come back from on the left.
-        around = bool(scenario.physics.get("periodic"))
+        around = bool(scenario.physics.says("periodic", False))
         self._around = np.array([plan.width, plan.height] if around else [np.inf, np.inf])
         self.has_headings = "heading" in recording
         self.has_beliefs = "believed" in recording
@@ -327,16 +328,17 @@ def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
             signs.add("box")
     if len(recording.fates) > 1:
         signs.add("lost")
-    if recording.scenario.network.channel.get("use") not in ("perfect", "bernoulli", "range"):
+    if recording.scenario.network.channel.says("delays", True):
         signs.add("waiting")
     return signs
 
 
-def _described(table: dict[str, object]) -> str:
+def _described(part: Part[Any]) -> str:
+    table = part.table
     long = (bool, list, dict)  # named by their key alone, if at all
     parameters = [f"{key} = {value}" for key, value in table.items() if key != "use" and not isinstance(value, long)]
     parameters += [key for key, value in table.items() if value is True]
-    return ", ".join([str(table["use"]).rpartition(":")[2], *parameters])
+    return ", ".join([part.use.rpartition(":")[2], *parameters])
 
 
 def _curves(recording: Recording) -> Curves:

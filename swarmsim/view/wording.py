@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event
-from swarmsim.core.files import Table
+from swarmsim.core.part import Part
+from swarmsim.core.parts import Fault
 from swarmsim.core.scenario import Scenario
 from swarmsim.faults.in_words import described
 
@@ -22,19 +23,19 @@ WORDS: Final = {
 }
 
 
-def _name(table: Table) -> str:
+def _name(part: Part[Any]) -> str:
     """What a part is called; of somebody's own code the name alone."""
-    return str(table["use"]).rpartition(":")[2]
+    return part.use.rpartition(":")[2]
 
 
 def worded(event: Event, scenario: Scenario) -> str:
     """What happened, in a word or two, as in `motor off over`."""
     if isinstance(event, Ended):
         return "finished" if event.finished else "not finished"
-    table = scenario.faults[event.fault]
-    name = _name(table)
-    plain = " ".join([name, *([table["failure"]] if "failure" in table else [])])
-    begins, ends = WORDS.get(str(table["use"]), (plain, f"{plain} over"))
+    fault = scenario.faults[event.fault]
+    name = _name(fault)
+    plain = f"{name} {fault.says('failure', '')}".rstrip()
+    begins, ends = WORDS.get(fault.use, (plain, f"{plain} over"))
     if isinstance(event, BoxWaits):
         return f"{name} waits"
     return begins if isinstance(event, Begins | BoxStands) else ends
@@ -45,17 +46,17 @@ def cause_of(event: Event, scenario: Scenario) -> str:
     if isinstance(event, Ended):
         if not event.finished:
             return f"limit of {scenario.stop.iterations} iterations"
-        name, share = _name(scenario.task), scenario.task.get("share")
-        return f"{100.0 * share:g} % {name} reached" if share is not None else f"{name} done"
+        name, share = _name(scenario.task), scenario.task.says("share", None)
+        return f"{100.0 * share:g} % {name} reached" if isinstance(share, float) else f"{name} done"
     if isinstance(event, Begins | Ends):
         return described(scenario.faults[event.fault])
     left, low, right, high = event.box
     return f"{left:.10g} to {right:.10g} m across, {low:.10g} to {high:.10g} m up"
 
 
-def fault_line(table: Table) -> str:
+def fault_line(fault: Part[Fault]) -> str:
     """A fault of a scenario in a line, as in `motor off, at 50, count 2`."""
-    words = described(table).split()
+    words = described(fault).split()
     name = [word for word in words if "=" not in word]
     keys = [" ".join(word.split("=", 1)) for word in words if "=" in word]
     return ", ".join([" ".join(name), *keys])

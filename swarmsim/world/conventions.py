@@ -46,13 +46,11 @@ class Conventions:
 
         Raises InputError for a layer that does not exist and for names that the drawing lacks.
         """
-        self._given = {layer: tuple(names) for layer, names in world.layers.items()}
+        self._given = dict(world.named)
         if world.floor:
             self._given[FLOOR_LAYER] = (*self._given.get(FLOOR_LAYER, ()), *world.floor)
         known = list(names)
         for layer, patterns in self._given.items():
-            if layer not in LAYERS:
-                raise InputError(f"world.layers.{layer}: no such layer; expected {', '.join(LAYERS)}")
             for missing in (one for one in patterns if not any(_matches(name, one) for name in known)):
                 near = difflib.get_close_matches(missing.casefold(), map(str.casefold, known), n=1, cutoff=0.5)
                 hint = next((f"did you mean {name!r}? " for name in known if [name.casefold()] == near), "")

@@ -24,9 +24,6 @@ class LayerNames:
         Raises InputError for a layer that does not exist and for names that the drawing lacks.
         """
         self._given = {layer: tuple(names) for layer, names in given.items()}
-        for layer in given:
-            if layer not in LAYERS:
-                raise InputError(f"world.layers.{layer}: no such layer; expected {', '.join(LAYERS)}")
         elements = [element for element in root.tree() if element is not root]
         found = {layer: [e for e in elements if self._is(e, layer)] for layer in LAYERS}
         self._layers = {element: layer for layer in reversed(LAYERS) for element in found[layer]}

@@ -11,7 +11,6 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario import World
 from swarmsim.world.features import Feature, Part, layer_named, not_an_area, thick
@@ -43,8 +42,6 @@ def drawn(
     layers or those that the user gives; the tags of indoor maps say as well what is a room, a wall or a door. Raises
     InputError with all that is wrong, or with the levels to choose from.
     """
-    if unknown := set(world.layers) - set(LAYERS):
-        raise InputError(f"world.layers.{min(unknown)}: no such layer; expected {', '.join(LAYERS)}")
     roles = [_role(feature.properties, world) for feature in features]
     indoors = any(role in PLACES if tagged else role == FLOOR_LAYER for role, tagged in roles)
     parts = [
@@ -64,10 +61,10 @@ def drawn(
 
 def _role(properties: Mapping[str, object], world: World) -> tuple[str, bool]:
     """What a feature is, and whether the tags of indoor maps say so."""
-    given = {**world.layers, FLOOR_LAYER: [*world.layers.get(FLOOR_LAYER, ()), *world.floor]}
+    given = {**world.named, FLOOR_LAYER: (*world.named.get(FLOOR_LAYER, ()), *world.floor)}
     if layer := layer_named(list(texts(properties, (*_NAMES, *_KINDS)).values()), given):
         return layer, False
-    own = {layer: [layer] for layer in LAYERS if layer != FLOOR_LAYER and layer not in world.layers}
+    own = {layer: [layer] for layer in LAYERS if layer != FLOOR_LAYER and layer not in world.named}
     layer = layer_named(list(texts(properties, _NAMES[:2]).values()), own)
     if not layer and (role := role_of(properties)):
         return role, True

@@ -8,12 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
-import msgspec
 import numpy as np
 import shapely
 from shapely import MultiPolygon
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.files import LARGEST
@@ -63,7 +61,7 @@ def read_world(world: World, cell: float) -> str:
     if ending not in _READERS and not path.is_dir():
         _check(world)
         text = text_of(path)
-        whole = geojson.is_ours(text) and world.scale is None and world.width is None and not world.layers
+        whole = geojson.is_ours(text) and world.scale is None and world.width is None and not world.named
         if whole or not _is_json(text):
             return text
     return geojson.written(plan_of(drawing_of(world), world))
@@ -114,16 +112,15 @@ def _bitmap(world: World) -> rosmap.Bitmap:
 
 def floor_plan(text: str, world: World) -> FloorPlan:
     """The floor plan in a text that `read_world` gave, with its spawn areas. Raises InputError."""
-    return _floor_plan(text, msgspec.json.encode(world))
+    return _floor_plan(text, world)
 
 
 @lru_cache(maxsize=4)
-def _floor_plan(text: str, place: bytes) -> FloorPlan:
-    world = msgspec.json.decode(place, type=World)
+def _floor_plan(text: str, world: World) -> FloorPlan:
     if _is_json(text):
         scaled = is_map(world) or Path(world.file).suffix.lower() in _READERS
         scale, across = (1.0, None) if scaled else (world.scale or 1.0, world.width)
-        plan = geojson.plan_from(text, world.title, scale, across, world.layers)
+        plan = geojson.plan_from(text, world.title, scale, across, world.named)
         if world.unknown == "wall" and not plan.unknown.is_empty and not geojson.is_ours(text) and not scaled:
             plan = replace(plan, walls=joined([plan.walls, plan.unknown]))
     else:
@@ -188,6 +185,6 @@ def _filled(walls: MultiPolygon, floor: shapely.Polygon, inside: Box) -> MultiPo
 
 def _made(world: World, cell: float) -> str:
     try:
-        return str(registry.part("generator", world.generate).build(Site(Streams(world.seed), cell)).draw())
+        return str(world.generate.build(Site(Streams(world.seed), cell)).draw())
     except InputError as problem:
         raise InputError(f"world.generate.{problem}") from problem

@@ -57,7 +57,7 @@ def read(source: str, name: str, world: World) -> Drawing:
     with root.named(name):
         page = Page.of(root, world.scale or 1.0, world.width)
     sheet = StyleSheet.of(element for element in root.tree() if element.tag == "style")
-    names = LayerNames(root, {**world.layers, **({FLOOR_LAYER: world.floor} if world.floor else {})}, name)
+    names = LayerNames(root, {**world.named, **({FLOOR_LAYER: world.floor} if world.floor else {})}, name)
     if misspelt := names.misspelt():
         raise InputError(f"{name}: {misspelt}")
     ids = {e.attributes["id"]: e for e in root.tree() if "id" in e.attributes}

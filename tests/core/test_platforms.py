@@ -12,7 +12,7 @@ from conftest import ROOT
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.platforms import PLATFORMS
-from swarmsim.core.scenario import Scenario, decode
+from swarmsim.core.scenario import Scenario, decode, table_of
 from swarmsim.core.schema import schema
 from swarmsim.core.state import UNKNOWN
 from swarmsim.engine.build import build
@@ -28,9 +28,9 @@ def scenario(robots: object, **more: object) -> Scenario:
 def test_a_platform_fills_what_is_left_out() -> None:
     made = scenario({"use": "e-puck", "count": 3, "speed": 0.1})
     assert (made.robots.radius, made.robots.speed) == (0.035, 0.1)
-    assert made.sensor["reach"] == 0.105
-    assert scenario({"use": "e-puck", "count": 3}, sensor={"use": "ir-ring"}).sensor["reach"] == 1.0
-    assert scenario({"use": "thymio", "count": 3}, sensor={"reach": 0.3}).sensor["bearings"][:2] == [40.0, 20.0]
+    assert made.sensor.table["reach"] == 0.105
+    assert scenario({"use": "e-puck", "count": 3}, sensor={"use": "ir-ring"}).sensor.table["reach"] == 1.0
+    assert scenario({"use": "thymio", "count": 3}, sensor={"reach": 0.3}).sensor.table["bearings"][:2] == [40.0, 20.0]
     assert scenario({"count": 3}) == scenario({"use": "paper", "count": 3})
 
 
@@ -61,19 +61,13 @@ def test_a_mixed_swarm_has_bodies_wheels_and_sensors_of_each_kind() -> None:
     assert fastest[0] > 0.3 > fastest[1]
     seen = (moment.readings.tiles.values != UNKNOWN).sum(axis=(1, 2))
     assert seen[3] > 2 * seen[1:3].max()  # beams of 1 m against sensors of 7 cm
-    alone = decode(json.loads(json.dumps(_plain(made))), "again.toml")
+    alone = decode(json.loads(json.dumps(table_of(made))), "again.toml")
     assert alone.robots == made.robots
 
 
 def test_groups_in_a_table_are_those_of_a_list() -> None:
     groups = [{"use": "thymio", "count": 2}, {"count": 1, "speed": 0.1}]
     assert scenario({"groups": groups}) == scenario({"count": 3, "groups": groups}) == scenario(groups)
-
-
-def _plain(made: Scenario) -> dict:
-    import msgspec
-
-    return msgspec.to_builtins(made)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +78,7 @@ def _plain(made: Scenario) -> dict:
         ([], "robots: no group in it"),
         ([3], r"robots\[0\]: 3 is no table"),
         ([{"count": 1, "spawn": "a"}, {"count": 1, "spawn": "b"}], "groups start in one spawn area"),
-        ([{"count": 1, "colour": "red"}], r"groups\[0\]\.colour: unknown key"),
+        ([{"count": 1, "colour": "red"}], r"robots\[0\]\.colour: unknown key"),
         ([{"count": 1, "sensor": {"use": "radar"}}], r"robots\[0\]\.sensor\.use: no sensor is called 'radar'"),
         ([{"use": "e-puck"}], "count"),
         ({"count": 4, "groups": [{"use": "thymio", "count": 2}]}, r"robots\.count: is 4, but robots\.groups has 2"),

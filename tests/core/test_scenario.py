@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
-import msgspec
 import pytest
 import tomli_w
 from conftest import ROOT, made
@@ -15,7 +14,7 @@ from hypothesis import strategies as st
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, assign, decode, load
+from swarmsim.core.scenario import Scenario, assign, decode, load, table_of
 from swarmsim.core.schema import schema
 
 SMALL = """
@@ -49,8 +48,8 @@ def test_a_small_file_gets_every_default_written_out(tmp_path: Path) -> None:
     ring |= dict.fromkeys(
         ("blind", "cone", "error", "error_share", "error_square", "drop_out", "outliers", "step"), 0.0
     )
-    assert read.sensor == {"use": "ir-ring", **ring}
-    assert read.network.channel == {"use": "perfect"}
+    assert read.sensor.table == {"use": "ir-ring", **ring}
+    assert read.network.channel.table == {"use": "perfect"}
     assert read.stop.iterations == 5000
     assert read.grid.cell == 0.15
 
@@ -66,7 +65,7 @@ def test_the_world_is_found_from_the_scenario_file(tmp_path: Path) -> None:
 
 def test_a_complete_scenario_reads_back_as_itself(tmp_path: Path) -> None:
     first = load(scenario(tmp_path))
-    assert decode(tomllib.loads(tomli_w.dumps(msgspec.to_builtins(first))), "again") == first
+    assert decode(tomllib.loads(tomli_w.dumps(table_of(first))), "again") == first
 
 
 def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
@@ -74,9 +73,9 @@ def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
         scenario(tmp_path),
         ["robots.count=7", "network.topology.k=2", 'title="a = b"', "task.share=0.5", "sensor.tile=[5, 5]"],
     )
-    assert (read.robots.count, read.title, read.task["share"]) == (7, "a = b", 0.5)
-    assert read.network.topology == {"use": "knn", "k": 2, "mutual": False, "periodic": False}
-    assert read.sensor["tile"] == [5, 5]
+    assert (read.robots.count, read.title, read.task.table["share"]) == (7, "a = b", 0.5)
+    assert read.network.topology.table == {"use": "knn", "k": 2, "mutual": False, "periodic": False}
+    assert read.sensor.table["tile"] == [5, 5]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +95,7 @@ def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
     ],
 )
 def test_text_needs_no_quotes_where_a_key_takes_text(tmp_path: Path, override: str, key: str, value: str) -> None:
-    found: Any = msgspec.to_builtins(load(scenario(tmp_path), [override]))
+    found: Any = table_of(load(scenario(tmp_path), [override]))
     for step in key.split("."):
         found = found[step]
     assert found == value
@@ -124,7 +123,7 @@ def short(tmp_path: Path) -> Path:
 
 
 def reaches(read: Scenario) -> list[float]:
-    return [read.mind.computation["reach"], read.mind.strategy["reach"]]
+    return [read.mind.computation.table["reach"], read.mind.strategy.table["reach"]]
 
 
 @pytest.mark.parametrize(
@@ -156,7 +155,7 @@ def _pairs(overrides: list[str]) -> list[tuple[str, Any]]:
 def test_halves_that_are_one_part_are_overridden_at_once_and_others_are_not(short: Path, tmp_path: Path) -> None:
     with registry.own_code(True):
         written_out = load(short)
-        table = tomllib.loads(tomli_w.dumps(msgspec.to_builtins(written_out)))
+        table = tomllib.loads(tomli_w.dumps(table_of(written_out)))
         assign(table, "mind.reach", 0.2)
         assert reaches(decode(table, "again")) == [0.2, 0.2]
     assert "mind.reach: unknown key" in refusal(scenario(tmp_path), "mind.reach=0.2")
@@ -166,7 +165,7 @@ def test_halves_that_are_one_part_are_overridden_at_once_and_others_are_not(shor
 
 
 def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:
-    assert load(scenario(tmp_path), ['network.topology={use="ring"}']).network.topology == {"use": "ring"}
+    assert load(scenario(tmp_path), ['network.topology={use="ring"}']).network.topology.table == {"use": "ring"}
     assert "network.topology.k" in refusal(scenario(tmp_path), 'network.topology.use="ring"')
 
 

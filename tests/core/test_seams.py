@@ -5,40 +5,41 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, get_args, get_origin
 
 import jsonschema
 import msgspec
 import pytest
 from conftest import ROOT
-from msgspec import field
 from typer.testing import CliRunner
 
 from swarmsim.cli import app, skeletons
 from swarmsim.core import describe, registry, scenario, schema
+from swarmsim.core.decoding import seam_of
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table
 from swarmsim.core.forms import FunctionForm
+from swarmsim.core.part import Part as Asked
 from swarmsim.core.seams import SEAMS, Seam
 from swarmsim.core.state import State
 from swarmsim.engine.build import build
 from swarmsim.engine.foreign import built
 
 
-def places_of_tables(kind: type[msgspec.Struct], place: tuple[str, ...] = ()) -> set[tuple[str, ...]]:
-    """Where a scenario has tables of parts, or lists of them."""
-    found: set[tuple[str, ...]] = set()
+def places_of_parts(kind: type[msgspec.Struct], place: tuple[str, ...] = ()) -> set[tuple[str, tuple[str, ...]]]:
+    """The seams of parts in a scenario by their type, and where these or lists of them are."""
+    found: set[tuple[str, tuple[str, ...]]] = set()
     for one in msgspec.structs.fields(kind):
         here = (*place, one.name)
-        if one.type in (Table, tuple[Table, ...]):
-            found.add(here)
+        part = get_args(one.type)[0] if get_origin(one.type) is tuple else one.type
+        if get_origin(part) is Asked:
+            found.add((seam_of(part), here))
         elif isinstance(one.type, type) and issubclass(one.type, msgspec.Struct):
-            found |= places_of_tables(one.type, here)
+            found |= places_of_parts(one.type, here)
     return found
 
 
 def test_every_seam_has_its_field_in_scenarios_and_its_entry_points() -> None:
-    assert {seam.place for seam in SEAMS.values() if seam.place} == places_of_tables(scenario.Scenario)
+    assert {(seam.name, seam.place) for seam in SEAMS.values() if seam.place} == places_of_parts(scenario.Scenario)
     groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     assert set(groups) == {seam.group for seam in SEAMS.values()}
     for seam in SEAMS.values():
@@ -120,7 +121,7 @@ class Lamp(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 class Wider(scenario.Scenario, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    beacon: Table = field(default_factory=dict)
+    beacon: Asked[Beacon] = Asked("beacon")
 
 
 @pytest.fixture
@@ -149,9 +150,9 @@ def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 def test_one_more_seam_is_seen_by_registry_scenario_and_schema(beacon: Path) -> None:
     assert registry.known("beacon") == {"lamp": Lamp}
     read = scenario.load(beacon)
-    assert msgspec.structs.asdict(read)["beacon"] == {"use": "lamp", "power": 2.0}
-    assert scenario.tables(read)["beacon"] == {"use": "lamp", "power": 2.0}
-    assert msgspec.structs.asdict(scenario.load(beacon, ["beacon.power=3"]))["beacon"]["power"] == 3.0
+    assert scenario.parts_of(read)["beacon"].table == {"use": "lamp", "power": 2.0}
+    assert scenario.table_of(read)["beacon"] == {"use": "lamp", "power": 2.0}
+    assert scenario.parts_of(scenario.load(beacon, ["beacon.power=3"]))["beacon"].parameters == Lamp(power=3.0)
     with pytest.raises(InputError, match=r"room\.toml: beacon\.powr: unknown key; did you mean 'power'"):
         scenario.load(beacon, ["beacon.powr=3"])
     with pytest.raises(InputError, match=r"'full' is not what beacon\.power takes: a number"):
@@ -165,10 +166,10 @@ def test_one_more_seam_is_seen_by_registry_scenario_and_schema(beacon: Path) -> 
 def test_one_more_seam_is_held_to_its_protocol_and_takes_functions(beacon: Path, tmp_path: Path) -> None:
     run = build(scenario.load(ROOT / "scenarios" / "room.toml"), "room.toml")
     with pytest.raises(InputError, match=r"use: what 'lamp' builds, .*object, lacks shine; expected a beacon"):
-        built("beacon", {"use": "lamp"}, run.setting)
+        built(Asked[Beacon]("beacon", {"use": "lamp"}), run.setting)
     (tmp_path / "mine.py").write_text("def mine(state, *, power: float = 4.0):\n    return power\n")
     with registry.own_code(True):
-        part = built("beacon", {"use": f"{tmp_path}/mine.py:mine"}, run.setting)
+        part = built(Asked[Beacon]("beacon", {"use": f"{tmp_path}/mine.py:mine"}), run.setting)
     assert part.shine(run.simulation.state) == 4.0
 
 

@@ -12,7 +12,7 @@ from swarmsim import testing
 from swarmsim.cli import app
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load, tables
+from swarmsim.core.scenario import load, parts_of
 from swarmsim.engine.build import build
 from swarmsim.operations.mapping.exploring import Exploring
 
@@ -494,9 +494,9 @@ def path_of(scenario: str) -> Path:
 
 
 def test_every_computation_strategy_and_task_is_tried() -> None:
-    tried = [tables(load(path_of(scenario), [key])) for scenario, key in MINDS]
+    tried = [parts_of(load(path_of(scenario), [key])) for scenario, key in MINDS]
     for seam in ("computation", "strategy", "task"):
-        assert {parts[seam]["use"] for parts in tried} == registry.known(seam).keys()
+        assert {parts[seam].use for parts in tried} == registry.known(seam).keys()
 
 
 @pytest.mark.parametrize(("scenario", "key"), MINDS)

@@ -14,6 +14,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
+from swarmsim.core.part import Part
 from swarmsim.core.parts import Parts
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Senses, Tiles
@@ -55,7 +56,7 @@ class Ears:
     knows = Maps
 
     def __init__(self, policy: str) -> None:
-        self.policy = registry.part("sharing", {"use": policy}).build(setting())
+        self.policy = Part("sharing", {"use": policy}).build(setting())
         self.grids = grids()
 
     def say(self, senses: Senses) -> Said:

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.registry import convert
 from swarmsim.core.state import State
 from swarmsim.faults.timeline import Timed, Timeline
 

@@ -14,6 +14,7 @@ from typer.testing import CliRunner, Result
 from swarmsim.cli import app
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.part import Part
 from swarmsim.faults.in_words import described, fault_in_words
 
 
@@ -39,10 +40,10 @@ def test_a_fault_is_its_kind_its_failure_and_its_keys(words: str, keys: dict[str
 
 
 def _is(words: str, keys: dict[str, object]) -> None:
-    table = fault_in_words(words)
-    assert table["use"] == words.split()[0]
-    assert {key: table[key] for key in keys} == keys
-    assert table == registry.complete("fault", {"use": words.split()[0], **keys})
+    fault = fault_in_words(words)
+    assert fault.use == words.split()[0]
+    assert {key: fault.table[key] for key in keys} == keys
+    assert fault == Part("fault", {"use": words.split()[0], **keys})
 
 
 REFUSED = [
@@ -95,10 +96,10 @@ WORDS = st.sampled_from(PIECES)
 @given(st.one_of(st.text(), st.lists(WORDS).map("".join), st.lists(WORDS).map(" ".join)))
 def test_any_text_is_a_fault_or_is_refused(text: str) -> None:
     try:
-        table = fault_in_words(text)
+        fault = fault_in_words(text)
     except InputError:
         return
-    assert registry.part("fault", table)
+    assert Part("fault", fault.table) == fault
 
 
 def test_brackets_without_end_are_refused() -> None:

@@ -50,10 +50,10 @@ class Witness:
             self._numbers, self._bodies, _Lives(run).check, _Ledger(run, self._says).check,
             _Truth(run, self._matter).check, _Beams(run, self._matter, self._senses, self._dice).check,
         ]  # fmt: skip
-        if "coverage" in run.scenario.task["use"]:
+        if "coverage" in run.scenario.task.table["use"]:
             self.checks.append(_Count(run).check)
         self.ledger = next(check.__self__ for check in self.checks if isinstance(check.__self__, _Ledger))
-        self._kinds = {fault["use"] for fault in run.scenario.faults}
+        self._kinds = {fault.use for fault in run.scenario.faults}
 
     def sample(self, moment: Moment) -> None:
         """Check one iteration."""
@@ -69,13 +69,13 @@ class Witness:
         for name in ("pose", "velocity", "wheels"):
             assert np.isfinite(getattr(state, name)).all(), f"{name} is not finite"
         assert 0.0 <= moment.measured.progress <= 1.0, "progress is no share"
-        if scenario.physics["use"] == "pymunk" and not self._kinds & {"push", "people"}:
+        if scenario.physics.use == "pymunk" and not self._kinds & {"push", "people"}:
             pace = np.hypot(*state.velocity[:, :2].T)
             assert pace.max() <= FASTEST * scenario.robots.speed, f"a robot at {pace.max()} m/s"
 
     def _bodies(self, moment: Moment) -> None:
         """No body is in a wall, in a box or in another one."""
-        if self._run.scenario.physics["use"] != "pymunk":
+        if self._run.scenario.physics.use != "pymunk":
             return  # points go through everything
         hard = bool(self._kinds & {"push", "people"}) or self._robots > 5
         deep, tight = (0.5, 0.7) if hard else (0.1, 0.95)
@@ -167,10 +167,10 @@ class _Beams:
         scenario = run.scenario
         self._lattice, self._matter, self._senses = run.arena.lattice, matter, senses
         self._robots = _each(run)
-        self._tables = [getattr(one, "sensor", None) or scenario.sensor for one in self._robots]
+        self._tables = [(getattr(one, "sensor", None) or scenario.sensor).table for one in self._robots]
         moments = scenario.stop.iterations * scenario.robots.count
         self._often, self._dice = LOOKS / moments, dice
-        self._fail = any(fault["use"] == "sensor" for fault in scenario.faults)
+        self._fail = any(fault.use == "sensor" for fault in scenario.faults)
 
     def check(self, moment: Moment) -> None:
         for robot in np.flatnonzero(moment.state.alive).tolist():
@@ -354,7 +354,7 @@ class _Ledger:
     def __init__(self, run: Run, says: _Says) -> None:
         self._says, self._under_way = says, set[tuple[int, int, int, int]]()
         self._layers = list(_stack(run.scenario.network.channel))
-        late = any(fault.get("failure") == "delay" for fault in run.scenario.faults)
+        late = any(fault.says("failure", "") == "delay" for fault in run.scenario.faults)
         self._at_once = {layer["use"] for layer in self._layers} <= AT_ONCE and not late
         fixed = all(layer["use"] in AT_ONCE or layer.get("law") == "fixed" for layer in self._layers)
         self._delay = sum(int(layer.get("delay", 0)) for layer in self._layers) if fixed and not late else None
@@ -414,11 +414,13 @@ class _Count:
         scenario, shape = run.scenario, run.arena.lattice.shape
         self._sensed = np.zeros(shape, bool)
         self._senses = run.simulation.parts.sensor
-        kinds = {fault["use"] for fault in scenario.faults} | {scenario.mind.computation["share"]["use"]}
+        kinds = {fault.use for fault in scenario.faults} | {scenario.mind.computation.table["share"]["use"]}
         self._excused = [BELIEVED[kind] for kind in BELIEVED if kind in kinds]
-        keeps = not any(fault.get("map") == "lost" or fault.get("failure") == "reboot" for fault in scenario.faults)
-        self._keeps = keeps and not scenario.mind.computation.get("decay")
-        self._share = scenario.task["share"]
+        keeps = not any(
+            fault.says("map", "") == "lost" or fault.says("failure", "") == "reboot" for fault in scenario.faults
+        )
+        self._keeps = keeps and not scenario.mind.computation.table.get("decay")
+        self._share = scenario.task.table["share"]
 
     def check(self, moment: Moment) -> None:
         # What was sensed counts where it is and where its robot puts it, which is the same for those that know.

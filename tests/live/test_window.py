@@ -130,7 +130,7 @@ def test_faults_by_key_and_mouse_are_recorded_and_verified(session: Session, tmp
     assert opened.words.endswith("door closed"), opened.words
     for _ in range(4):
         press(opened, pygame.K_RIGHT)
-    uses = [fault["use"] for fault in session.scenario.faults]
+    uses = [fault.use for fault in session.scenario.faults]
     assert uses == ["crash", "sensor", "radio", "push", "door"]
     press(opened, pygame.K_SPACE)
     for _ in range(10):
@@ -138,7 +138,7 @@ def test_faults_by_key_and_mouse_are_recorded_and_verified(session: Session, tmp
     path = session.close()
     recording = Recording(path)
     events = recording.events()
-    assert [fault["use"] for fault in recording.scenario.faults] == uses
+    assert [fault.use for fault in recording.scenario.faults] == uses
     struck = [event.fault for event in events if isinstance(event, Begins)]
     assert struck[:4] == [0, 1, 2, 3]
     assert any(isinstance(event, BoxStands) for event in events) or recording.iterations < 60

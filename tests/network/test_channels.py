@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import jsonschema
-import msgspec
 import numpy as np
 import pytest
 import shapely
@@ -20,9 +19,10 @@ from swarmsim.core import chance, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
+from swarmsim.core.part import Part
 from swarmsim.core.parts import Channel
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import decode, load
+from swarmsim.core.scenario import decode, load, table_of
 from swarmsim.core.schema import schema
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
@@ -57,7 +57,7 @@ def setting(robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Settin
 
 
 def opened(table: dict, robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Channel:
-    return registry.part("channel", table).build(setting(robots, seed, period, walls))
+    return Part("channel", table).build(setting(robots, seed, period, walls))
 
 
 def state_of(iteration: int, alive: np.ndarray, places: np.ndarray | None = None) -> State:
@@ -168,8 +168,8 @@ def test_a_scenario_with_any_channel_reads_back_as_itself(table: dict) -> None:
     given_ = tomllib.loads(path.read_text())
     given_["network"]["channel"] = table
     first = decode(given_, str(path), path.parent)
-    assert first.network.channel["use"] == table["use"]
-    assert decode(tomllib.loads(tomli_w.dumps(msgspec.to_builtins(first))), "again") == first
+    assert first.network.channel.table["use"] == table["use"]
+    assert decode(tomllib.loads(tomli_w.dumps(table_of(first))), "again") == first
 
 
 def many(channel: Channel, links: np.ndarray, robots: int, iterations: int) -> Iterator[tuple[int, Delivery]]:
@@ -505,7 +505,7 @@ def test_a_channel_that_cannot_work_is_refused_by_the_path_to_the_key(table: str
 
 def test_the_channels_below_are_spelled_out_with_their_defaults() -> None:
     over = '{use="latency", delay=1, over={use="tdma", over={use="path-loss", wall_loss=7.0}}}'
-    channel = load(ROOT / "scenarios" / "room.toml", [f"network.channel={over}"]).network.channel
+    channel = load(ROOT / "scenarios" / "room.toml", [f"network.channel={over}"]).network.channel.table
     assert channel["law"] == "fixed"
     assert channel["over"]["slots"] == 10
     assert channel["over"]["over"]["wall_loss"] == 7.0
@@ -517,7 +517,7 @@ def test_a_channel_made_in_python_lies_over_the_perfect_one() -> None:
         Bernoulli(loss=0.1), GilbertElliott(loss=0.1, burst=3.0), Latency(delay=1.0), Bandwidth(bytes_per_second=1.0),
         Tdma(), PathLoss(),
     ):  # fmt: skip
-        assert layer.over == {"use": "perfect"}
+        assert layer.over.table == {"use": "perfect"}
 
 
 def test_the_schema_takes_channels_over_channels() -> None:

@@ -44,7 +44,7 @@ def scenario_with(folder, text):
 @pytest.mark.parametrize("text", [b"0,1\n1, 2\n", b"\xef\xbb\xbf0,1\r\n\r\n1,2"], ids=["plain", "from a spreadsheet"])
 def test_links_in_a_file_become_part_of_the_scenario(tmp_path, text):
     read = load(scenario_with(tmp_path, text))
-    assert read.network.topology == {"use": "edges", "links": [[0, 1], [1, 2]]}
+    assert read.network.topology.table == {"use": "edges", "links": [[0, 1], [1, 2]]}
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from numpy.testing import assert_array_equal
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.part import Part
 from swarmsim.core.robots import Robots
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
@@ -42,7 +43,7 @@ def topology(use, count, place=None, seed=1, **parameters):
         building() if place is None else place,
     )
     table = {"use": use, **needed(use, count), **parameters}
-    return registry.part("topology", table).build(setting)
+    return Part("topology", table).build(setting)
 
 
 def swarm(positions, alive=None, iteration=0):

@@ -122,7 +122,7 @@ def test_a_formation_is_taken_up_on_any_connected_network(topology: str) -> None
     run = made(f"network.topology={topology}", "stop.iterations=1500", scenario="operations/formation")
     moments = moments_of(run)
     assert run.simulation.finished
-    own = moments[-1].state.pose[:, :2] - np.array(run.scenario.task["places"])
+    own = moments[-1].state.pose[:, :2] - np.array(run.scenario.task.table["places"])
     assert np.hypot(*(own - own.mean(axis=0)).T).max() < 0.12
 
 

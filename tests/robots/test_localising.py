@@ -7,7 +7,7 @@ import pytest
 from conftest import made, moments_of, setting_of
 from scipy import stats
 
-from swarmsim.core.registry import convert
+from swarmsim.core.decoding import convert
 from swarmsim.core.state import Readings, State, Tiles
 from swarmsim.robots.localisation import MisledMotion, Noisy, Odometry
 

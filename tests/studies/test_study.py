@@ -69,7 +69,8 @@ values = [0.1, 0.2]
 def test_a_plan_crosses_axes_and_adds_named_conditions(study: Path) -> None:
     plan = open_study(study)
     assert [condition.name for condition in plan.conditions] == ["k=0", "k=1", "k=2", "chain"]
-    assert plan.conditions[2].scenario.network.topology == {"use": "knn", "k": 2, "mutual": False, "periodic": False}
+    topology = plan.conditions[2].scenario.network.topology
+    assert topology.table == {"use": "knn", "k": 2, "mutual": False, "periodic": False}
     assert all(condition.scenario.stop.iterations == 60 for condition in plan.conditions)
     assert len(plan.runs) == 12
     assert len({plan.identity(condition, seed) for condition, seed in plan.runs}) == 12
@@ -93,7 +94,7 @@ def test_a_key_of_a_mind_in_the_short_form_is_varied_as_it_is_written(tmp_path: 
     with registry.own_code(True):
         plan = open_study(path)
     minds = [condition.scenario.mind for condition in plan.conditions]
-    assert [(mind.computation["reach"], mind.strategy["reach"]) for mind in minds] == [
+    assert [(mind.computation.table["reach"], mind.strategy.table["reach"]) for mind in minds] == [
         (0.2, 0.2), (0.4, 0.4), (0.8, 0.1),
     ]  # fmt: skip
     assert [condition.name for condition in plan.conditions] == ["reach=0.2", "reach=0.4", "one half"]

@@ -11,6 +11,8 @@ from conftest import ROOT, made, setting_of
 from swarmsim import testing
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.part import Part
+from swarmsim.engine import contracts
 
 SCENARIOS = sorted(
     str(path.relative_to(ROOT / "scenarios").with_suffix(""))
@@ -48,6 +50,33 @@ def test_so_it_does_whatever_is_shared_and_believed_and_when_it_has_to_forget(po
     testing.check_permutation(path_of("exploring"), [mind, FORGETS], iterations=12)
 
 
+@pytest.mark.parametrize(
+    ("scenario", "key"),
+    [
+        *(("exploring", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
+        *(
+            (f"operations/{name}", "seed=3")
+            for name in ("turn", "average-consensus", "field", "wandering", "formation")
+        ),
+    ],
+)
+def test_messages_can_be_read_by_one_that_has_said_nothing_yet(scenario: str, key: str) -> None:
+    silent = made(key, scenario=scenario).simulation.parts.computation
+    simulation, iterations = made(key, scenario=scenario).simulation, []
+    say = simulation.parts.computation.say
+
+    def saying(senses):
+        said = say(senses)
+        assert contracts.message_sizes(said, silent.codec, senses.iteration) is None
+        iterations.append(senses.iteration)
+        return said
+
+    simulation.parts.computation.say = saying
+    for _ in range(4):
+        simulation.tick()
+    assert iterations == [0, 1, 2, 3]
+
+
 @pytest.mark.parametrize("check", [testing.check_one_robot, testing.check_permutation])
 def test_a_robot_of_a_mixed_swarm_has_the_body_of_its_own_kind(check) -> None:
     check(path_of("exploring"), [KINDS])
@@ -69,11 +98,11 @@ def test_a_setting_for_some_robots_speaks_of_these() -> None:
 def test_keys_that_name_robots_are_held_against_the_swarm() -> None:
     alone = setting_of(3).serving(np.array([2]))
     with pytest.raises(InputError, match="leaders: there is no robot 3; expected ids from 0 to 2"):
-        registry.part("computation", {"use": "heading-consensus", "leaders": [2, 3]}).build(alone)
+        Part("computation", {"use": "heading-consensus", "leaders": [2, 3]}).build(alone)
     with pytest.raises(InputError, match="quorum: 3 of 2 others never agree"):
-        registry.part("computation", {"use": "occupancy-grid", "trust": "quorum", "quorum": 3}).build(alone)
+        Part("computation", {"use": "occupancy-grid", "trust": "quorum", "quorum": 3}).build(alone)
     with pytest.raises(InputError, match="places: 1 for 3 robots"):
-        registry.part("strategy", {"use": "formation", "places": [[0.0, 0.0]]}).build(alone)
+        Part("strategy", {"use": "formation", "places": [[0.0, 0.0]]}).build(alone)
 
 
 ROWS = """

@@ -15,7 +15,9 @@ from drawn import read_floor_plan
 from numpy.typing import NDArray
 
 from swarmsim.cli.worlds import CELL
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
+from swarmsim.core.part import plain
 from swarmsim.core.scenario import World, load
 from swarmsim.engine.build import build
 from swarmsim.engine.inspection import Inspection, inspect
@@ -70,16 +72,16 @@ POCKET[6:8, 30:34] = FREE
 def opened(folder: Path, content: str | NDArray[np.uint8], **keys: object) -> World:
     if isinstance(content, str):
         (folder / "w.svg").write_text(content, encoding="utf-8")
-        return World(file=str(folder / "w.svg"), **keys)
+        return convert({"file": str(folder / "w.svg"), **keys}, World)
     (folder / "w.pgm").write_bytes(pgm(content))
     (folder / "w.yaml").write_text(yaml("w.pgm", resolution=0.1), encoding="utf-8")
-    return World(file=str(folder / "w.yaml"), **keys)
+    return convert({"file": str(folder / "w.yaml"), **keys}, World)
 
 
 def checked(folder: Path, world: World) -> tuple[Inspection, str]:
     """What `world check` finds, and the path of a scenario with five robots in that world."""
     path = folder / "run.toml"
-    table = {"world": msgspec.to_builtins(world), "robots": {"count": 5}, "stop": {"iterations": 1500}}
+    table = {"world": msgspec.to_builtins(world, enc_hook=plain), "robots": {"count": 5}, "stop": {"iterations": 1500}}
     path.write_bytes(msgspec.toml.encode({**table, "network": {"topology": {"use": "knn", "k": 2}}}))
     scenario = load(path)
     return inspect(scenario, read_world(scenario.world, scenario.grid.cell), "w", 1.1), str(path)

@@ -10,6 +10,7 @@ import shapely
 from buildings import ALL, AXES, Made, floor_in, lines, plan_in, svg
 from drawn import read_floor_plan
 
+from swarmsim.core.part import plain
 from swarmsim.core.scenario import load
 from swarmsim.engine.build import build
 
@@ -28,7 +29,11 @@ def test_a_building_has_its_floor_where_it_is_and_robots_run_there(made: Made, t
     assert [place for place in made.outside if shapely.contains_xy(floor, *place)] == []
     assert [words for words in made.says if not any(words in notice for notice in plan.notices)] == []
     scenario = tmp_path / "run.toml"
-    table = {"world": msgspec.to_builtins(world), "robots": {"count": 3}, "network": {"topology": {"use": "none"}}}
+    table = {
+        "world": msgspec.to_builtins(world, enc_hook=plain),
+        "robots": {"count": 3},
+        "network": {"topology": {"use": "none"}},
+    }
     scenario.write_bytes(msgspec.toml.encode({**table, "stop": {"iterations": 3}}))
     run = build(load(scenario), str(scenario))
     places = []

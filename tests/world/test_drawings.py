@@ -7,6 +7,7 @@ import io
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from drawn import read_floor_plan
 from PIL import Image
 from scipy import ndimage
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world.arena import Arena
@@ -28,7 +30,7 @@ ACROSS, FINE = 48, 8  # cells across a page, pixels across a cell
 
 
 def opened(name: str) -> FloorPlan:
-    world = World(file=str(WORLDS / name), **DRAWINGS[name].get("world", {}))
+    world = convert({"file": str(WORLDS / name), **DRAWINGS[name].get("world", {})}, World)
     return floor_plan(read_world(world, 0.15), world)
 
 
@@ -69,11 +71,15 @@ def test_a_rasteriser_sees_the_same_cells(name: str) -> None:
     assert not occupied[empty].any()
 
 
+def _read(file: str, keys: dict[str, Any]) -> None:
+    world = convert({"file": file, **keys}, World)
+    floor_plan(read_world(world, 0.15), world)
+
+
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_drawing_is_refused_with_the_reason(name: str) -> None:
-    world = World(file=str(WORLDS / "broken" / name), **BROKEN[name].get("world", {}))
     with pytest.raises(InputError) as caught:
-        floor_plan(read_world(world, 0.15), world)
+        _read(str(WORLDS / "broken" / name), BROKEN[name].get("world", {}))
     for words in BROKEN[name]["says"]:
         assert words in str(caught.value)
 

@@ -17,6 +17,7 @@ from ezdxf import xclip
 from ezdxf.document import Drawing as Document
 from shapely import MultiPolygon
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world import primitives
@@ -58,7 +59,7 @@ def house(unit: str = "mm", layer: str = "0") -> Document:
 def drawing(document: Document, folder: Path, **world: Any) -> Drawing:
     path = folder / "plan.dxf"
     document.saveas(path)
-    return read(path, World(file=str(path), **world))
+    return read(path, convert({"file": str(path), **world}, World))
 
 
 def solid(drawing: Drawing, layers: tuple[str, ...] = (*SOLID_LAYERS, "")) -> MultiPolygon:
@@ -389,7 +390,7 @@ def test_layers_are_known_by_usual_names_and_by_the_scenario(tmp_path: Path) -> 
         InputError, match=r"world\.layers\.walls: no layer is called 'A-WAL-FULL'; did you mean 'A-WALL-F"
     ):
         drawing(document, tmp_path, layers={"walls": ["A-WAL-FULL"]})
-    with pytest.raises(InputError, match=r"world\.layers\.roof: no such layer; expected walls"):
+    with pytest.raises(InputError, match=r"layers\.roof: unknown key; known: doors, floor"):
         drawing(document, tmp_path, layers={"roof": ["0"]})
 
 

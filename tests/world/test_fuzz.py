@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World, load
 from swarmsim.world import imdf, osm, sdf, stage
@@ -97,7 +98,7 @@ def damaged(paths: list[Path]) -> st.SearchStrategy[bytes]:
 def opened(path: Path, **more: object) -> None:
     """Reads a world; a refusal is as good as a success."""
     begun, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    world = World(file=str(path), **more)
+    world = convert({"file": str(path), **more}, World)
     _refusing(lambda: floor_plan(read_world(world, 0.15), world))
     assert time.process_time() - begun < LONGEST
     assert 1024 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) < MOST

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import shapely
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world import geojson, imdf, osm
@@ -56,7 +57,7 @@ def text(features: list[dict], **members: object) -> str:
 
 
 def opened(features: list[dict], **keys: object) -> Drawing:
-    return geojson.read(text(features), "map.geojson", World(file="map.geojson", **keys))
+    return geojson.read(text(features), "map.geojson", convert({"file": "map.geojson", **keys}, World))
 
 
 def layer(drawing: Drawing, name: str) -> shapely.Geometry:
@@ -144,7 +145,7 @@ def test_a_plan_without_tags_may_be_in_degrees_too() -> None:
     ],
 )
 def test_metres_are_not_taken_for_degrees(features: list[dict], members: dict, keys: dict) -> None:
-    drawing = geojson.read(text(features, **members), "m.geojson", World(file="m.geojson", **keys))
+    drawing = geojson.read(text(features, **members), "m.geojson", convert({"file": "m.geojson", **keys}, World))
     assert drawing.unit == "m"
     assert drawing.page[2] == pytest.approx(
         keys.get("scale", 1.0) * (members.get("bbox") or [0.06, 0, 0.06])[2], rel=99
@@ -343,7 +344,7 @@ def test_the_user_says_which_names_are_floor_or_walls() -> None:
     drawing = opened(features, floor=["office"], layers={"walls": ["Block 7"]})
     assert layer(drawing, "floor").area == pytest.approx(36.0)
     assert layer(drawing, "walls").area == pytest.approx(9.0)
-    with pytest.raises(InputError, match="no such layer"):
+    with pytest.raises(InputError, match=r"layers\.ceiling: unknown key"):
         opened(features, layers={"ceiling": ["a"]})
 
 

@@ -13,6 +13,7 @@ import shapely
 from ifcopenshell.api import aggregate, context, feature, geometry, project, pset, root, spatial, unit
 from shapely import MultiPolygon
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World, load
 from swarmsim.engine.build import build
@@ -119,7 +120,7 @@ class Model:
     def drawing(self, folder: Path, **world: Any) -> Drawing:
         path = folder / "plan.ifc"
         self.file.write(str(path))
-        return cut(path, World(file=str(path), **world))
+        return cut(path, convert({"file": str(path), **world}, World))
 
     def drawing_of_a_house(self, folder: Path) -> Drawing:
         self.house()

@@ -15,6 +15,7 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image
 from shapely import affinity
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario import World
@@ -32,7 +33,7 @@ masks = arrays.arrays(np.bool_, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 
 
 def opened(path: Path, cell: float = CELL, **keys: object) -> FloorPlan:
-    world = World(file=str(path), **keys)
+    world = convert({"file": str(path), **keys}, World)
     return floor_plan(read_world(world, cell), world)
 
 

@@ -28,6 +28,7 @@ from buildings import (
 from scipy import ndimage
 from shapely import affinity
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.scenario import World
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
@@ -39,7 +40,7 @@ SEEDS = (1, 2, 3)
 
 def read(folder: Path, text: str, **keys: object) -> FloorPlan:
     (folder / "w.svg").write_text(text, encoding="utf-8")
-    return plan_in(World(file=str(folder / "w.svg"), **keys))
+    return plan_in(convert({"file": str(folder / "w.svg"), **keys}, World))
 
 
 def box(*numbers: float) -> str:
@@ -124,7 +125,7 @@ def test_a_path_may_be_split(tmp_path: Path) -> None:
 def raster(folder: Path, states: np.ndarray, **keys: object) -> FloorPlan:
     (folder / "w.pgm").write_bytes(pgm(states))
     (folder / "w.yaml").write_text(yaml("w.pgm", resolution=PIXEL), encoding="utf-8")
-    return plan_in(World(file=str(folder / "w.yaml"), **keys), PIXEL)
+    return plan_in(convert({"file": str(folder / "w.yaml"), **keys}, World), PIXEL)
 
 
 def random_states(rng: np.random.Generator) -> np.ndarray:

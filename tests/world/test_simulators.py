@@ -10,6 +10,7 @@ import pytest
 import shapely
 from PIL import Image
 
+from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import World
 from swarmsim.world import sdf, stage
@@ -47,7 +48,7 @@ def staged(folder: Path, text: str, **keys: object) -> Drawing:
     path = folder / "w.world"
     path.write_text(text)
     assert not sdf.holds(path)
-    return stage.read(path, World(file=str(path), **keys))
+    return stage.read(path, convert({"file": str(path), **keys}, World))
 
 
 ROBOTS = """
@@ -176,7 +177,7 @@ def gazebo(tmp_path: Path, inside: str, **keys: object) -> Drawing:
     path = tmp_path / "g.world"
     path.write_text(f'<?xml version="1.0" ?>\n<sdf version="1.6"><world name="w">\n{inside}\n</world></sdf>')
     assert sdf.holds(path)
-    return sdf.read(path, World(file=str(path), **keys))
+    return sdf.read(path, convert({"file": str(path), **keys}, World))
 
 
 def box(size: str, pose: str = "", collision: str = "") -> str:

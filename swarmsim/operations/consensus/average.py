@@ -48,7 +48,7 @@ class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     weights: Literal["metropolis", "constant"] = "metropolis"
     gain: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None  # for constant
-    values: list[float] | None = None  # of each robot
+    values: tuple[float, ...] | None = None  # of each robot
 
     def build(self, setting: Setting) -> AverageComputation:
         """The computation. Raises InputError for keys that contradict each other or the swarm."""

@@ -51,7 +51,7 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     dt: Annotated[float, Meta(gt=0.0, le=1.0)] | None = None  # s; default: the period, at most 1
     body: bool = False
     spread: Annotated[float, Meta(gt=0.0, le=TURN)] = TURN  # rad, of the headings at the start
-    leaders: list[Annotated[int, Meta(ge=0)]] = []  # ids of the informed robots
+    leaders: tuple[Annotated[int, Meta(ge=0)], ...] = ()  # ids of the informed robots
     turn: float = 0.0  # rad
     at: Annotated[int, Meta(ge=0)] = 0  # the first iteration in which leaders turn
     frequency: Annotated[float, Meta(ge=0.0)] = 0.0  # Hz

@@ -5,14 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.operations.fields.estimate import Basis
+from swarmsim.operations.fields.estimate import Basis, FieldEstimate
 from swarmsim.recording.reader import Recording
 
 
 def holds_estimates(recording: Recording) -> bool:
     """Whether a recording is of robots that estimated a field."""
-    return recording.scenario.mind.computation.get("use") == "field-estimate" and "weights" in recording
+    return _parameters(recording) is not None and "weights" in recording
+
+
+def _parameters(recording: Recording) -> FieldEstimate | None:
+    try:
+        found = recording.scenario.mind.computation.parameters
+    except InputError:  # code of somebody's own
+        return None
+    return found if isinstance(found, FieldEstimate) else None
 
 
 class FieldReplay:
@@ -21,7 +30,9 @@ class FieldReplay:
     def __init__(self, recording: Recording, bounds: Box) -> None:
         """`bounds` of the floor plan's page: left, lower, right, upper in m."""
         lattice = recording.lattice
-        basis = Basis(bounds, recording.scenario.mind.computation["spacing"])
+        estimate = _parameters(recording)
+        assert estimate is not None
+        basis = Basis(bounds, estimate.spacing)
         cells = np.indices(lattice.shape).reshape(2, -1).T
         self._functions = basis.at(lattice.centres(cells)).T
         self._recording, self._shape = recording, lattice.shape

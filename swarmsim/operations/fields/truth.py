@@ -62,7 +62,7 @@ class Source(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Sources(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The sum of bells around places that stand or move: f = base + sum_s h_s exp(-|p - p_s|^2 / (2 w_s^2))."""
 
-    sources: Annotated[list[Source], Meta(min_length=1)]
+    sources: Annotated[tuple[Source, ...], Meta(min_length=1)]
     base: float = 0.0  # in the field's unit
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
@@ -178,7 +178,7 @@ class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     They may stand in a file: `values = {file = "field.csv"}` or, as grey levels from 0 (black) to 1, in a PNG.
     """
 
-    values: Annotated[list[list[float]], Meta(min_length=2)]  # rows from the top
+    values: Annotated[tuple[tuple[float, ...], ...], Meta(min_length=2)]  # rows from the top
     low: float = 0.0  # what 0 stands for, in the field's unit
     high: float = 1.0  # what 1 stands for
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit

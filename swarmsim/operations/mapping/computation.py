@@ -10,15 +10,15 @@ import math
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-import msgspec
 import numpy as np
-from msgspec import Meta, Struct, field
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import memory, registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
 from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.part import Part
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Senses, Tiles
 from swarmsim.kernels import occupancy
@@ -60,16 +60,15 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     lowest: Probability = 0.12  # probability below which no cell falls
     highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
-    share: dict[str, Any] = field(default_factory=dict)  # what is told
+    share: Part[Sharing] = Part("sharing")  # what is told
     hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
 
-    def __post_init__(self) -> None:
-        try:
-            msgspec.structs.force_setattr(self, "share", registry.complete("sharing", self.share))
-        except InputError as problem:
-            raise InputError(f"share.{problem}") from problem
+    @property
+    def merges(self) -> bool:
+        """Whether robots have frames of reference of their own."""
+        return self.share.says("merges", False)
 
     def build(self, setting: Setting) -> MapComputation:
         """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
@@ -83,11 +82,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         others = setting.swarm - 1
         if self.trust == "quorum" and (self.quorum or 2) > others:
             raise InputError(f"quorum: {self.quorum or 2} of {others} others never agree; expected {others} at most")
-        try:
-            sharing: Sharing = registry.part("sharing", self.share).build(setting)
-        except InputError as problem:
-            raise InputError(f"share.{problem}") from problem
-        return MapComputation(self, setting, sharing)
+        return MapComputation(self, setting, self.share.build(setting, "share"))
 
 
 class MapComputation:

@@ -19,7 +19,7 @@ from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering
 
-Places = list[tuple[float, float]]
+Places = tuple[tuple[float, float], ...]
 
 
 def offsets_of(places: Places, setting: Setting) -> NDArray[np.float64]:

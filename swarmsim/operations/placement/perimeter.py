@@ -19,7 +19,7 @@ from swarmsim.operations.placement.gathering import Clearance, Positive, separat
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.steering import Steering
 
-Corners = Annotated[list[tuple[float, float]], Meta(min_length=3)]
+Corners = Annotated[tuple[tuple[float, float], ...], Meta(min_length=3)]
 
 
 def ring(corners: Corners) -> shapely.LinearRing:

@@ -10,12 +10,11 @@ from dataclasses import asdict
 import numpy as np
 import shapely
 import tomli_w
-from msgspec import to_builtins
 from numpy.typing import NDArray
 
 from swarmsim.core.events import BoxGone, BoxStands
+from swarmsim.core.scenario import table_of
 from swarmsim.recording.reader import Recording, Summary
-from swarmsim.recording.recorder import without_none
 from swarmsim.view.panel import clock
 from swarmsim.view.scene import Scene
 from swarmsim.view.theme import ROBOTS, THEMES
@@ -124,7 +123,7 @@ def _words(recording: Recording, scene: Scene) -> dict[str, object]:
         "colours": ROBOTS,
         "themes": themes,
         "summary": _summary(summary, scene),
-        "scenario": tomli_w.dumps(without_none(to_builtins(recording.scenario))),
+        "scenario": tomli_w.dumps(table_of(recording.scenario)),
         "provenance": {"digest": summary["digest"], "seed": summary["seed"], **summary["versions"]},
     }
 

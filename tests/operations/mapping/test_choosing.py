@@ -12,6 +12,7 @@ from conftest import ROOT, made, seen_as, setting_of
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox
+from swarmsim.core.part import Part
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Tiles
 from swarmsim.engine.build import build
@@ -164,7 +165,7 @@ def test_of_several_tiles_of_one_robot_the_latest_counts() -> None:
 def test_gossip_tells_what_waited_longest_and_never_what_it_does_not_know() -> None:
     """Two pieces change one after the other; they are told in that order, then over and over."""
     setting = setting_of(1, (12, 21))
-    policy = registry.part("sharing", {"use": "gossip"}).build(setting)
+    policy = Part("sharing", {"use": "gossip"}).build(setting)
 
     observed, log_odds = np.zeros((1, 12, 21), bool), np.zeros((1, 12, 21), np.float32)
     tiles, alive = Tiles(np.ones((1, 6, 7), np.uint8), np.zeros((1, 2), np.int32)), np.ones(1, bool)

@@ -637,7 +637,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     """Nobody hears anybody, so each has to see the far room itself, and the corridor holds one robot at a time."""
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
     hall = replace(building(walls), domain=floor)
-    place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall)
+    place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall, tile=(6, 7))
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
     bodies = DifferentialDrive(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
     mind = Mapper().build(place)

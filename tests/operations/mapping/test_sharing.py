@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from swarmsim.core import registry
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
+from swarmsim.core.part import Part
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State, Tiles
 from swarmsim.engine import contracts
@@ -31,14 +32,14 @@ def grids(robots: int) -> Grids:
 
 
 def setting(robots: int) -> Setting:
-    return setting_of(robots, LATTICE.shape, 1)
+    return setting_of(robots, LATTICE.shape, 1, tile=TILE)
 
 
 class Policy:
     """A sharing policy of robots that stand still, with its post office."""
 
     def __init__(self, table: dict, robots: int, maps: Grids) -> None:
-        self.inner, self.maps, self.post = registry.part("sharing", table).build(setting(robots)), maps, PostOffice()
+        self.inner, self.maps, self.post = Part("sharing", table).build(setting(robots)), maps, PostOffice()
 
     def say(self, state: State, tiles: Tiles) -> Said:
         self.observed = seen_as(state.iteration, state.pose, state.alive, tiles)
