@@ -6,7 +6,7 @@ INSTALL := $(BIN)/pip install --quiet --require-hashes
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-annotate --no-header $(UPGRADE)
 ADDED = $(COMPILE) pyproject.toml --constraint locks/run.txt $$(sed -n 's/^\([a-z0-9-]*\)==[^;]*$$/--no-emit-package \1/p' locks/run.txt)
 
-.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging external soak bounds golden format lock clean
+.PHONY: demo test docs test-browser test-slow bench bench-peers learning merging external soak bounds golden types format lock clean
 
 demo: .venv/package
 	rm -rf $(RUN)
@@ -58,6 +58,10 @@ bounds: .venv/test
 
 golden: .venv/test
 	$(BIN)/python tests/test_golden.py
+
+types: .venv/test
+	$(BIN)/mypy --any-exprs-report build/types
+	@tail -1 build/types/any-exprs.txt  # expressions without a type, all, and the share that has one
 
 format: .venv/test
 	$(BIN)/ruff check --fix .

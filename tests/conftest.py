@@ -54,11 +54,14 @@ def building(walls=()) -> Building:
     return Building(segments, nothing, nothing, np.zeros((0, 2)), lambda boxes: Survey(segments, nothing, nothing))
 
 
-def setting_of(count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(), start=None, **robots) -> Setting:
+def setting_of(
+    count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(), start=None, tile=(6, 7), **robots
+) -> Setting:
     """What parts are built for: so many robots on a lattice of this shape, in a building of these walls alone."""
     start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
     of = Robots(count=count, spawn="anywhere", **robots)
-    return Setting.of(of, Lattice(0.0, 0.0, cell, *shape), period, Streams(seed), building(walls), start)
+    lattice = Lattice(0.0, 0.0, cell, *shape)
+    return Setting.of(of, lattice, period, Streams(seed), building(walls), start, Channels(*tile_channels(tile, False)))
 
 
 def made(*overrides: str, scenario: str = "room") -> Run:

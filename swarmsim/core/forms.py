@@ -159,6 +159,7 @@ class FunctionComputation(FunctionForm):
         super().__init__(function, keys, setting)
         self._value: NDArray[np.float64] | None = None
         self._new = np.ones(len(setting.ids), np.bool_)
+        #: That of a number each until the first `say` shows how long rows are; nobody hears anything before it speaks.
         self.codec = PlainCodec(Saying(np.zeros(0)))
 
     def say(self, senses: Senses) -> Said[Saying]:

@@ -81,7 +81,7 @@ class Computation(Protocol[C, K_co]):
 
     @property
     def codec(self) -> Codec[C]:
-        """What its messages look like on the air."""
+        """What its messages look like on the air; there from the start."""
         ...
 
     def say(self, senses: Senses) -> Said[C]:

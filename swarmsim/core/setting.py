@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.readings import NOTHING, Channels
 from swarmsim.core.robots import Crew, Robots
 from swarmsim.core.streams import Streams
 
@@ -54,6 +55,7 @@ class Setting:
     starts: NDArray[np.float64]  # (N, 3): poses of all robots at the start, by number
     scalar_field: Field | None = None  # what there is to measure besides walls
     number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
+    channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built first
     gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
 
     @classmethod
@@ -65,11 +67,12 @@ class Setting:
         streams: Streams,
         building: Building,
         start: NDArray[np.float64] | None = None,
+        channels: Channels = NOTHING,
     ) -> Self:
         """The setting of a part of all robots, without a field; they start at (n, 3) or, by default, at the origin."""
         ids = np.arange(robots.count)
         poses = np.zeros((robots.count, 3)) if start is None else start
-        return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses)
+        return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses, channels=channels)
 
     def serving(self, ids: NDArray[np.int64]) -> Self:
         """The same for a mind of the robots with these numbers (rows,); to be asked of a setting of all robots."""

@@ -182,12 +182,12 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         setting = replace(
             setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
         )
+    sensor = with_field(_sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0)))
+    setting = replace(setting, channels=sensor.channels)
     mind, network = scenario.mind, scenario.network
     bodies = _make(scenario.physics, setting)
     parts = Parts(
-        sensor=with_field(
-            _sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0))
-        ),
+        sensor=sensor,
         localisation=tracked(_make(scenario.localisation, setting), setting),
         computation=_make(mind.computation, setting),
         strategy=_make(mind.strategy, setting),

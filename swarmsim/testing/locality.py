@@ -177,6 +177,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
     """Compare what a mind of the robots with these numbers (rows,) says and does with what they did in the swarm."""
     with registry.own_code(allow_code):
         mind = _mind(swarm.run, swarm.run.setting.serving(ids))
+    codec = mind[0].codec  # there is one before anything is said
     followed, count = np.ones(len(ids), np.bool_), swarm.run.setting.swarm
     for heard in swarm.heard:
         for robots, source in heard.changes:
@@ -197,7 +198,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
             where = f"{scenario}, iteration {now}, robot {robot}"
             _check_said(said, row, heard.said, robot, f"{where}: {{}} {when}")
             if heard.said.sizes[robot] > 0:
-                packed = mind[0].codec.pack(robot, now, said.of(row))
+                packed = codec.pack(robot, now, said.of(row))
                 first = swarm.codec.pack(robot, now, heard.said.of(robot))
                 assert packed == first, f"{where}: sends other bytes {when}"
             if decides[0].alive[row]:

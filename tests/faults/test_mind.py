@@ -15,9 +15,7 @@ from numpy.testing import assert_array_equal
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Moment
-from swarmsim.core.streams import Streams
 from swarmsim.faults.mind import FailingMind, Mind, RandomWalk
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
@@ -93,8 +91,7 @@ def test_nothing_happens_before_the_onset_and_events_tell_when_it_begins_and_end
 def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends: int = END) -> list:
     """What failing minds decide, and know, that are shown what a sound swarm perceived."""
     robots = watch.run.scenario.robots
-    lattice = watch.run.arena.lattice
-    place = Setting.of(robots, lattice, 1.0, Streams(watch.run.scenario.seed), watch.run.simulation.parts.building)
+    place = watch.run.setting
     active = np.zeros(robots.count, np.bool_)
     effect = Mind(at=0, failure=failure).build(place).effect
     plain = Mapper().build(place)

@@ -12,6 +12,7 @@ from swarmsim import testing
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.part import Part
+from swarmsim.engine import contracts
 
 SCENARIOS = sorted(
     str(path.relative_to(ROOT / "scenarios").with_suffix(""))
@@ -47,6 +48,33 @@ def test_so_it_does_whatever_is_shared_and_believed_and_when_it_has_to_forget(po
     mind = f'mind.computation={{share={{use="{policy}"}}, trust="{trust}", decay=0.01, hits="spared"}}'
     testing.check_one_robot(path_of("exploring"), [mind, FORGETS])
     testing.check_permutation(path_of("exploring"), [mind, FORGETS], iterations=12)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "key"),
+    [
+        *(("exploring", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
+        *(
+            (f"operations/{name}", "seed=3")
+            for name in ("turn", "average-consensus", "field", "wandering", "formation")
+        ),
+    ],
+)
+def test_messages_can_be_read_by_one_that_has_said_nothing_yet(scenario: str, key: str) -> None:
+    silent = made(key, scenario=scenario).simulation.parts.computation
+    simulation, iterations = made(key, scenario=scenario).simulation, []
+    say = simulation.parts.computation.say
+
+    def saying(senses):
+        said = say(senses)
+        assert contracts.message_sizes(said, silent.codec, senses.iteration) is None
+        iterations.append(senses.iteration)
+        return said
+
+    simulation.parts.computation.say = saying
+    for _ in range(4):
+        simulation.tick()
+    assert iterations == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("check", [testing.check_one_robot, testing.check_permutation])

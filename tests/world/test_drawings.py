@@ -7,6 +7,7 @@ import io
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,11 +71,15 @@ def test_a_rasteriser_sees_the_same_cells(name: str) -> None:
     assert not occupied[empty].any()
 
 
+def _read(file: str, keys: dict[str, Any]) -> None:
+    world = convert({"file": file, **keys}, World)
+    floor_plan(read_world(world, 0.15), world)
+
+
 @pytest.mark.parametrize("name", BROKEN)
 def test_a_broken_drawing_is_refused_with_the_reason(name: str) -> None:
-    world = convert({"file": str(WORLDS / "broken" / name), **BROKEN[name].get("world", {})}, World)
     with pytest.raises(InputError) as caught:
-        floor_plan(read_world(world, 0.15), world)
+        _read(str(WORLDS / "broken" / name), BROKEN[name].get("world", {}))
     for words in BROKEN[name]["says"]:
         assert words in str(caught.value)
 

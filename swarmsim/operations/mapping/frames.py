@@ -96,6 +96,7 @@ class MergeSharing(GossipSharing):
 
     def __init__(self, parameters: Merge, setting: Setting) -> None:
         super().__init__(setting)
+        self.codec = MergeCodec(self._tile, self._grid)
         lattice, count = setting.lattice, len(setting.ids)
         pairs = count, setting.swarm  # by each robot's row and another one's number
         self._parameters, self._lattice = parameters, lattice
@@ -113,10 +114,6 @@ class MergeSharing(GossipSharing):
         self._maps: Maps | None = None  # those of the end of the last iteration
         #: What robots know of each other's frames, and how wrong it is.
         self.frames = Frames(self._itself.copy(), np.zeros((*pairs, 3)))
-
-    def _cut(self, rows: int, columns: int) -> None:
-        super()._cut(rows, columns)
-        self.codec = MergeCodec((rows, columns), self._grid)
 
     def say(self, senses: Senses, maps: Maps) -> Said[Any]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""

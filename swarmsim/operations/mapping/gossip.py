@@ -23,7 +23,7 @@ from swarmsim.operations.mapping.message import (
     unpack,
     unpack_cells,
 )
-from swarmsim.operations.mapping.sharing import tiles_of
+from swarmsim.operations.mapping.sharing import tile_shape, tiles_of
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -55,15 +55,15 @@ class GossipSharing:
     def __init__(self, setting: Setting) -> None:
         self._ids = setting.ids.astype(np.int32)
         self._robots = np.arange(len(self._ids), dtype=np.int32)  # their rows
-        self._grid = setting.lattice.shape
-        self._tile = (0, 0)  # rows and columns of tiles, once one was seen
-        self._changed, self._told = (np.empty((0, 0), np.int32) for _ in range(2))  # iterations from 1; 0: never
+        self._grid, self._tile = setting.lattice.shape, tile_shape(setting)
+        self.codec = GossipCodec(self._tile)
+        self._across = -(-self._grid[1] // self._tile[1])  # pieces of a map, side by side
+        shape = len(self._ids), -(-self._grid[0] // self._tile[0]) * self._across
+        self._changed, self._told = (memory.zeros(shape, np.int32) for _ in range(2))  # iterations from 1; 0: never
 
     def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's own tile, then a piece of its map; the dead say nothing."""
         tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
-        if not self._changed.size:
-            self._cut(*tiles.values.shape[1:])
         robot, cell, _ = maps.changes.T
         row, column = np.divmod(cell, self._grid[1])
         self._changed[robot, row // self._tile[0] * self._across + column // self._tile[1]] = now + 1
@@ -81,12 +81,6 @@ class GossipSharing:
         sizes = alive * np.int32(current_tile_bytes(*self._tile))
         sizes[tellers] += np.int32(piece_bytes(*self._tile))
         return Said(items, np.searchsorted(speakers[order], self._robots, side="right"), sizes)
-
-    def _cut(self, rows: int, columns: int) -> None:
-        self._tile, self.codec = (rows, columns), GossipCodec((rows, columns))
-        self._across = -(-self._grid[1] // columns)
-        shape = (len(self._robots), -(-self._grid[0] // rows) * self._across)
-        self._changed, self._told = (memory.zeros(shape, np.int32) for _ in range(2))
 
     def _chosen(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Which robots have a piece to tell, and which it is: first what is news, then anything that they know of."""

@@ -14,7 +14,7 @@ from swarmsim.core.setting import Setting
 from swarmsim.core.state import Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import RelayCodec, RelayedItems, current_tile_bytes, relayed_tile_bytes
-from swarmsim.operations.mapping.sharing import tiles_of
+from swarmsim.operations.mapping.sharing import tile_shape, tiles_of
 
 
 class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -33,9 +33,9 @@ class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class RelaySharing:
     """Flooding with a limit of hops; a robot takes in each reading once, and never one of its own."""
 
-    codec: Codec[Any]
-
     def __init__(self, setting: Setting, hops: int) -> None:
+        self._tile = tile_shape(setting)
+        self.codec: Codec[Any] = RelayCodec(self._tile)
         self._ids, self._hops = setting.ids.astype(np.int32), hops
         self._known = KnownReadings(len(self._ids), setting.swarm)
         self._relayed: Inbox[RelayedItems] | None = None  # to be said by its receivers
@@ -44,8 +44,6 @@ class RelaySharing:
     def say(self, senses: Senses, maps: Maps) -> Said[RelayedItems]:
         """Every live robot's own tile, then those that it relays; the dead say nothing."""
         tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
-        rows, columns = tiles.values.shape[1:]
-        self.codec = RelayCodec((rows, columns))
         robots = np.flatnonzero(alive).astype(np.int32)
         own = RelayedItems(
             tiles.values[robots], tiles.origins[robots], self._ids[robots], np.full(len(robots), now, np.int32),
@@ -59,7 +57,7 @@ class RelaySharing:
         order = np.argsort(speakers, kind="stable")
         ends = np.searchsorted(speakers[order], np.arange(len(alive)), side="right")
         relayed = np.bincount(relayers, minlength=len(alive))
-        sizes = (current_tile_bytes(rows, columns) + relayed * relayed_tile_bytes(rows, columns)) * alive
+        sizes = (current_tile_bytes(*self._tile) + relayed * relayed_tile_bytes(*self._tile)) * alive
         content = RelayedItems.joined([own, items]).take(order)
         self._oldest[now] = int(content.sensed.min(initial=now))
         return Said(content, ends, sizes.astype(np.int32))

@@ -9,6 +9,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import parts
+from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Codec, Inbox, Said
 from swarmsim.core.readings import Tiles
 from swarmsim.core.setting import Setting
@@ -48,17 +49,15 @@ class CurrentTileSharing:
     codec: Codec[Any]
 
     def __init__(self, setting: Setting) -> None:
+        tile = tile_shape(setting)
+        self.codec = TileCodec(tile)
         self._ids = setting.ids.astype(np.int32)
         self._ends = np.arange(1, len(self._ids) + 1, dtype=np.int64)
-        self._sizes = np.empty(0, np.int32)
+        self._sizes = np.full(len(self._ids), current_tile_bytes(*tile), np.int32)
 
     def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
         tiles = tiles_of(senses)
-        if len(self._sizes) != len(self._ids):
-            rows, columns = tiles.values.shape[1:]
-            self._sizes = np.full(len(self._ids), current_tile_bytes(rows, columns), np.int32)
-            self.codec = TileCodec((rows, columns))
         sensed = np.full(len(self._ids), senses.iteration, np.int32)
         items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
         return Said(items, self._ends, self._sizes, one_each=True)
@@ -73,7 +72,7 @@ class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> WholeMapSharing:
         """The policy."""
-        return WholeMapSharing()
+        return WholeMapSharing(setting)
 
 
 class WholeMapSharing:
@@ -83,15 +82,15 @@ class WholeMapSharing:
     for the reading behind it may have reached the receiver before, or come from the receiver itself.
     """
 
-    codec: Codec[Any]
+    def __init__(self, setting: Setting) -> None:
+        self._tile = tile_shape(setting)
+        self.codec: Codec[Any] = MapCodec(self._tile, setting.lattice.shape)
 
     def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's map; the dead say nothing."""
         known = cells_of(maps)
         known *= senses.alive[:, None, None]  # the dead's are UNKNOWN, 0
-        rows, columns = tiles_of(senses).values.shape[1:]
-        self.codec = MapCodec((rows, columns), known.shape[1:])
-        owners, origins, values = pieces(known, (rows, columns))
+        owners, origins, values = pieces(known, self._tile)
         nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), senses.iteration, np.int32)
         ends = np.searchsorted(owners, np.arange(len(known)), side="right")
         return Said(TileItems(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
@@ -115,16 +114,27 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 class TileAndGoalSharing(CurrentTileSharing):
     """One tile and one goal a message."""
 
+    def __init__(self, setting: Setting) -> None:
+        super().__init__(setting)
+        self.codec = GoalCodec(tile_shape(setting))
+        self._sizes += np.int32(GOAL.size)
+
     def say(self, senses: Senses, maps: Maps) -> Said[Any]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
         said = super().say(senses, maps)
         count, decided = len(self._ids), senses.decided
         goals = np.full((count, 2), -1, np.int32) if decided is None else decided.goals
         left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
-        shape = said.content.values.shape[1:]
-        self.codec = GoalCodec((shape[0], shape[1]))
         items = GoalItems.of(said.content, goals, left)
-        return Said(items, self._ends, self._sizes + np.int32(GOAL.size), one_each=True)
+        return Said(items, self._ends, self._sizes, one_each=True)
+
+
+def tile_shape(setting: Setting) -> tuple[int, int]:
+    """Rows and columns of the tiles that robots sense. Raises InputError if their sensor gives none."""
+    if "tiles" not in setting.channels:
+        raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
+    rows, columns = setting.channels["tiles.values"].shape
+    return rows, columns
 
 
 def tiles_of(senses: Senses) -> Tiles:

@@ -73,7 +73,7 @@ def test_a_map_is_presented_in_the_frame_of_its_robot() -> None:
 
 def sharing(robots: int, **keys) -> MergeSharing:
     start = np.random.default_rng(6).uniform((1.0, 1.0, -3.0), (4.0, 3.0, 3.0), (robots, 3))
-    return Merge(**keys).build(setting_of(robots, SHAPE, 1, start=start))
+    return Merge(**keys).build(setting_of(robots, SHAPE, 1, start=start, tile=TILE_SHAPE))
 
 
 class Swarm:

@@ -13,7 +13,7 @@ from numpy.testing import assert_array_equal
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Calendar, Parts
-from swarmsim.core.readings import Tiles
+from swarmsim.core.readings import Channels, Tiles, tile_channels
 from swarmsim.core.robots import Robots
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents
@@ -638,7 +638,8 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     """Nobody hears anybody, so each has to see the far room itself, and the corridor holds one robot at a time."""
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
     hall = replace(building(walls), domain=floor)
-    place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall)
+    channels = Channels(*tile_channels((6, 7), False))
+    place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall, channels=channels)
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
     bodies = DifferentialDrive(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
     mind = Mapper().build(place)

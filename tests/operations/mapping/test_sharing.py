@@ -33,7 +33,7 @@ def grids(robots: int) -> Grids:
 
 
 def setting(robots: int) -> Setting:
-    return setting_of(robots, LATTICE.shape, 1)
+    return setting_of(robots, LATTICE.shape, 1, tile=TILE)
 
 
 class Policy:
