@@ -30,16 +30,18 @@ def study(
     store: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
+    keep_old: bool = False,
     allow_code: bool = False,
 ) -> StudyRun:
     """Do the runs of a study that are still missing, and give all of them.
 
     `seeds` replaces their number; results are kept in `store`, by default runs/studies/STUDY.sqlite, and runs that it
-    has are not done again. `workers` processes, by default one for each core, or a Dask `scheduler`'s. In a script this
-    has to be called under `if __name__ == "__main__":`, since processes are started. Raises InputError.
+    has are not done again, unless other code made them; with `keep_old` those count too. `workers` processes, by
+    default one for each core, or a Dask `scheduler`'s. In a script this has to be called under
+    `if __name__ == "__main__":`, since processes are started. Raises InputError.
     """
     with registry.own_code(allow_code):
-        plan = open_study(Path(path), seeds)
+        plan = open_study(Path(path), seeds, keep_old=keep_old)
         with Store(Path(store) if store else Path("runs") / "studies" / f"{Path(path).stem}.sqlite") as kept:
             tasks = found.missing(plan, kept)
             for row in execute(tasks, workers or os.cpu_count() or 1, scheduler) if tasks else ():

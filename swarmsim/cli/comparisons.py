@@ -31,7 +31,7 @@ def compare(
             raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
     named, curve = dict(zip(_names(runs), opened, strict=True)), opened[0].curve
     costs = comparison.costs(named)
-    for notice in notices([Side(name, run.scenario, run.world) for name, run in named.items()]):
+    for notice in notices([Side(name, run.scenario, run.world, run.code) for name, run in named.items()]):
         print(f"notice: {notice}")
     print_table(f"against {_names(runs)[0]}", comparison.head(curve), comparison.lines(costs))
     if plot is not None:

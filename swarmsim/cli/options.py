@@ -33,6 +33,9 @@ AllowCode = Annotated[
         help="Let the scenario run code of its own: parts named as ./file.py:Name or module:Name.",
     ),
 ]
+KeepOld = Annotated[
+    bool, typer.Option("--keep-old", help="Let runs that other code has made count where there are no others.")
+]
 
 Overrides = Annotated[
     list[str] | None,

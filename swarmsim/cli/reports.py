@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swarmsim.cli.options import AllowCode
+from swarmsim.cli.options import AllowCode, KeepOld
 
 if TYPE_CHECKING:
     from swarmsim.studies.plan import Plan
@@ -23,6 +23,7 @@ def report(
     replays: Annotated[
         bool, typer.Option(help="Of a study: simulate the median run of each condition again, as a page of its own.")
     ] = True,
+    keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
     """Write a page that replays a run in any browser, or one that shows a study; it needs no server and no network.
@@ -41,7 +42,7 @@ def report(
     if what.suffix == ".toml":
         if beside is not None:
             raise InputError(f"--beside {beside}: a study is no run; expected --beside with a run's folder")
-        _study(what, out, store, replays)
+        _study(what, out, store, replays, keep_old)
         return
     for path in (what, *([] if beside is None else [beside])):
         if not Recording(path).iterations:
@@ -50,7 +51,8 @@ def report(
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB; open it in any browser")
 
 
-def _study(path: Path, out: Path, store: Path | None, replays: bool) -> None:
+def _study(path: Path, out: Path, store: Path | None, replays: bool, keep_old: bool) -> None:
+    from swarmsim.core import distributions
     from swarmsim.core.errors import InputError
     from swarmsim.core.files import write_whole
     from swarmsim.recording.digests import versions
@@ -60,9 +62,12 @@ def _study(path: Path, out: Path, store: Path | None, replays: bool) -> None:
     from swarmsim.studies.store import Store
     from swarmsim.view.page.document import study_page
 
-    opened = open_study(path, None)
+    opened = open_study(path, keep_old=keep_old)
     with Store(store or Path("runs") / "studies" / f"{path.stem}.sqlite") as kept:
         found = res.gather(opened, kept)
+    other = res.of_other_code(opened, found)
+    for notice in other:
+        print(f"notice: {notice}")
     if not any(result.rows for result in found.values()):
         raise InputError(f"{path}: no runs yet; do them with: swarmsim study run {path}")
     links = _replays(opened, found, out) if replays else {}
@@ -77,7 +82,8 @@ def _study(path: Path, out: Path, store: Path | None, replays: bool) -> None:
         **({"The median run of each condition": (("run", "status", "iterations", "digest"), first)} if first else {}),
         "All runs": (("run", "status", "iterations", "digest"), runs),
         "Provenance": (("what", "value"), [("study", str(path)), ("digest", res.digest(list(found.values()))),
-                                           *versions().items()]),
+                                           *versions().items(), ("swarmsim's code", distributions.ours()),
+                                           *(("notice", notice) for notice in other)]),
     }  # fmt: skip
     write_whole(out, study_page(opened.study.title, tables, study_pictures(opened.study, found), links))
     for page in (out, *(out.parent / link for link in links.values())):

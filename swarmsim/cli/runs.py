@@ -109,6 +109,7 @@ def verify(
 
     Example: swarmsim verify runs/basilica-1
     """
+    from swarmsim.core.code import differences
     from swarmsim.engine.build import build
     from swarmsim.recording.digests import Digests, versions
     from swarmsim.recording.reader import Recording
@@ -124,16 +125,21 @@ def verify(
                 moment = simulation.tick([digests])
                 difference = recorded.difference(moment.state.iteration, digests.rows[-1], made.sampled(moment))
                 progress.update(task, completed=simulation.state.iteration)
+    other = differences(recorded.code, made.code.hashes) if recorded.code else ""
     if difference is None and simulation.state.iteration < recorded.iterations:
         difference = f"the run is over after {simulation.state.iteration} iterations, not {recorded.iterations}"
     if difference is None:
         if not quiet:
             print(f"{recording}: equal in all {recorded.iterations} iterations, digest {recorded.digest()}")
+            if other:
+                print(f"  though the code is other: {other}")
         raise typer.Exit(FINISHED)
     print(f"{recording}: different: {difference}")
     changed = {name: was for name, was in recorded.versions.items() if versions().get(name) != was}
     for name, was in changed.items():
         print(f"  recorded with {name} {was}, verified with {versions().get(name)}")
+    if other:
+        print(f"  the code is other: {other}")
     raise typer.Exit(NOT_FINISHED)
 
 

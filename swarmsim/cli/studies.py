@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swarmsim.cli.interruption import end_if_asked
-from swarmsim.cli.options import AllowCode, Overrides, Quiet
+from swarmsim.cli.options import AllowCode, KeepOld, Overrides, Quiet
 from swarmsim.cli.progress import perform_all, progress_bar
 from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError, unwritten
@@ -19,6 +19,7 @@ from swarmsim.core.errors import InputError, unwritten
 if TYPE_CHECKING:
     from swarmsim.studies.engine import Task
     from swarmsim.studies.plan import Plan
+    from swarmsim.studies.results import Result
     from swarmsim.studies.store import Row, Store
 
 app = typer.Typer(
@@ -38,7 +39,13 @@ Scheduler = Annotated[str | None, typer.Option(help="Address of a running Dask s
 
 
 @app.command()
-def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_code: AllowCode = False) -> None:
+def plan(
+    study: StudyFile,
+    seeds: Seeds = None,
+    store: StoreFile = None,
+    keep_old: KeepOld = False,
+    allow_code: AllowCode = False,
+) -> None:
     """List the conditions of a study, its number of runs, and the time they will take.
 
     Example: swarmsim study plan scenarios/studies/kit2018/network.toml
@@ -46,9 +53,10 @@ def plan(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_c
     from swarmsim.studies.plan import open_study
     from swarmsim.studies.results import gather
 
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     with opened_store(store, study) as results:
         found = gather(opened, results)
+    _notice_other_code(opened, found)
     seconds = [row.seconds for result in found.values() for row in result.rows]
     changes = {c.name: ", ".join(f"{key} = {value}" for key, value in c.changes.items()) for c in opened.conditions}
     print_table(opened.study.title, ("condition", "changes"), list(changes.items()))
@@ -65,6 +73,7 @@ def run(
     study: StudyFile,
     seeds: Seeds = None,
     store: StoreFile = None,
+    keep_old: KeepOld = False,
     workers: Workers = None,
     scheduler: Scheduler = None,
     retry: Annotated[bool, typer.Option("--retry", help="Do failed runs again.")] = False,
@@ -73,6 +82,8 @@ def run(
 ) -> None:
     """Do the runs of a study that are still missing; each is kept as it ends.
 
+    Runs that were made by other code are done again; the older ones stay in the store. With --keep-old they count.
+
     Exit code 0: all there; 1: some failed; 2: bad input.
 
     Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
@@ -80,10 +91,12 @@ def run(
     from swarmsim.studies.plan import open_study
     from swarmsim.studies.results import gather, missing
 
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     for notice in () if quiet else opened.notices:
         print(f"notice: {notice}")
     with opened_store(store, study) as results:
+        if not quiet:
+            _notice_other_code(opened, gather(opened, results))
         perform_all(missing(opened, results, retry), results, workers, scheduler, quiet)
         failed = [row for result in gather(opened, results).values() for row in result.failed]
     for row in failed:
@@ -92,7 +105,13 @@ def run(
 
 
 @app.command()
-def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow_code: AllowCode = False) -> None:
+def status(
+    study: StudyFile,
+    seeds: Seeds = None,
+    store: StoreFile = None,
+    keep_old: KeepOld = False,
+    allow_code: AllowCode = False,
+) -> None:
     """Tell how far a study has come.
 
     Example: swarmsim study status scenarios/studies/kit2018/network.toml
@@ -100,9 +119,10 @@ def status(study: StudyFile, seeds: Seeds = None, store: StoreFile = None, allow
     from swarmsim.studies.plan import open_study
     from swarmsim.studies.results import gather
 
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     with opened_store(store, study) as results:
         found = gather(opened, results)
+    _notice_other_code(opened, found)
     rows = [
         (name, str(int(r.finished.sum())), str(int((~r.finished).sum())), str(len(r.failed)), str(r.missing))
         for name, r in found.items()
@@ -115,6 +135,7 @@ def table(
     study: StudyFile,
     seeds: Seeds = None,
     store: StoreFile = None,
+    keep_old: KeepOld = False,
     measure: Annotated[str | None, typer.Option(help="A measure instead of the iterations, such as path_sum.")] = None,
     compare: Annotated[str | None, typer.Option(help="Test every condition against this one.")] = None,
     allow_code: AllowCode = False,
@@ -126,9 +147,10 @@ def table(
     from swarmsim.studies import results as res
     from swarmsim.studies.plan import open_study
 
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     with opened_store(store, study) as kept:
         found = res.gather(opened, kept)
+    _notice_other_code(opened, found)
     if measure is None:
         print_table(f"{opened.study.title}: iterations", *res.filled(res.HEAD, res.lines(found)))
     else:
@@ -148,6 +170,7 @@ def plot(
     measure: Annotated[list[str] | None, typer.Option(help="Draw a measure along the axis too; repeatable.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
+    keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
     """Draw curves, the distribution of iterations, the course along an axis and the table of a study.
@@ -158,10 +181,12 @@ def plot(
     from swarmsim.studies.report import study_figures
     from swarmsim.studies.results import gather
 
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     with opened_store(store, study) as results:
-        for path in study_figures(opened.study, gather(opened, results), out, measure or ()):
-            print(path)
+        found = gather(opened, results)
+    _notice_other_code(opened, found)
+    for path in study_figures(opened.study, found, out, measure or ()):
+        print(path)
 
 
 @app.command()
@@ -171,6 +196,7 @@ def export(
     parquet: Annotated[Path | None, typer.Option(help="Parquet file to write.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
+    keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
     """Write every run of a study with all its measures.
@@ -182,9 +208,11 @@ def export(
 
     if csv is None and parquet is None:
         raise InputError("study export: nothing to write; name a file with --csv or --parquet")
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     with opened_store(store, study) as kept:
-        rows = records(opened, gather(opened, kept))
+        found = gather(opened, kept)
+    _notice_other_code(opened, found)
+    rows = records(opened, found)
     for path, write in ((csv, write_csv), (parquet, write_parquet)):
         if path is not None:
             try:
@@ -202,6 +230,7 @@ def rank(
     out: Annotated[Path | None, typer.Option(help="Folder for figures of ratios and profiles (PNG and SVG).")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
+    keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
     """Compare methods over many worlds: ratios to the first method, probability of improvement, profiles.
@@ -213,9 +242,10 @@ def rank(
     from swarmsim.studies.report import method_figures
     from swarmsim.studies.results import digest, gather
 
-    opened = open_study(study, seeds)
+    opened = open_study(study, seeds, keep_old=keep_old)
     with opened_store(store, study) as kept:
         results = gather(opened, kept)
+    _notice_other_code(opened, results)
     found = methods.compare(opened, results, method, within)
     for group, standings in found.groups.items():
         title = f"{opened.study.title}{group and f', {group}'}: {found.tasks} tasks"
@@ -232,6 +262,7 @@ def best(
     budget: Annotated[int, typer.Option(help="Runs to spend at most.", min=2)] = 2000,
     tolerance: Annotated[float, typer.Option(help="A difference that does not matter, as a share.", min=0.0)] = 0.03,
     store: StoreFile = None,
+    keep_old: KeepOld = False,
     workers: Workers = None,
     scheduler: Scheduler = None,
     allow_code: AllowCode = False,
@@ -243,11 +274,14 @@ def best(
     """
     from swarmsim.studies import selection
     from swarmsim.studies.plan import open_study
+    from swarmsim.studies.results import gather
 
-    opened = open_study(study, 1)
+    opened = open_study(study, 1, keep_old=keep_old)
     if not quiet:
         _notice_unlike(opened)
     with opened_store(store, study) as results:
+        if not quiet:
+            _notice_other_code(opened, gather(opened, results))
 
         def more(tasks: Sequence[Task]) -> None:
             perform_all(tasks, results, workers, scheduler, quiet)
@@ -333,6 +367,14 @@ def _notice_unlike(opened: Plan) -> None:
     from swarmsim.studies.likeness import Side, notices
 
     for notice in notices([Side(one.name, one.scenario, opened.world_of(one)) for one in opened.conditions]):
+        print(f"notice: {notice}")
+
+
+def _notice_other_code(opened: Plan, found: Mapping[str, Result]) -> None:
+    """Say which runs other code has made than the present."""
+    from swarmsim.studies.results import of_other_code
+
+    for notice in of_other_code(opened, found):
         print(f"notice: {notice}")
 
 

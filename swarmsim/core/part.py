@@ -133,7 +133,7 @@ class Part(Generic[P]):
         except InputError:
             return msgspec.json.encode(self.table, order="deterministic")
         except TypeError:  # other people's, with lists or tables in it
-            return msgspec.json.encode(parameters, enc_hook=plain, order="deterministic")
+            return type(parameters), msgspec.json.encode(parameters, enc_hook=plain, order="deterministic")
         return parameters
 
     def __eq__(self, other: object) -> bool:

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
-import importlib
-import importlib.util
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
-from importlib.metadata import EntryPoint, entry_points
-from pathlib import Path
-from types import ModuleType
-from typing import Any, Final
+from importlib.metadata import EntryPoint
+from typing import Any
 
 import msgspec
 
+from swarmsim.core import distributions, snapshot
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.forms import adapted
 from swarmsim.core.own import is_failure, told
 from swarmsim.core.seams import SEAMS
+from swarmsim.core.snapshot import Snapshot
 
-_OWN: Final = "swarmsim_own_"  # what the modules of scenarios' own files are called first
 _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
 
 
@@ -41,15 +36,9 @@ def own_code_is_allowed() -> bool:
     return _OWN_CODE.get()
 
 
-@lru_cache(maxsize=1)
-def _installed_entries() -> Any:  # what it is differs between versions of Python; all have `select`
-    return entry_points()  # which reads the files of all installed packages
-
-
 def entries(seam: str) -> dict[str, EntryPoint]:
     """The entry points of all installed parts for a seam, by name."""
-    found = sorted(_installed_entries().select(group=SEAMS[seam].group), key=lambda entry: entry.name)
-    return {entry.name: entry for entry in found}
+    return distributions.parts().get(seam, {})
 
 
 def known(seam: str) -> dict[str, type[msgspec.Struct]]:
@@ -69,52 +58,36 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
                 f"use: {use!r} is code of the scenario's own, which runs only if you say so; expected --allow-code "
                 "(in Python allow_code=True) if you trust it, or the name of an installed part"
             )
-        return _own(seam, use)
+        return _own(snapshot.present(), seam, use)
     return _installed(seam, use)
 
 
 @lru_cache(maxsize=256)
 def _installed(seam: str, use: str) -> type[msgspec.Struct]:
-    for entry in _installed_entries().select(group=SEAMS[seam].group, name=use):
-        return _part(seam, use, entry.load())
+    if use in entries(seam):
+        return _part(seam, use, entries(seam)[use].load())
     raise InputError(f"use: no {seam} is called {use!r}; {nearest(use, entries(seam))}")
 
 
 @lru_cache(maxsize=256)
-def _own(seam: str, use: str) -> type[msgspec.Struct]:
+def _own(code: Snapshot, seam: str, use: str) -> type[msgspec.Struct]:
     place, _, name = use.rpartition(":")
     try:
-        module = _loaded(Path(place)) if place.endswith(".py") else importlib.import_module(place)
+        module = code.load(place)
         found = getattr(module, name, None)
     except BaseException as problem:  # whatever a file of somebody's own does while it is read
         if not is_failure(problem):
             raise
-        why = told(problem) if not isinstance(problem, ImportError | OSError) else problem
+        why = told(problem) if not isinstance(problem, OSError) else problem
         raise InputError(f"use: {use!r} cannot be imported; expected './file.py:Name' or 'module:Name': {why}") from (
             problem
         )
     if found is None:
         there = {one: kind for one, kind in vars(module).items() if getattr(kind, "__module__", "") == module.__name__}
         raise InputError(f"use: {place!r} has no {name!r}; {nearest(name, there)}")
-    return _part(seam, use, found)
-
-
-def _loaded(path: Path) -> ModuleType:
-    """The module in a file, under a name that no other module has."""
-    name = f"{_OWN}{hashlib.blake2b(str(path.resolve()).encode(), digest_size=6).hexdigest()}_{path.stem}"
-    if name in sys.modules:
-        return sys.modules[name]  # parts of one file share its classes
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise FileNotFoundError(f"no file {path}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except BaseException:
-        del sys.modules[name]
-        raise
-    return module
+    part = _part(seam, use, found)
+    code.makes(part)
+    return part
 
 
 def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
@@ -142,13 +115,4 @@ def is_ours(part: object) -> bool:
 
 def is_own(kind: Any) -> bool:
     """Whether a class or function stands in a file that a scenario names."""
-    return str(kind.__module__).startswith(_OWN)
-
-
-def source_of(seam: str, use: str) -> bytes:
-    """A hash of the file that a foreign part comes from; nothing for ours, which versions tell apart."""
-    kind = find(seam, use)
-    if is_ours(kind):
-        return b""
-    file = getattr(sys.modules[kind.__module__], "__file__", None)
-    return hashlib.blake2b(Path(file).read_bytes(), digest_size=16).digest() if file else b""
+    return str(kind.__module__).startswith(snapshot.PREFIX)

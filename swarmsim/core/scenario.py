@@ -212,6 +212,11 @@ def all_parts(scenario: Scenario) -> list[Part[Any]]:
     return [*single, *(part for _, part in sensors_of(scenario)), *(part for _, part in lists(scenario))]
 
 
+def every_part(scenario: Scenario) -> list[Part[Any]]:
+    """Every part that a scenario names, and those in the keys of others."""
+    return [one for part in all_parts(scenario) for one in part.inside()]
+
+
 def fitted(scenario: Scenario) -> list[Sensors]:
     """The sensors of each group of robots, with their places in the scenario; one entry if no group has any of its own.
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
+from swarmsim.core.code import Code, code_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
@@ -87,6 +88,7 @@ class Run:
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
     probes: tuple[Watching, ...]
+    code: Code  # all that makes it
 
     def recorder(self, path: Path) -> Recorder:
         """An observer that records the run in a new file."""
@@ -94,7 +96,7 @@ class Run:
         parts = self.simulation.parts
         return Recorder(
             path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve,
-            not parts.localisation.exact, parts.sensor.channels, self.probes,
+            not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes,
         )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
@@ -223,7 +225,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
     return Run(
-        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes
+        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes,
+        code_of(scenario),
     )  # fmt: skip
 
 

@@ -116,6 +116,9 @@ class Recording:
             )
         text = {name: layout.attribute(file, name, "S").decode() for name in layout.TEXTS}
         self.versions = msgspec.json.decode(text["versions"], type=dict[str, str])
+        code = layout.attribute(file, "code", "S") if "code" in file.attrs else b"{}"
+        #: A hash of each piece of code that made it; none in recordings from before these were kept.
+        self.code = msgspec.json.decode(code, type=dict[str, str])
         self.scenario: Scenario = shape(tomllib.loads(text["scenario"]), str(self.path))
         x0, y0, cell, rows, columns = layout.attribute(file, "lattice", "f", (5,)).tolist()
         if not (abs(x0) < FAR and abs(y0) < FAR and 0.0 < cell < FAR and 0.0 < rows < FAR and 0.0 < columns < FAR):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -65,9 +65,11 @@ class Recorder:
         curve: Curve,
         errs: bool,
         channels: Channels,
+        code: Mapping[str, str],
         probes: Sequence[Watching] = (),
     ) -> None:
-        """`world` is the floor plan's text, `curve` what is drawn of the task's measures.
+        """`world` is the floor plan's text, `curve` what is drawn of the task's measures, `code` a hash
+        of each piece of code that makes the run.
 
         `errs` says whether robots may err about their poses, so that their estimates are kept,
         `channels` what they measure.
@@ -87,6 +89,7 @@ class Recorder:
         texts = {
             "scenario": text_of(scenario),
             "versions": json.dumps(versions()),
+            "code": json.dumps(dict(code)),
             "digested": " ".join(DIGESTED),
             "curve": msgspec.json.encode(curve).decode(),
             "channels": declarations.text_of(channels),

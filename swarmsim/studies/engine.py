@@ -5,10 +5,10 @@ from __future__ import annotations
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from dask.distributed import Client, LocalCluster, as_completed
 
-from swarmsim.core import registry
+from swarmsim.core import distributions, registry, snapshot
+from swarmsim.core.code import OURS, Code, differences
 from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.parts import Observer
 from swarmsim.core.scenario import Scenario
@@ -44,6 +45,8 @@ class Task:
     recording: Path | None  # file to record the run in
     command: str  # repeats this run
     allow_code: bool = False  # whether the scenario may run code of its own
+    asks: str = ""  # a hash of what is asked for
+    code: Code = field(default_factory=Code)  # that has to make it; the user's own is sent along
 
 
 class CurveKeeper:
@@ -65,7 +68,7 @@ def perform(task: Task) -> Row:
     """
     begun = time.perf_counter()
     try:
-        with registry.own_code(task.allow_code):
+        with registry.own_code(task.allow_code), snapshot.given(task.code.files):
             row = _simulate(task)
     except StorageError:
         raise
@@ -76,11 +79,25 @@ def perform(task: Task) -> Row:
 
 
 def _failed(task: Task, text: str) -> Row:
-    return Row(task.identity, task.condition, task.seed, "failed", None, {}, None, None, versions(), 0.0, text)
+    found = Row(task.identity, task.condition, task.seed, "failed", None, {}, None, None, versions(), 0.0, text)
+    return replace(found, asks=task.asks, code=dict(task.code.hashes))
+
+
+def _check(task: Task, found: Mapping[str, str]) -> None:
+    if refusal := _refusal(task, found):
+        raise InputError(refusal)
+
+
+def _refusal(task: Task, found: Mapping[str, str]) -> str | None:
+    """Why what this code makes is no result of the task, or None."""
+    others = differences(task.code.hashes, found, "there")
+    return f"refused: a worker has other code: {others}; start workers, and the study, again" if others else None
 
 
 def _simulate(task: Task) -> Row:
+    _check(task, {**task.code.hashes, OURS: distributions.ours()})  # before code runs that was not meant to
     made = build(task.scenario, task.condition, task.world)
+    _check(task, made.code.hashes)
     simulation, digests = made.simulation, Digests()
     asked = simulation.parts.task
     summaries = [RunMeasures(task.scenario.robots, task.scenario.period, asked.curve), *asked.summaries()]
@@ -104,6 +121,8 @@ def _simulate(task: Task) -> Row:
         versions=versions(),
         seconds=0.0,
         message=None,
+        asks=task.asks,
+        code=dict(made.code.hashes),
     )
 
 
@@ -142,8 +161,17 @@ def _performed(client: Client, tasks: Sequence[Task]) -> Iterator[Row]:
         problem = future.exception()
         if isinstance(problem, StorageError):
             raise problem
-        yield future.result() if problem is None else _failed(task, f"{problem}; to repeat: {task.command}")
+        if problem is not None:
+            yield _failed(task, f"{problem}; to repeat: {task.command}")
+        else:
+            yield accepted(task, future.result())
         hand_out(1)
+
+
+def accepted(task: Task, row: Row) -> Row:
+    """The row that a worker has given, or a failed one if other code than the task's has made it."""
+    refusal = _refusal(task, getattr(row, "code", {}))  # rows of old workers have none
+    return row if refusal is None else _failed(task, refusal)
 
 
 def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Client:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import msgspec
@@ -22,6 +22,7 @@ class Side:
     name: str
     scenario: Scenario
     world: str
+    code: Mapping[str, str] = field(default_factory=dict)  # a hash of each piece of code; none if it is not known
 
 
 def notices(sides: Sequence[Side]) -> list[str]:
@@ -47,7 +48,19 @@ def notices(sides: Sequence[Side]) -> list[str]:
         if len(groups) > 1:
             values = _listed((f"{value} ({_listed(names)})" for value, names in groups.items()), "; ")
             told.append(f"these differ in {key}, so that their numbers tell little of each other: {values}")
-    return told
+    return [*told, *_code(sides)]
+
+
+def _code(sides: Sequence[Side]) -> Iterator[str]:
+    """A sentence for each piece of code of which not all have the same, though all have one."""
+    for name in dict.fromkeys(name for side in sides for name in side.code):
+        groups: dict[str, list[str]] = {}
+        for side in sides:
+            if name in side.code:
+                groups.setdefault(side.code[name][:8], []).append(side.name)
+        if len(groups) > 1:
+            values = _listed((f"{found} ({_listed(names)})" for found, names in groups.items()), "; ")
+            yield f"these were made by different code of {name}: {values}"
 
 
 def _worlds(sides: Sequence[Side]) -> list[str]:

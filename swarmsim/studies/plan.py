@@ -6,6 +6,7 @@ import copy
 import hashlib
 import itertools
 import math
+import os
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,13 +15,14 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from swarmsim.core import budget, registry
+from swarmsim.core import budget
+from swarmsim.core.code import Code, known
 from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.part import plain
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, all_parts, assign, decode, files_outside, without_later
+from swarmsim.core.scenario import Scenario, assign, decode, every_part, files_outside, without_later
 from swarmsim.core.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
@@ -68,6 +70,7 @@ class Condition:
     changes: dict[str, Any]  # dotted key: value, as compared with the study's scenario
     scenario: Scenario
     curve: Curve  # what is drawn of its task
+    code: Code  # that makes its runs
     x: float | None = None  # where it stands on the study's axis
     series: str = ""
 
@@ -82,6 +85,7 @@ class Plan:
     seeds: tuple[int, ...]
     worlds: dict[bytes, str]  # floor plans' texts, by what `_world_key` says
     notices: tuple[str, ...] = ()  # how floor plans were taken, and which files lie outside of the scenario's folder
+    keep_old: bool = False  # whether runs that were made by other code count, where there are none by the present one
 
     @property
     def runs(self) -> list[tuple[Condition, int]]:
@@ -92,25 +96,45 @@ class Plan:
         """The text of a condition's floor plan."""
         return self.worlds[_world_key(condition.scenario)]
 
-    def identity(self, condition: Condition, seed: int) -> str:
-        """A hash of all that its row depends on, versions and files of parts that are not ours included."""
+    def asks(self, condition: Condition, seed: int) -> str:
+        """A hash of what is asked for: the scenario with its floor plan, and how it is measured."""
         hashed = hashlib.blake2b(digest_size=16)
         hashed.update(asked(msgspec.structs.replace(condition.scenario, seed=seed)))
         hashed.update(self.world_of(condition).encode())
-        kept = {name: found for name, found in versions().items() if name not in ("python", "platform")}
-        hashed.update(msgspec.json.encode({**kept, "measures": measures.EDITION}, order="sorted"))
-        for part in all_parts(condition.scenario):
-            for one in part.inside():
-                hashed.update(registry.source_of(one.seam, one.use))
+        hashed.update(str(measures.EDITION).encode())
+        return hashed.hexdigest()
+
+    def identity(self, condition: Condition, seed: int) -> str:
+        """A hash of all that its row depends on: what is asked for, versions of libraries, and code by content."""
+        hashed = hashlib.blake2b(self.asks(condition, seed).encode(), digest_size=16)
+        hashed.update(msgspec.json.encode([libraries(versions()), dict(condition.code.hashes)], order="sorted"))
         return hashed.hexdigest()
 
 
 def asked(scenario: Scenario) -> bytes:
-    """All that a scenario asks for, in JSON: whatever it is called, wherever its floor plan's file is."""
+    """All that a scenario asks for, in JSON: whatever it is called, wherever the files of floor plan and code are."""
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
     table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    return msgspec.json.encode({**table, "world": unnamed}, enc_hook=plain, order="deterministic")
+    whole = msgspec.to_builtins({**table, "world": unnamed}, enc_hook=plain, order="deterministic")
+    files = [Path(part.use.rpartition(":")[0]) for part in every_part(scenario) if ".py:" in part.use]
+    if files:
+        whole = _placed(whole, os.path.commonpath([Path.cwd() / file.parent for file in files]))
+    return msgspec.json.encode(whole)
+
+
+def _placed(value: object, folder: str) -> object:
+    """The same with the paths of parts' files as they are from a folder."""
+    if isinstance(value, dict):
+        found = {key: _placed(inner, folder) for key, inner in value.items()}
+        file, _, name = str(value.get("use", "")).rpartition(":")
+        return {**found, "use": f"{os.path.relpath(file, folder)}:{name}"} if file.endswith(".py") else found
+    return [_placed(inner, folder) for inner in value] if isinstance(value, list) else value
+
+
+def libraries(found: dict[str, str]) -> dict[str, str]:
+    """Those of the versions that a run's identity has: not of Python and the machine, on which few results depend."""
+    return {name: version for name, version in found.items() if name not in ("python", "platform")}
 
 
 def _world_key(scenario: Scenario) -> bytes:
@@ -118,10 +142,13 @@ def _world_key(scenario: Scenario) -> bytes:
     return msgspec.json.encode([scenario.world, scenario.grid.cell], enc_hook=plain, order="deterministic")
 
 
-def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None) -> Plan:
+def open_study(
+    path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None, keep_old: bool = False
+) -> Plan:
     """Read a study and check every condition, down to a swarm ready to start; `seeds` replaces their number.
 
-    `changes`, by dotted key, come on top of what the study sets; its conditions come on top of those.
+    `changes`, by dotted key, come on top of what the study sets; its conditions come on top of those. `keep_old` as in
+    Plan.
 
     Raises InputError that names the file, the condition and the key.
     """
@@ -156,14 +183,14 @@ def open_study(path: Path, seeds: int | None = None, changes: dict[str, Any] | N
             except InputError as problem:
                 raise InputError(f"{place}: {problem}") from problem
         made = build(scenario, place, worlds[key])
-        curve = made.simulation.parts.task.curve
+        curve, code = made.simulation.parts.task.curve, known(made.code, place)
         notices.update(dict.fromkeys(made.notices))
         if name in named:
-            return Condition(name, change, scenario, curve, named[name].x, named[name].series)
-        return Condition(name, change, scenario, curve, *_place(study, change))
+            return Condition(name, change, scenario, curve, code, named[name].x, named[name].series)
+        return Condition(name, change, scenario, curve, code, *_place(study, change))
 
     conditions = tuple(condition(name, change) for name, change in cells.items())
-    return Plan(path, study, conditions, numbers, worlds, tuple(notices))
+    return Plan(path, study, conditions, numbers, worlds, tuple(notices), keep_old)
 
 
 def changes_of(path: Path, study: Study) -> dict[str, dict[str, Any]]:

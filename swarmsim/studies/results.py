@@ -6,7 +6,7 @@ import csv
 import hashlib
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,11 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
+from swarmsim.core.code import differences
 from swarmsim.core.errors import InputError
+from swarmsim.recording.digests import versions
 from swarmsim.studies.engine import Task
-from swarmsim.studies.plan import Condition, Plan
+from swarmsim.studies.plan import Condition, Plan, libraries
 from swarmsim.studies.statistics import Description, compare, describe, ranked, runs_needed
 from swarmsim.studies.store import Row, Store
+
+MOST = 3  # ways in which code differs that a sentence lists
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,7 @@ class Result:
     rows: tuple[Row, ...]  # finished or not, without failures
     failed: tuple[Row, ...]
     missing: int
+    older: tuple[Row, ...] = ()  # runs of other code, where the present has none; in `rows` if they count
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -74,27 +79,64 @@ def filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str
 
 def gather(plan: Plan, store: Store) -> dict[str, Result]:
     """All that the store has of a study, by condition, in the plan's order."""
-    found = store.rows(plan.identity(condition, seed) for condition, seed in plan.runs)
+    found, older = _rows(plan, store)
     results = {}
     for condition in plan.conditions:
         rows = [found.get(plan.identity(condition, seed)) for seed in plan.seeds]
+        asked = [plan.asks(condition, seed) for seed in plan.seeds] if older else []
+        old = [older.get(one) if row is None else None for row, one in zip(rows, asked, strict=False)]
+        if plan.keep_old and older:
+            rows = [row or other for row, other in zip(rows, old, strict=True)]
         there = [row for row in rows if row is not None]
         results[condition.name] = Result(
             condition,
             tuple(row for row in there if row.status != "failed"),
             tuple(row for row in there if row.status == "failed"),
             len(rows) - len(there),
+            tuple(row for row in old if row is not None),
         )
     return results
 
 
+def _rows(plan: Plan, store: Store) -> tuple[dict[str, Row], dict[str, Row]]:
+    """The rows of the present code, by identity, and those of other code where there is none, by what they ask."""
+    identities = [(condition, seed, plan.identity(condition, seed)) for condition, seed in plan.runs]
+    found = store.rows(identity for _, _, identity in identities)
+    rest = {plan.asks(condition, seed): one for condition, seed, one in identities if one not in found}
+    return found, store.of_other_code(rest) if rest else {}
+
+
+def of_other_code(plan: Plan, results: Mapping[str, Result]) -> list[str]:
+    """A sentence about runs that other code than the present made, if there are any."""
+    old = [(result.condition, row) for result in results.values() for row in result.older]
+    if not old:
+        return []
+    told = dict.fromkeys(
+        differences(row.code | libraries(row.versions), {**condition.code.hashes, **libraries(versions())})
+        for condition, row in old
+    )
+    ways = "; or ".join(list(told)[:MOST]) + (f"; and {len(told) - MOST} more ways" if len(told) > MOST else "")
+    one = len(old) == 1
+    count = "1 run of other code" if one else f"{len(old)} runs of other code"
+    if plan.keep_old:
+        names = ", ".join(name for name, result in results.items() if result.older)
+        return [f"{count} count{'s' * one} (--keep-old), in {names}: {ways}"]
+    return [
+        f"{count} {'does' if one else 'do'} not count: {ways}; 'study run' does {'it' if one else 'them'} again and "
+        f"keeps both, --keep-old lets {'it' if one else 'them'} count"
+    ]
+
+
 def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
     """The runs that the store does not have yet; with `retry` those that failed, too. Equal runs come once."""
-    found = store.rows(plan.identity(condition, seed) for condition, seed in plan.runs)
+    found, older = _rows(plan, store)
     tasks: dict[str, Task] = {}
     for condition, seed in plan.runs:
         identity = plan.identity(condition, seed)
         if identity in found and not (retry and found[identity].status == "failed"):
+            continue
+        asks = plan.asks(condition, seed)
+        if plan.keep_old and identity not in found and asks in older:
             continue
         keep = plan.study.keep
         tasks[identity] = Task(
@@ -107,6 +149,8 @@ def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
             recording=store.path.with_suffix("") / f"{identity}.h5" if keep == "recordings" else None,
             command=command(plan, condition, seed),
             allow_code=registry.own_code_is_allowed(),
+            asks=asks,
+            code=condition.code,
         )
     return list(tasks.values())
 
@@ -181,12 +225,18 @@ def records(plan: Plan, results: dict[str, Result]) -> list[dict[str, object]]:
             "iterations": row.iterations,
             **{f"measure_{key}": value for key, value in row.summary.items()},
             "digest": row.digest,
+            "code": _hash_of(row),
             "seconds": row.seconds,
             "message": row.message,
         }
         for name, result in results.items()
         for row in (*result.rows, *result.failed)
     ]
+
+
+def _hash_of(row: Row) -> str:
+    """One hash of all code that made a run."""
+    return hashlib.blake2b(msgspec.json.encode(row.code, order="sorted"), digest_size=8).hexdigest()
 
 
 def _plain(value: object) -> object:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 
-FORMAT = 1
+FORMAT = 2
 TABLES = """
 create table if not exists runs (
     identity text primary key,
@@ -29,9 +30,18 @@ create table if not exists runs (
     digest text,
     versions text not null,
     seconds real not null,
-    message text
+    message text,
+    asks text not null default '',
+    code text not null default '{}',
+    kept real not null default 0
 ) without rowid;
 """
+#: What a store of format 1 lacks, whose rows are of code that nobody knows.
+ADDED = (
+    "alter table runs add column asks text not null default ''",
+    "alter table runs add column code text not null default '{}'",
+    "alter table runs add column kept real not null default 0",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +59,8 @@ class Row:
     versions: dict[str, str]
     seconds: float  # of wall clock
     message: str | None  # of a failure, with the command that repeats it
+    asks: str = ""  # a hash of what was asked for, whatever code was to do it
+    code: dict[str, str] = field(default_factory=dict)  # a hash of each piece of code that did it
 
 
 class Store:
@@ -62,14 +74,24 @@ class Store:
             self._base = sqlite3.connect(path)
             self._base.execute("pragma journal_mode = wal")
             found = self._base.execute("pragma user_version").fetchone()[0]
-            if found not in (0, FORMAT):
+            if found not in (0, 1, FORMAT):
                 raise InputError(f"{path}: a store of format {found}; this swarmsim reads format {FORMAT}")
+            if found == 1:
+                self._add_columns()
             self._base.executescript(TABLES)
             self._base.execute(f"pragma user_version = {FORMAT}")
         except (sqlite3.Error, OSError, ValueError) as problem:  # ValueError: names in it that are no UTF-8
             if _of_the_machine(problem):
                 raise StorageError(f"{path}: cannot be written ({problem})") from problem
             raise InputError(f"{path}: no store of results ({problem}); expected an SQLite file of ours") from problem
+
+    def _add_columns(self) -> None:
+        with self._base:
+            self._base.execute("begin immediate")
+            if self._base.execute("pragma user_version").fetchone()[0] == 1:  # no other process has done it meanwhile
+                for change in ADDED:
+                    self._base.execute(change)
+                self._base.execute(f"pragma user_version = {FORMAT}")
 
     def add(self, row: Row) -> None:
         """Keep a run; one that is here already stays as it is, unless it had failed.
@@ -79,7 +101,7 @@ class Store:
         curve = None if row.curve is None else row.curve.astype("<f4").tobytes()
         values = (
             row.identity, row.condition, row.seed, row.status, row.iterations, json.dumps(row.summary), curve,
-            row.digest, json.dumps(row.versions), row.seconds, row.message,
+            row.digest, json.dumps(row.versions), row.seconds, row.message, row.asks, json.dumps(row.code), time.time(),
         )  # fmt: skip
         try:
             with self._base:
@@ -92,8 +114,19 @@ class Store:
     def rows(self, identities: Iterable[str]) -> dict[str, Row]:
         """Those of the runs asked for that are here, by identity. Raises InputError if one was damaged."""
         wanted = set(identities)
+        return {row.identity: row for row in self._read("order by identity") if row.identity in wanted}
+
+    def of_other_code(self, asked: Mapping[str, str]) -> dict[str, Row]:
+        """The latest sound run of other code for each question, by that; `asked` has the identity of the present code.
+
+        Raises InputError if one was damaged.
+        """
+        rows = self._read("where asks != '' and status != 'failed' order by kept, identity")
+        return {row.asks: row for row in rows if row.asks in asked and row.identity != asked[row.asks]}
+
+    def _read(self, which: str) -> list[Row]:
         try:
-            found = [_row(values) for values in self._base.execute("select * from runs order by identity")]
+            return [_row(values) for values in self._base.execute(f"select * from runs {which}")]
         except (sqlite3.Error, ValueError, TypeError, msgspec.ValidationError) as problem:
             if _of_the_machine(problem):
                 raise StorageError(f"{self.path}: cannot be read ({problem})") from problem
@@ -101,7 +134,6 @@ class Store:
                 f"{self.path}: a run in it is not as it was written ({str(problem)[:100]}); expected a whole store, so "
                 "take a copy from before, or delete it and do the study again"
             ) from problem
-        return {row.identity: row for row in found if row.identity in wanted}
 
     def close(self) -> None:
         """Close the file."""
@@ -124,7 +156,12 @@ def _of_the_machine(problem: Exception) -> bool:
 
 def _row(values: tuple[Any, ...]) -> Row:
     names = [field.name for field in fields(Row)]
-    read = dict(zip(names, values, strict=True))
+    read = dict(zip(names, values, strict=False))  # and when it was kept
     curve = read.pop("curve")
-    read |= {"summary": json.loads(read["summary"]), "versions": json.loads(read["versions"]), "curve": None}
+    read |= {
+        "summary": json.loads(read["summary"]),
+        "versions": json.loads(read["versions"]),
+        "curve": None,
+        "code": json.loads(read["code"]),
+    }
     return replace(msgspec.convert(read, Row), curve=None if curve is None else np.frombuffer(curve, "<f4"))

@@ -20,6 +20,7 @@ import numpy as np
 import tomli_w
 
 from swarmsim.core import registry
+from swarmsim.core.code import code_of
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.files import Table
 from swarmsim.core.part import Part
@@ -238,7 +239,18 @@ class Search:
             scenario = msgspec.structs.replace(self._scenario, seed=seed, stop=stop, faults=faults)
             name = "; ".join(entry.words() for entry in timeline) or "no faults"
             tasks.append(
-                Task(str(number), name, seed, scenario, self._world, False, None, name, registry.own_code_is_allowed())
+                Task(
+                    str(number),
+                    name,
+                    seed,
+                    scenario,
+                    self._world,
+                    False,
+                    None,
+                    name,
+                    registry.own_code_is_allowed(),
+                    code=code_of(scenario),
+                )
             )
         rows = {row.identity: row for row in self._perform(tasks)}
         self.runs += len(rows)

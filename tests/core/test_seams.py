@@ -14,7 +14,7 @@ from conftest import ROOT
 from typer.testing import CliRunner
 
 from swarmsim.cli import app, skeletons
-from swarmsim.core import describe, registry, scenario, schema
+from swarmsim.core import describe, distributions, registry, scenario, schema
 from swarmsim.core.decoding import seam_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import FunctionForm
@@ -137,7 +137,7 @@ def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: lamps\nVersion: 1.0\n")
     (installed / "entry_points.txt").write_text(f"[swarmsim.beacon]\nlamp = {__name__}:Lamp\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    registry._installed_entries.cache_clear()
+    distributions.parts.cache_clear()
     folder = tmp_path / "skeletons"
     folder.mkdir()
     (folder / "beacon.txt").write_text("def $name(state, *, power: float = 1.0):\n    return power\n")
@@ -146,7 +146,7 @@ def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     path = tmp_path / "room.toml"
     path.write_text(room)
     yield path
-    registry._installed_entries.cache_clear()
+    distributions.parts.cache_clear()
 
 
 def test_one_more_seam_is_seen_by_registry_scenario_and_schema(beacon: Path) -> None:

@@ -241,7 +241,9 @@ def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, t
     ]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 1, done.stderr
-    assert done.stdout.count("PartError: topology broken_part.Broken, iteration 0: RuntimeError: the mast broke") == 3
+    assert (
+        done.stdout.count("PartError: topology broken_part.py:Broken, iteration 0: RuntimeError: the mast broke") == 3
+    )
     assert done.stdout.count("raise RuntimeError('the mast broke'); to repeat: swarmsim run") == 3
     with Store(tmp_path / "s.sqlite") as kept:
         rows = kept._base.execute("select status, count(*) from runs group by status").fetchall()
