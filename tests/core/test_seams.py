@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from swarmsim.cli import app, skeletons
 from swarmsim.core import describe, distributions, registry, scenario, schema
-from swarmsim.core.decoding import seam_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import FunctionForm
 from swarmsim.core.part import Part as Asked
+from swarmsim.core.part import seam_of
 from swarmsim.core.seams import SEAMS, Seam
 from swarmsim.core.state import State
 from swarmsim.engine.build import build
