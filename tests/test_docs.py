@@ -9,17 +9,22 @@ from copy import deepcopy
 from pathlib import Path
 
 import click
+import numpy as np
 import pytest
 import tomli_w
 import typer
 from conftest import ROOT
 
 from swarmsim.cli import app
+from swarmsim.core import registry
+from swarmsim.core.events import Begins
 from swarmsim.core.scenario import decode, load
 from swarmsim.core.seams import SEAMS
 from swarmsim.engine.build import build
+from swarmsim.learning.environment import SwarmEnv
 from swarmsim.recording.reader import Recording
 from swarmsim.studies.plan import open_study
+from swarmsim.testing import check_contracts
 from swarmsim.view.video import Film, write_film
 
 SCENARIOS = sorted(
@@ -112,8 +117,10 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
         pass
 
 
+#: Pages whose listings are files that belong together, with tests of their own.
+TOLD = ("docs/minds.md", "docs/own.md")
 ROOM = {**tomllib.loads((ROOT / "scenarios" / "basilica.toml").read_text()), "world": "worlds/basilica.svg"}
-FRAGMENTS = [(page, text) for page in PAGES if page != "docs/minds.md" for text in blocks(page, "toml")]
+FRAGMENTS = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "toml")]
 
 
 @pytest.mark.parametrize(("page", "text"), FRAGMENTS, ids=[page for page, _ in FRAGMENTS])
@@ -150,7 +157,7 @@ def test_every_listing_of_a_scenario_or_study_can_be_read(page: str, text: str, 
         assert Path(scenario.world.file).name == "plan.svg"
 
 
-CODE = [(page, text) for page in PAGES if page != "docs/minds.md" for text in blocks(page, "python")]
+CODE = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "python")]
 
 
 @pytest.mark.parametrize(("page", "text"), CODE, ids=[page for page, _ in CODE])
@@ -202,6 +209,36 @@ def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path)
     recording = Recording(copy / "runs" / "spread")
     assert recording["smallest_gap"][-1] >= 0.35 > recording["smallest_gap"][0]
     assert (copy / "runs" / "spread.mp4").stat().st_size > 10_000
+
+
+def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_path: Path) -> None:
+    for listing in blocks("docs/own.md", "python"):
+        assert listing.count("\n") <= 30
+        (tmp_path / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
+    (scenario,) = blocks("docs/own.md", "toml")
+    (tmp_path / "hall.toml").write_text(scenario)
+    for command in ["-m " + line for line in commands_of("docs/own.md")] + ["look.py"]:
+        arguments = [sys.executable, *command.split()]
+        done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    assert (tmp_path / "runs" / "hall.mp4").stat().st_size > 10_000
+    recording = Recording(tmp_path / "runs" / "hall")
+    seen = recording["nearby_count"]
+    assert seen[:60, 0].any()
+    assert not seen[60:, 0].any()  # its sensor is off from then on
+    assert seen[60:, 1:].any()
+    assert recording["crowding.others"].shape == (10, 5)
+    begun = [event for event in recording.events() if isinstance(event, Begins)]
+    assert [(event.iteration, event.fault) for event in begun] == [(20, 0), (60, 1)]
+    check_contracts(tmp_path / "hall.toml", iterations=10, allow_code=True)
+    with registry.own_code(True):
+        env = SwarmEnv(tmp_path / "hall.toml", observe=["nearby"])
+        observed, _ = env.reset(seed=3)
+        still = {agent: np.zeros(2, np.float32) for agent in env.agents}
+        after = [env.step(still)[0] for _ in range(3)][-1]
+    assert observed["robot_0"]["nearby"].shape == (4, 2)
+    assert all(env.observation_space(agent).contains(one) for agent, one in after.items())
+    assert any(one["nearby_known"].any() for one in after.values())
 
 
 def test_the_tables_of_the_pages_list_every_scenario() -> None:

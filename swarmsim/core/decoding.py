@@ -44,6 +44,8 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) 
     """
 
     def hook(wanted: Any, value: Any) -> Any:
+        if value is NONE:
+            return NONE
         if not isinstance(value, dict | Part):
             raise _WrongKindError(f"Expected `object`, got `{_called(value)}`")
         if isinstance(value, dict) and not isinstance(value.get("use", ""), str):

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
+from types import MemberDescriptorType
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -43,8 +44,10 @@ class Lender:
         return found  # type: ignore[no-any-return]
 
     def _view(self, array: NDArray[np.generic]) -> NDArray[np.generic]:
+        if not array.flags.writeable:
+            return array
         view = array.view()
-        view.setflags(write=False)
+        view.flags.writeable = False
         self._back[id(view)] = view, array
         return view
 
@@ -103,18 +106,34 @@ def _anew(value: Any, change: Change) -> Any:
     made = object.__new__(kind)
     if kind.__dictoffset__:  # what else it holds
         vars(made).update(vars(value))
-    for name, changes in names:
+    for name, changes, put in names:  # the loop that takes the time: no call more than there has to be
         one = getattr(value, name)
-        object.__setattr__(made, name, _anew(one, change) if changes else one)
+        if changes:
+            what = type(one)
+            if what is np.ndarray:
+                one = change(one)
+            elif what not in _PLAIN:
+                one = _anew(one, change)
+        put(made, one)
     return made
 
 
-_PLAIN = frozenset((type(None), bool, int, float, str, bytes))
+_PLAIN: Final = frozenset((type(None), bool, int, float, str, bytes))
 
 
 @lru_cache(maxsize=256)
-def _fields_of(kind: Any) -> tuple[tuple[str, bool], ...]:
-    """The names of all that instances of a frozen dataclass hold, and whether it is lent; other classes have none."""
+def _fields_of(kind: Any) -> tuple[tuple[str, bool, Callable[[object, object], None]], ...]:
+    """The names of all that instances of a frozen dataclass hold, whether it is lent, and what puts it into a new one.
+
+    Other classes have none.
+    """
     if not is_dataclass(kind) or not getattr(kind, "__dataclass_params__").frozen:  # noqa: B009
         return ()
-    return tuple((field.name, field.metadata.get("lent", True)) for field in fields(kind))
+    return tuple((field.name, field.metadata.get("lent", True), _putting(kind, field.name)) for field in fields(kind))
+
+
+def _putting(kind: Any, name: str) -> Callable[[object, object], None]:
+    slot = getattr(kind, name, None)
+    if isinstance(slot, MemberDescriptorType):
+        return slot.__set__
+    return lambda made, value: object.__setattr__(made, name, value)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from swarmsim.core import own
 from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.lending import AS_IT_IS
+from swarmsim.core.lending import AS_IT_IS, lent
 from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.own import MisfitError
 from swarmsim.core.readings import Readings
@@ -274,10 +274,14 @@ def _heard(inbox: Inbox[Columns], robot: int, iteration: int) -> list[SimpleName
         SimpleNamespace(
             sender=int(inbox.senders[row]),
             age=iteration - int(inbox.sent[row]),
-            **{name: column[row] for name, column in zip(names, columns, strict=True)},
+            **{name: _item(column[row]) for name, column in zip(names, columns, strict=True)},
         )
         for row in range(first, end)
     ]
+
+
+def _item(value: object) -> object:
+    return _kept(value) if isinstance(value, np.ndarray) else value
 
 
 class MindComputation:
@@ -451,9 +455,10 @@ class MindStrategy:
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""
+        known = knowledge if isinstance(knowledge, OwnMinds) else lent(knowledge)
         if isinstance(knowledge, OwnMinds) and isinstance(knowledge.minds[0], self._kind):
             self._swarm.minds[:] = knowledge.minds
-        decided = self._swarm.each(senses, self._intent, inbox, knowledge)
+        decided = self._swarm.each(senses, self._intent, inbox, known)
         count = len(senses.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
         twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import getitem
 from typing import Annotated, Any, get_args, get_origin
 
 import msgspec
@@ -64,6 +65,10 @@ def _shown(kind: Any) -> Any:
     if get_origin(kind) is Part:
         seam = seam_of(kind)
         return Annotated[dict[str, Any], msgspec.Meta(extra_json_schema={"$ref": f"#/$defs/{seam}"} if seam else {})]
+    if get_origin(kind) is Annotated:
+        return getitem(Annotated, (_shown(kind.__origin__), *kind.__metadata__))
+    if msgspec.UnsetType in get_args(kind):
+        (kind,) = (one for one in get_args(kind) if one is not msgspec.UnsetType)
     if get_origin(kind) is tuple:
         return tuple.__class_getitem__(tuple(_shown(one) for one in get_args(kind)))
     return kind

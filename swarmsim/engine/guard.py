@@ -14,6 +14,7 @@ from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Event
 from swarmsim.core.lending import Lender, copied, frozen
+from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import is_failure, line_of, told
 from swarmsim.core.parts import Calendar, Happening, Now, Parts
 from swarmsim.core.seams import SEAMS
@@ -71,6 +72,9 @@ class Guard:
         place = f"{Path(file).name}:" if file else f"{author.__module__}."
         self._part, self._author, self._clock = part, author, clock
         self._name = f"{seam} {place}{author.__qualname__}"
+        lends = lends and not isinstance(
+            part, MindComputation | MindStrategy
+        )  # who show minds what cannot be written to
         for verb, check in checks.items():
             given: Change = copied if verb in ("follow", "command") else clock.lender.lent  # asked in every sub-step
             taken: Change = frozen

@@ -42,7 +42,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     failure: Literal["off", "stuck", "noisy", "garbage", "range", "offset", "beams"]
-    channels: Annotated[list[str], Meta(min_length=1)] | None = None  # for off, stuck, noisy: names of channels
+    channels: Annotated[tuple[str, ...], Meta(min_length=1)] | None = None  # for off, stuck, noisy: names of channels
     value: Literal["free", "occupied"] | None = None  # for stuck
     sigma: Annotated[float, Meta(gt=0.0, le=1e6)] | None = None  # for noisy: in the channel's unit
     range: Annotated[float, Meta(gt=0.0)] | None = None  # for range: m
@@ -197,7 +197,7 @@ class ChannelFailure(Lasting):
     """Wraps the sensor: some of its channels are spoilt."""
 
     def __init__(
-        self, names: list[str] | None, failure: str | None, spoil: Callable[[NDArray[np.bool_]], Spoil]
+        self, names: tuple[str, ...] | None, failure: str | None, spoil: Callable[[NDArray[np.bool_]], Spoil]
     ) -> None:
         """`failure` is what numbers alone can be; None: any channel can."""
         self._names, self._failure, self._spoil = names, failure, spoil

@@ -18,8 +18,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.recording.digests import Digests
 
 RADIUS = 0.055  # m: the default of robots
-ITERATIONS = {"room": 30, "basilica": 40}
-MORE = {"room": (), "basilica": ("robots.count=4",), "operations/wandering": ("robots.count=4",)}
+ITERATIONS = {"room": 30, "basilica": 40, "operations/wandering": 30}
+MORE = {"room": (), "basilica": ("robots.count=4",), "operations/wandering": ("robots.count=4", "sensor.reach=9.0")}
 DOORWAY = "[3.15, 1.65, 3.3, 2.55]"  # of the room
 WHEN = "at=8, lasts=12"
 
