@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, called
+from conftest import ROOT, called, readings_of
 from numpy.testing import assert_equal
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.lending import Lender, copied, frozen, lent
-from swarmsim.core.readings import Readings, Tiles
+from swarmsim.core.readings import Tiles
 from swarmsim.core.scenario import load
 from swarmsim.core.state import State
 from swarmsim.engine.build import build
@@ -300,7 +300,7 @@ def test_what_is_lent_shows_what_it_is_of_and_is_given_back_as_that() -> None:
     for changed in (seen.pose, lent({"a": [state.pose]})["a"][0], frozen((np.zeros(2),))[0]):
         with pytest.raises(ValueError, match="read-only"):
             changed[...] = 0
-    mine = Readings(Tiles(np.zeros((1, 2, 2), np.uint8), np.zeros((1, 2), np.int32)))
+    mine = readings_of(Tiles(np.zeros((1, 2, 2), np.uint8), np.zeros((1, 2), np.int32)))
     for other in (lender.taken(mine), copied(mine)):
         mine.tiles.values[...] = 1
         assert not other.tiles.values.any()
