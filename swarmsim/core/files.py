@@ -7,14 +7,14 @@ import os
 import stat
 import tempfile
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine, unwritten
 
 LARGEST: Final = 64_000_000  # bytes of a file that is read whole
-Table = dict[str, Any]  # `use` and the keys of the part it names, or a whole scenario
+Table = dict[str, object]  # `use` and the keys of the part it names, or a whole scenario
 
 
 def with_files(table: Table, folder: Path, place: str = "") -> Table:
@@ -42,7 +42,7 @@ def outside(table: Table, folder: Path, ours: Path | None = None) -> list[str]:
     """A notice for each file that a scenario's table reads from outside of `folder`, its own, and of `ours`."""
     found: list[Path] = []
 
-    def look(value: Any) -> None:
+    def look(value: object) -> None:
         if isinstance(value, dict):
             found.extend(folder / one for key, one in value.items() if key == "file" and isinstance(one, str) and one)
             for inner in value.values():

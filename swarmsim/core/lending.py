@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 AS_IT_IS: Final = {"lent": False}
 
 T = TypeVar("T")
-Change = Callable[[NDArray[Any]], NDArray[Any]]
+Change = Callable[[NDArray[np.generic]], NDArray[np.generic]]
 
 
 class Lender:
@@ -26,7 +26,9 @@ class Lender:
 
     def __init__(self) -> None:
         self._lent: dict[int, tuple[object, object]] = {}  # what was lent and as what, by identity
-        self._back: dict[int, tuple[NDArray[Any], NDArray[Any]]] = {}  # views and what they show, by the view's
+        self._back: dict[
+            int, tuple[NDArray[np.generic], NDArray[np.generic]]
+        ] = {}  # views and what they show, by the view's
 
     def clear(self) -> None:
         """Forget what was lent before."""
@@ -41,7 +43,7 @@ class Lender:
         found: Any = known[1]
         return found  # type: ignore[no-any-return]
 
-    def _view(self, array: NDArray[Any]) -> NDArray[Any]:
+    def _view(self, array: NDArray[np.generic]) -> NDArray[np.generic]:
         if not array.flags.writeable:
             return array
         view = array.view()
@@ -49,14 +51,14 @@ class Lender:
         self._back[id(view)] = view, array
         return view
 
-    def taken(self, value: T, keep: Callable[[NDArray[Any]], bool] = lambda array: False) -> T:
+    def taken(self, value: T, keep: Callable[[NDArray[np.generic]], bool] = lambda array: False) -> T:
         """What a part gives, with copies of its arrays, but for what was lent to it, which it gives back.
 
         Those that can be kept as they are stay what they are.
         """
         back = self._back
 
-        def own(array: NDArray[Any]) -> NDArray[Any]:
+        def own(array: NDArray[np.generic]) -> NDArray[np.generic]:
             known = back.get(id(array))
             return known[1] if known is not None else array if keep(array) else array.copy()
 
@@ -81,7 +83,7 @@ def frozen(value: T) -> T:
     return value
 
 
-def _freeze(array: NDArray[Any]) -> NDArray[Any]:
+def _freeze(array: NDArray[np.generic]) -> NDArray[np.generic]:
     if array.base is None:
         array.setflags(write=False)
     return array

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, Generic, Protocol, Self, TypeVar
+from typing import ClassVar, Final, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,11 @@ class Columns:
 
     __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns, in their order."""
         return tuple([getattr(self, name) for name in self.__match_args__])
 
-    def take(self, rows: NDArray[Any]) -> Self:
+    def take(self, rows: NDArray[np.generic]) -> Self:
         """The items at these indices, or those that a mask marks."""
         return type(self)(*(column[rows] for column in self.arrays()))
 
@@ -40,28 +40,29 @@ class Columns:
 
 
 C = TypeVar("C", bound=Columns)
+C_co = TypeVar("C_co", bound=Columns, covariant=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Said(Generic[C]):
+class Said(Generic[C_co]):
     """What every robot says in one iteration: one message each, of any number of items."""
 
-    content: C  # (t,): the items of all messages
+    content: C_co  # (t,): the items of all messages
     ends: NDArray[np.int64]  # (n,): robot i says the items ends[i - 1] to ends[i]
     sizes: NDArray[np.int32]  # (n,): bytes of each robot's message, header included
     one_each: bool = False  # whether item i is all that robot i says, which is faster to look up
 
-    @classmethod
-    def each(cls, content: C, size: int) -> Self:
+    @staticmethod
+    def each(content: C, size: int) -> Said[C]:
         """Item i is what robot i says, in so many bytes."""
         count = len(content)
-        return cls(content, np.arange(1, count + 1), np.full(count, size, np.int32), one_each=True)
+        return Said(content, np.arange(1, count + 1), np.full(count, size, np.int32), one_each=True)
 
     def starts(self) -> NDArray[np.int64]:
         """Where each robot's items begin (n,)."""
         return np.concatenate([np.zeros(1, np.int64), self.ends[:-1]])
 
-    def of(self, robot: int) -> C:
+    def of(self, robot: int) -> C_co:
         """The items of one robot's message."""
         return self.content.take(np.arange(self.ends[robot - 1] if robot else 0, self.ends[robot]))
 
@@ -76,21 +77,21 @@ class Delivery:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Inbox(Generic[C]):
+class Inbox(Generic[C_co]):
     """The items heard in one iteration, sorted by receiver, sender and iteration sent."""
 
     receivers: NDArray[np.int32]  # (t,): the rows of those who heard it, among the robots that a mind serves
     senders: NDArray[np.int32]  # (t,): the numbers of those who said it, which may be any of the swarm's
     sent: NDArray[np.int32]  # (t,): the iteration in which it was said
-    content: C  # (t,)
+    content: C_co  # (t,)
     oldest: int = 0  # no message still under way was said before this iteration
 
-    def take(self, rows: NDArray[Any]) -> Inbox[C]:
+    def take(self, rows: NDArray[np.generic]) -> Inbox[C_co]:
         """Some of the items."""
         columns = (self.receivers[rows], self.senders[rows], self.sent[rows], self.content.take(rows))
         return Inbox(*columns, self.oldest)
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns: who heard what of whom, and when it was said."""
         return self.receivers, self.senders, self.sent, *self.content.arrays()
 
@@ -171,7 +172,7 @@ class PostOffice(Generic[C]):
         """What letters (m, 4) of one iteration hold, message by message."""
         said = self._said[iteration]
         receivers, senders, sent = heard[:, 0], heard[:, 1], heard[:, 2]
-        rows: NDArray[Any] = senders
+        rows: NDArray[np.generic] = senders
         if not said.one_each:
             starts = said.starts()
             counts = (said.ends - starts)[senders]

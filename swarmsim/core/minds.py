@@ -11,7 +11,7 @@ import keyword
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,11 +111,30 @@ class Me:
     _period: float = 1.0  # s, of an iteration
 
 
+class Mind(Protocol):
+    """One robot's mind, an instance of somebody's class; only one whose class `says` something has to `say` it."""
+
+    def say(self, me: Me) -> object:
+        """What it tells others."""
+        ...
+
+    def hear(self, me: Me) -> object:
+        """To take in what it is told; it is not asked if it has no such method."""
+        ...
+
+    def step(self, me: Me) -> object:
+        """What it decides."""
+        ...
+
+
+T = TypeVar("T")  # what minds answer
+S = TypeVar("S", bound=np.generic)
+
 #: What a mind finds of its own and a sensor cannot call a channel; `ranges` is the ring's.
 OF_ME: Final = frozenset(name for name in dir(Me) if not name.startswith("_")) - {"ranges"}
 
 
-def _number(verb: str, name: str, value: Any) -> float:
+def _number(verb: str, name: str, value: object) -> float:
     try:
         return own.finite(value)
     except ValueError as problem:
@@ -126,7 +145,7 @@ def _number(verb: str, name: str, value: Any) -> float:
 class OwnMinds(Knowledge):
     """What the minds of somebody's own class know: themselves, and what of it they show."""
 
-    minds: Sequence[Any] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
+    minds: Sequence[Mind] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
     shown: Mapping[str, NDArray[np.float64]]  # (n,): the attributes that the class names in `shows`
 
     def __getattr__(self, name: str) -> NDArray[np.float64]:
@@ -137,7 +156,7 @@ class OwnMinds(Knowledge):
                 f"{name!r} is not shown; the class names in 'shows': {', '.join(self.shown)}"
             ) from None
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All that is shown."""
         return tuple(self.shown.values())
 
@@ -145,7 +164,7 @@ class OwnMinds(Knowledge):
         """A table for each attribute that is shown."""
         return Record(dict(self.shown))
 
-    def of(self, robot: int) -> Any:
+    def of(self, robot: int) -> Mind:
         """One robot's mind."""
         return self.minds[robot]
 
@@ -160,7 +179,7 @@ _SILENCE: Final = make_dataclass(
 class Swarm:
     """One instance for each robot, and what each of them may know."""
 
-    def __init__(self, make: Callable[[], Any], setting: Setting) -> None:
+    def __init__(self, make: Callable[[], Mind], setting: Setting) -> None:
         self._make, self._setting = make, setting
         #: The robots' numbers, by row.
         self.ids: list[int] = setting.ids.tolist()
@@ -170,15 +189,15 @@ class Swarm:
     def each(
         self,
         senses: Senses,
-        ask: Callable[[Any, Me], Any],
-        inbox: Inbox[Any] | None = None,
+        ask: Callable[[Mind, Me], T],
+        inbox: Inbox[Columns] | None = None,
         knowledge: Knowledge | None = None,
-    ) -> dict[int, Any]:
+    ) -> dict[int, T]:
         """What every live robot's mind answers, by its row; what is raised tells whose mind it was.
 
         There is no inbox before they have spoken, and no knowledge before they have heard.
         """
-        answers = {}
+        answers: dict[int, T] = {}
         for row, me in self._all(senses, inbox, knowledge):
             try:
                 answers[row] = ask(self.minds[row], me)
@@ -187,7 +206,9 @@ class Swarm:
                 raise
         return answers
 
-    def _all(self, senses: Senses, inbox: Inbox[Any] | None, knowledge: Knowledge | None) -> Iterable[tuple[int, Me]]:
+    def _all(
+        self, senses: Senses, inbox: Inbox[Columns] | None, knowledge: Knowledge | None
+    ) -> Iterable[tuple[int, Me]]:
         robots, lattice, period = self._setting.robots, self._setting.lattice, self._setting.period
         readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
@@ -226,7 +247,7 @@ def _read(readings: Readings, robot: int) -> SimpleNamespace:
     """What one robot's other sensors give: numbers, arrays, and of ragged channels as many rows as are used."""
     if all(name in _SHOWN for name in readings.channels.places):
         return _NONE
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     counts = {channel.count for channel in readings.channels}
     for channel, column in zip(readings.channels, readings.columns, strict=True):
         first, end = channel.robots or (0, len(column))
@@ -238,13 +259,13 @@ def _read(readings: Readings, robot: int) -> SimpleNamespace:
     return SimpleNamespace(**found)
 
 
-def _kept(array: NDArray[Any]) -> NDArray[Any]:
+def _kept(array: NDArray[S]) -> NDArray[S]:
     view = array.view()
     view.flags.writeable = False
     return view
 
 
-def _heard(inbox: Inbox[Any], robot: int, iteration: int) -> list[SimpleNamespace]:
+def _heard(inbox: Inbox[Columns], robot: int, iteration: int) -> list[SimpleNamespace]:
     """The items of one robot's inbox, each by the names of its columns."""
     first, end = np.searchsorted(inbox.receivers, [robot, robot + 1]).tolist()
     names = [column.name for column in fields(inbox.content)]
@@ -259,7 +280,7 @@ def _heard(inbox: Inbox[Any], robot: int, iteration: int) -> list[SimpleNamespac
     ]
 
 
-def _item(value: Any) -> Any:
+def _item(value: object) -> object:
     return _kept(value) if isinstance(value, np.ndarray) else value
 
 
@@ -268,7 +289,7 @@ class MindComputation:
 
     knows: type[Knowledge] = OwnMinds
 
-    def __init__(self, kind: type, make: Callable[[], Any], setting: Setting) -> None:
+    def __init__(self, kind: type, make: Callable[[], Mind], setting: Setting) -> None:
         #: Whose contract it is to keep.
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
@@ -278,15 +299,15 @@ class MindComputation:
         #: The attributes of minds that are recorded.
         self.shows = _shown(kind)
         self._hears = callable(getattr(kind, "hear", None))
-        columns = [(name, NDArray[Any]) for name in self._kinds]
-        self._content: Any = (
+        columns = [(name, NDArray[np.generic]) for name in self._kinds]
+        self._content: Callable[..., Columns] = (
             make_dataclass("Message", columns, bases=(Columns,), frozen=True, slots=True, eq=False)
             if columns
             else _SILENCE
         )
         self.codec = PlainCodec(self._content(*self._columns({})))
 
-    def _columns(self, answers: dict[int, dict[str, Any]], count: int = 0) -> list[NDArray[Any]]:
+    def _columns(self, answers: dict[int, dict[str, NDArray[np.generic]]], count: int = 0) -> list[NDArray[np.generic]]:
         if not self._kinds:
             return [np.empty((count, 0))]
         columns = {name: np.zeros(count, kind) for name, kind in self._kinds.items()}
@@ -295,14 +316,13 @@ class MindComputation:
                 columns[name][robot] = value
         return list(columns.values())
 
-    def _answer(self, mind: Any, me: Me) -> dict[str, Any]:
+    def _answer(self, mind: Mind, me: Me) -> dict[str, NDArray[np.generic]]:
         """What a mind says, by the names in `says`. Raises MisfitError."""
         found, names = mind.say(me), list(self._kinds)
         if not isinstance(found, Mapping):
-            several = isinstance(found, tuple | list) or (
-                type(found) is np.ndarray and np.shape(found) == (len(names),)
-            )
-            values = list(found) if several else [found]
+            values = [found]
+            if isinstance(found, tuple | list) or (type(found) is np.ndarray and found.shape == (len(names),)):
+                values = list(found)
             if len(values) != len(names):
                 wrong = f"{len(values)} value{'s' * (len(values) != 1)}, {own.brief(found)}"
                 raise self._misfit(f"{wrong}; expected {len(names)}, as 'says' names them: {', '.join(names)}")
@@ -314,7 +334,7 @@ class MindComputation:
             raise self._misfit(f"no {', '.join(missing)}; expected all that 'says' names: {', '.join(names)}")
         return {name: self._value(name, value) for name, value in found.items()}
 
-    def _value(self, name: str, value: Any) -> NDArray[Any]:
+    def _value(self, name: str, value: object) -> NDArray[np.generic]:
         """A value as its field holds it. Raises MisfitError for one that is another number there."""
         kind = self._kinds[name]
         try:
@@ -330,13 +350,13 @@ class MindComputation:
     def _misfit(self, wrong: str) -> MisfitError:
         return MisfitError(f"say gave {wrong}", self.written_by, "say")
 
-    def say(self, senses: Senses) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Columns]:
         """What each live robot's mind says; the dead's messages are zeros that nobody hears."""
         answers = self._swarm.each(senses, self._answer) if self._kinds else {}
         columns = self._columns(answers, len(senses.alive))
         return Said.each(self._content(*columns), self.codec.size)
 
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> OwnMinds:
+    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> OwnMinds:
         """The minds, after they have heard."""
         if self._hears:
             self._swarm.each(senses, lambda mind, me: mind.hear(me), inbox)
@@ -368,7 +388,7 @@ class MindComputation:
         self._swarm.adopt(robots, source)
 
 
-def _said(kind: type) -> dict[str, np.dtype[Any]]:
+def _said(kind: type) -> dict[str, np.dtype[np.generic]]:
     """The fields of the messages of a class of minds, by name. Raises MisfitError for what is no such thing."""
     says = getattr(kind, "says", {})
     if not isinstance(says, Mapping):
@@ -380,7 +400,7 @@ def _said(kind: type) -> dict[str, np.dtype[Any]]:
             f"{kind.__name__}: expected both 'says', the fields of a message, and 'say', or neither", kind, "say"
         )
     taken = {"sender", "age", *(name for name in dir(Columns) if not name.startswith("_"))}
-    kinds = {}
+    kinds: dict[str, np.dtype[np.generic]] = {}
     for name, dtype in says.items():
         if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
             raise MisfitError(f"says: {own.brief(name)} cannot be a field; expected a name such as 'x'", kind, "says")
@@ -424,7 +444,7 @@ class MindStrategy:
 
     reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def __init__(self, kind: type, make: Callable[[], Any], setting: Setting) -> None:
+    def __init__(self, kind: type, make: Callable[[], Mind], setting: Setting) -> None:
         #: Whose contract it is to keep.
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
@@ -433,7 +453,7 @@ class MindStrategy:
         self._swarm = Swarm(make, setting)
         self._ways: dict[int, bytes] = {}
 
-    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""
         known = knowledge if isinstance(knowledge, OwnMinds) else lent(knowledge)
         if isinstance(knowledge, OwnMinds) and isinstance(knowledge.minds[0], self._kind):
@@ -451,7 +471,7 @@ class MindStrategy:
         from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
         return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists)
 
-    def _intent(self, mind: Any, me: Me) -> Intent:
+    def _intent(self, mind: Mind, me: Me) -> Intent:
         answer = mind.step(me)
         if answer is None:
             return Intent((0.0, 0.0))

@@ -104,14 +104,14 @@ class Computation(Protocol[C, K_co]):
         ...
 
 
-class Sharing(Protocol[K]):
+class Sharing(Protocol[C, K]):
     """What robots of one computation say of what they know, and what they take in of what they hear."""
 
-    def say(self, senses: Senses, known: K, /) -> Said[Any]:
+    def say(self, senses: Senses, known: K, /) -> Said[C]:
         """The message of every robot, from what it senses now and what it knew before this iteration."""
         ...
 
-    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[Any]:
+    def taken(self, senses: Senses, inbox: Inbox[C]) -> Inbox[Columns]:
         """The items of the inbox that are taken in."""
         ...
 
@@ -150,6 +150,11 @@ class Curve:
             raise ValueError("a curve's scale or end that is not finite")
 
 
+#: Any computation, strategy or task, whatever it says or reads: that they go together is checked when a run is built.
+AnyComputation = Computation[Any, Knowledge]
+AnyStrategy = Strategy[Any]
+
+
 class Summary(Protocol[K]):
     """An observer that has the run in numbers at its end."""
 
@@ -182,6 +187,10 @@ class Task(Protocol[K]):
     def summaries(self) -> Sequence[Summary[K]]:
         """New probes, which sum a whole run up."""
         ...
+
+
+#: Any task, as above.
+AnyTask = Task[Any]
 
 
 class Topology(Protocol):
@@ -301,13 +310,13 @@ class Parts:
 
     sensor: Sensor
     localisation: Tracking
-    computation: Computation[Any, Knowledge]
-    strategy: Strategy[Any]
+    computation: AnyComputation
+    strategy: AnyStrategy
     topology: Topology
     channel: Channel
     motion: Motion
     bodies: Bodies
-    task: Task[Any]
+    task: AnyTask
     building: Building
     calendar: Calendar
     lattice: Lattice  # of tiles and maps

@@ -82,7 +82,8 @@ def _filled(robots: Table, place: str) -> tuple[Table, Table]:
         hint = f"did you mean {near[0]!r}? " if near else ""
         raise InputError(f"{place}.use: no robot is called {use!r}; {hint}Known: {', '.join(PLATFORMS)}")
     numbers = {key: value for key, value in PLATFORMS[use].items() if key != "sensor"}
-    return {**numbers, **robots}, dict(PLATFORMS[use].get("sensor", {}))
+    sensor = PLATFORMS[use].get("sensor")
+    return {**numbers, **robots}, dict(sensor) if isinstance(sensor, dict) else {}
 
 
 def _mixed(groups: list[object], has_sensor: bool) -> Table:
@@ -106,11 +107,11 @@ def _mixed(groups: list[object], has_sensor: bool) -> Table:
     if any(spawn != spawns[0] for spawn in spawns):
         raise InputError("robots: groups start in one spawn area; expected the same for all of them")
     whole: Table = {"groups": found, **({"spawn": spawns[0]} if spawns else {})}
-    counts = [group.get("count") for group in found]
-    if all(isinstance(count, int) and not isinstance(count, bool) for count in counts):
-        whole["count"] = sum(count for count in counts if count is not None)
+    counts = [count for one in found if isinstance(count := one.get("count"), int) and not isinstance(count, bool)]
+    if len(counts) == len(found):
+        whole["count"] = sum(counts)
     for key, default in (("radius", 0.055), ("speed", 0.15)):
-        values = [group.get(key, default) for group in found]
-        if all(isinstance(value, int | float) for value in values):
+        values = [value for one in found if isinstance(value := one.get(key, default), int | float)]
+        if len(values) == len(found):
             whole[key] = max(values)
     return whole

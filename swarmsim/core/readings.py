@@ -23,6 +23,10 @@ Word = Annotated[str, Meta(max_length=200)]
 Side = Annotated[int, Meta(ge=0, le=LONGEST)]
 
 
+#: (n, ...): what a channel gives, of its type: whoever reads one by name knows of which.
+Column = NDArray[Any]
+
+
 class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """One column of readings: what it holds of each robot, and how it is to be treated.
 
@@ -79,7 +83,7 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         group, count = (f"{name}_{one}" if one else "" for one in (self.group, self.count))
         return self.called(f"{name}_{self.name}", group=group, count=count)
 
-    def blanks(self, robots: int) -> NDArray[Any]:
+    def blanks(self, robots: int) -> Column:
         """The column (n, ...) of robots that measure nothing."""
         return np.full((robots, *self.shape), self.empty, self.dtype)
 
@@ -204,13 +208,13 @@ class Readings:
     """What the sensors of every robot measure now: a column (n, ...) for each channel that they declare."""
 
     channels: Channels = NOTHING
-    columns: tuple[NDArray[Any], ...] = ()
+    columns: tuple[Column, ...] = ()
 
     def __contains__(self, name: object) -> bool:
         """Whether there is a channel, or a group, of this name."""
         return name in self.channels
 
-    def __getitem__(self, name: str) -> NDArray[Any]:
+    def __getitem__(self, name: str) -> Column:
         """The column (n, ...) of a channel. Raises InputError, which says what there is, for one that there is not."""
         return self.columns[self.channels.place(name)]
 
@@ -237,11 +241,11 @@ class Readings:
         place = self.channels.places.get("field")
         return None if place is None else self.columns[place]
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[Column, ...]:
         """All that was measured, in the order of its declaration."""
         return self.columns
 
-    def rows(self) -> dict[str, NDArray[Any]]:
+    def rows(self) -> dict[str, Column]:
         """What is recorded of it, by the name of its table."""
         return {
             channel.recorded_as: column
@@ -253,7 +257,7 @@ class Readings:
         """The readings of these robots (r,), in this order."""
         return Readings(self.channels, tuple([column[robots] for column in self.columns]))
 
-    def having(self, columns: Mapping[str, NDArray[Any]]) -> Readings:
+    def having(self, columns: Mapping[str, Column]) -> Readings:
         """The same with other columns for some channels."""
         changed = list(self.columns)
         for name, column in columns.items():
@@ -266,7 +270,7 @@ class Readings:
         columns = zip(rows, other.columns, self.columns, strict=True)
         return Readings(self.channels, tuple([np.where(*three) for three in columns]))
 
-    def blanked(self, robots: NDArray[Any], places: tuple[int, ...] | None = None) -> Readings:
+    def blanked(self, robots: NDArray[np.int64] | NDArray[np.bool_], places: tuple[int, ...] | None = None) -> Readings:
         """The same with nothing measured by some robots, (r,) or a mask (n,), in all or some columns.
 
         What the rows of a channel are counted by goes with it; all other structure stays.
@@ -298,7 +302,7 @@ class Readings:
         return self.having(changed) if changed else self
 
 
-def _for_each(rows: NDArray[Any], column: NDArray[Any]) -> NDArray[Any]:
+def _for_each(rows: Column, column: Column) -> Column:
     """Something of each robot (n, k) beside all that a column (n, ..., k) holds of it."""
     return rows.reshape(len(rows), *[1] * (column.ndim - 2), rows.shape[-1])
 

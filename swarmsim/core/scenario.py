@@ -15,27 +15,28 @@ from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.budget import BUDGET
+from swarmsim.core.crew import Length
 from swarmsim.core.decoding import Take, convert
 from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table, outside
 from swarmsim.core.part import NONE, Part, plain
 from swarmsim.core.parts import (
+    AnyComputation,
+    AnyStrategy,
+    AnyTask,
     Bodies,
     Channel,
-    Computation,
     Fault,
     Generator,
     Localisation,
     Motion,
     Probe,
     Sensor,
-    Strategy,
-    Task,
     Topology,
 )
 from swarmsim.core.platforms import with_platforms
-from swarmsim.core.robots import Count, Length, Positive, Robots
+from swarmsim.core.robots import Count, Positive, Robots
 from swarmsim.core.seams import SEAMS, at_place
 from swarmsim.core.setting import Field
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml
@@ -133,8 +134,8 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What a robot computes from what it senses and hears, and what it does with that."""
 
-    computation: Part[Computation[Any, Any]] = Part("computation")
-    strategy: Part[Strategy[Any]] = Part("strategy")
+    computation: Part[AnyComputation] = Part("computation")
+    strategy: Part[AnyStrategy] = Part("strategy")
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -164,7 +165,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     network: Network
     mind: Mind = Mind()
     motion: Part[Motion] = Part("motion")
-    task: Part[Task[Any]] = Part("task")
+    task: Part[AnyTask] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
     probes: tuple[Part[Probe], ...] = ()
     stop: Stop = Stop()
@@ -186,9 +187,9 @@ MOVED: Final = {
 }
 
 
-def parts_of(scenario: Scenario) -> dict[str, Part[Any]]:
+def parts_of(scenario: Scenario) -> dict[str, Part[object]]:
     """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
-    found: dict[str, Part[Any]] = {}
+    found: dict[str, Part[object]] = {}
     for seam in SEAMS.values():
         part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
         if part or seam.required:
@@ -196,7 +197,7 @@ def parts_of(scenario: Scenario) -> dict[str, Part[Any]]:
     return found
 
 
-def lists(scenario: Scenario) -> list[tuple[str, Part[Any]]]:
+def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
     """Every part that a scenario has any number of, with its place: `faults[2]`."""
     return [
         (f"{seam.at}[{i}]", part)
@@ -206,13 +207,13 @@ def lists(scenario: Scenario) -> list[tuple[str, Part[Any]]]:
     ]
 
 
-def all_parts(scenario: Scenario) -> list[Part[Any]]:
+def all_parts(scenario: Scenario) -> list[Part[object]]:
     """Every part that a scenario names: one a seam, and those of which there are many."""
     single = [part for seam, part in parts_of(scenario).items() if seam != "sensor"]
     return [*single, *(part for _, part in sensors_of(scenario)), *(part for _, part in lists(scenario))]
 
 
-def every_part(scenario: Scenario) -> list[Part[Any]]:
+def every_part(scenario: Scenario) -> list[Part[object]]:
     """Every part that a scenario names, and those in the keys of others."""
     return [one for part in all_parts(scenario) for one in part.inside()]
 
@@ -243,7 +244,7 @@ def table_of(scenario: Scenario) -> Table:
     return table
 
 
-def _without_none(value: Any) -> Any:
+def _without_none(value: object) -> Any:
     """The same without what TOML cannot say."""
     if isinstance(value, dict):
         return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
@@ -260,7 +261,7 @@ def _at(whole: Any, place: tuple[str, ...]) -> Any:
     return reduce(getattr, place, whole)
 
 
-def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, Any] | None = None) -> Scenario:
+def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, object] | None = None) -> Scenario:
     """Read a scenario file, with `key.path=value` overrides whose values are TOML, then `changes` by dotted key.
 
     Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
@@ -302,7 +303,7 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     {file = "net.csv"} of a part stands for the rows of that file) and of its own parts. Raises InputError.
     """
 
-    def complete(part: Part[Any]) -> Part[Any]:
+    def complete(part: Part[object]) -> Part[object]:
         return (part if folder is None else part.beside(folder)).decoded()
 
     scenario = _scenario(table, name, complete)
@@ -331,11 +332,12 @@ def _of_groups(table: Table) -> Table:
     return {**table, "robots": {**robots, "groups": groups}}
 
 
-def _of_group(key: str, value: Any) -> Any:
+def _of_group(key: str, value: object) -> object:
     if key == "sensors" and isinstance(value, list):
         return [_of_group("sensor", one) for one in value]
-    is_part = key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str)
-    return Part(key, value) if is_part else value
+    if key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str):
+        return Part(key, value)
+    return value
 
 
 def _scenario(table: Table, name: str, take: Take) -> Scenario:
@@ -429,7 +431,7 @@ def _kind(table: Table, path: str) -> types.Type | None:
     return kind
 
 
-def assign(table: Table, path: str, value: Any) -> None:
+def assign(table: Table, path: str, value: object) -> None:
     """Set a dotted key of a scenario's table, making the tables on the way.
 
     `mind.KEY` is a key of both halves of a mind that are one part. Raises InputError where a value is in the way.
@@ -438,9 +440,10 @@ def assign(table: Table, path: str, value: Any) -> None:
     for place in _places(table, path):
         inner = table
         for depth, key in enumerate(place[:-1]):
-            inner = inner.setdefault(key, {})
-            if not isinstance(inner, dict):
-                raise InputError(f"{'.'.join(place[: depth + 1])} is {inner!r}, not a table")
+            below = inner.setdefault(key, {})
+            if not isinstance(below, dict):
+                raise InputError(f"{'.'.join(place[: depth + 1])} is {below!r}, not a table")
+            inner = below
         inner[place[-1]] = copy.deepcopy(value)
 
 

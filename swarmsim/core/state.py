@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,14 +44,16 @@ class State:
 class Record:
     """What goes into the recording of one iteration, by the name of its table."""
 
-    rows: Mapping[str, Any] = field(default_factory=dict)  # one row each, of the same shape in every iteration
-    lists: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (c, ...): as many rows as there happen to be
+    rows: Mapping[str, object] = field(default_factory=dict)  # one row each, of the same shape in every iteration
+    lists: Mapping[str, NDArray[np.generic]] = field(
+        default_factory=dict
+    )  # (c, ...): as many rows as there happen to be
 
 
 class Auditor:
     """Checks that knowledge follows from what was sensed and heard; this one takes everything on trust."""
 
-    def audit(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
+    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[Columns]) -> str | None:
         """What is wrong with the knowledge that a computation gives for what was sensed and heard, or None."""
         return None
 
@@ -68,14 +70,14 @@ class Knowledge(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All of it, or its changes in this iteration, for the digest."""
 
     @abstractmethod
     def record(self) -> Record:
         """What is kept of it in the recording."""
 
-    def of(self, robot: int) -> Any:
+    def of(self, robot: int) -> object:
         """What one robot knows of it, for minds that are written for one robot; None where that is not told apart."""
         return None
 
@@ -92,7 +94,7 @@ K_co = TypeVar("K_co", bound=Knowledge, covariant=True)
 class Estimates(Knowledge):
     """Knowledge that is a few numbers for each robot: every field of a subclass is an array (n, ...)."""
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All fields, in their order."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
@@ -180,11 +182,11 @@ class Measured:
     """What a task measures in one iteration."""
 
     values: Mapping[str, float]  # of the swarm, by name; the first is what the task is about
-    robots: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # (n,): of each robot, by name
+    robots: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)  # (n,): of each robot, by name
     progress: float = 0.0  # 0 to 1: how much of the task is done
     finished: bool = False
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All of it, in its order."""
         return (np.array([*self.values.values(), self.progress]), *self.robots.values())
 

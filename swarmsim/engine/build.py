@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 import numpy as np
@@ -25,7 +25,15 @@ from swarmsim.core.lending import lent
 from swarmsim.core.minds import OF_ME
 from swarmsim.core.own import not_ending
 from swarmsim.core.part import Buildable, Part
-from swarmsim.core.parts import Calendar, Computation, Observer, Parts, Sensor, Strategy, Task
+from swarmsim.core.parts import (
+    AnyComputation,
+    AnyStrategy,
+    AnyTask,
+    Calendar,
+    Observer,
+    Parts,
+    Sensor,
+)
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
@@ -53,7 +61,7 @@ from swarmsim.world.source import floor_plan, read_world
 from swarmsim.world.unreached import unreached
 
 P = TypeVar("P")
-Asked = dict[str, Part[Any]]  # the parts of a scenario, by seam
+Asked = dict[str, Part[object]]  # the parts of a scenario, by seam
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -298,9 +306,7 @@ def _giving(name: str) -> str:
     return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
 
 
-def _check_knowledge(
-    place: str, part: Strategy[Any] | Task[Any], computation: Computation[Any, Knowledge], asked: Asked
-) -> None:
+def _check_knowledge(place: str, part: AnyStrategy | AnyTask, computation: AnyComputation, asked: Asked) -> None:
     """Raise InputError unless the part reads what the computation gives."""
     if not issubclass(computation.knows, part.reads):
         raise InputError(

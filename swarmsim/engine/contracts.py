@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,16 +12,16 @@ from numpy.typing import NDArray
 from swarmsim.core.declarations import wrong_channels
 from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Codec, Columns, Delivery, Said
+from swarmsim.core.messages import C, Codec, Columns, Delivery, Said
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
-from swarmsim.core.readings import Channel, Channels, Readings
+from swarmsim.core.readings import Channel, Channels, Column, Readings
 from swarmsim.core.state import Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import checks
 from swarmsim.recording import layout
 
 
-def array(name: str, found: Any, dtype: Any, *shape: int | None, finite: bool = True) -> str | None:
+def array(name: str, found: object, dtype: type[np.generic], *shape: int | None, finite: bool = True) -> str | None:
     """What is wrong with an array that should have this type and shape (None: any length), or None."""
     if type(found) is np.ndarray:
         kind = found.dtype
@@ -53,10 +52,10 @@ def first_of(*problems: str | None) -> str | None:
     return next((problem for problem in problems if problem is not None), None)
 
 
-def links(found: Any, state: State) -> str | None:
+def links(found: object, state: State) -> str | None:
     """Links (m, 2) among live robots, sorted by receiver, then sender; no self link, each pair at most once."""
     wrong = array("links", found, np.int32, None, 2)
-    if wrong is not None or checks.links_hold(found, state.alive):
+    if wrong is not None or not isinstance(found, np.ndarray) or checks.links_hold(found, state.alive):
         return wrong
     receivers, senders = found.T
     if found.min() < 0 or found.max() >= state.robots:
@@ -77,7 +76,7 @@ def links(found: Any, state: State) -> str | None:
     return None
 
 
-def delivery(found: Any, state: State, sent: int) -> str | None:
+def delivery(found: object, state: State, sent: int) -> str | None:
     """Letters heard (m, 4), sorted, with ids of robots; nothing from the future."""
     if not isinstance(found, Delivery):
         return f"deliver: {type(found).__name__}; expected a Delivery"
@@ -92,14 +91,14 @@ def delivery(found: Any, state: State, sent: int) -> str | None:
     return "heard: letters have to be sorted by receiver, sender and iteration sent"
 
 
-def declared(found: Any, robots: int) -> str | None:
+def declared(found: object, robots: int) -> str | None:
     """What is wrong with what a sensor says it gives, or None."""
     if not isinstance(found, Channels):
         return f"channels: {brief(found)}; expected Channels"
     return wrong_channels(found, robots)
 
 
-def readings(found: Any, state: State, channels: Channels) -> str | None:
+def readings(found: object, state: State, channels: Channels) -> str | None:
     """Readings with the columns that were declared, of their types, shapes and bounds, and a row for each robot."""
     if not isinstance(found, Readings):
         return f"sense: {type(found).__name__}; expected Readings"
@@ -116,7 +115,7 @@ def readings(found: Any, state: State, channels: Channels) -> str | None:
     return None
 
 
-def _out_of_bounds(channel: Channel, column: NDArray[Any]) -> str | None:
+def _out_of_bounds(channel: Channel, column: Column) -> str | None:
     """What is wrong with the numbers of a channel, or None; where nothing is measured they are blank or NaN."""
     if channel.dtype == "?" or (channel.low, channel.high) == (-math.inf, math.inf):
         return None
@@ -128,12 +127,12 @@ def _out_of_bounds(channel: Channel, column: NDArray[Any]) -> str | None:
     return f"{channel.name}: {column[strange][0]} at {_first(strange)}; expected {channel.low:g} to {channel.high:g}"
 
 
-def located(found: Any, state: State) -> str | None:
+def located(found: object, state: State) -> str | None:
     """Estimated poses (n, 3)."""
     return array("locate", found, np.float64, state.robots, 3)
 
 
-def said(found: Any, senses: Senses) -> str | None:
+def said(found: object, senses: Senses) -> str | None:
     """One message of each robot, whose items are counted without a gap."""
     if not isinstance(found, Said) or not isinstance(found.content, Columns):
         return f"say: {type(found).__name__}; expected Said, with Columns as its content"
@@ -151,14 +150,14 @@ def said(found: Any, senses: Senses) -> str | None:
     return f"ends: {found.ends.tolist()[:8]} for {items} items; expected them to rise to that number"
 
 
-def knowledge(found: Any, kind: type[Knowledge]) -> str | None:
+def knowledge(found: object, kind: type[Knowledge]) -> str | None:
     """Knowledge of the kind announced, in plain arrays of numbers."""
     if not isinstance(found, kind):
         return f"hear: {type(found).__name__}; expected {kind.__name__}"
     return next((wrong for one in found.arrays() if (wrong := _plain(kind.__name__, one)) is not None), None)
 
 
-def _plain(name: str, found: Any) -> str | None:
+def _plain(name: str, found: object) -> str | None:
     """What is wrong with an array that may be of any numbers and shape, or None."""
     if type(found) is not np.ndarray:
         return f"{name}: {brief(found)}; expected a plain array of numbers"
@@ -166,7 +165,7 @@ def _plain(name: str, found: Any) -> str | None:
 
 
 #: The type and the shape of a row of each table, and whether there is one in each iteration.
-Form = dict[str, tuple[np.dtype[Any], tuple[int, ...], str]]
+Form = dict[str, tuple[np.dtype[np.generic], tuple[int, ...], str]]
 
 
 def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[Form, str | None]:
@@ -195,7 +194,7 @@ def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[
     return form, None
 
 
-def intents(found: Any, senses: Senses, lattice: Lattice) -> str | None:
+def intents(found: object, senses: Senses, lattice: Lattice) -> str | None:
     """Ways and velocities with a row for each robot, all finite; goals are cells of the lattice."""
     if not isinstance(found, Intents):
         return f"step: {type(found).__name__}; expected Intents"
@@ -230,7 +229,7 @@ def intents(found: Any, senses: Senses, lattice: Lattice) -> str | None:
     return wrong
 
 
-def measured(found: Any, robots: int, curve: Curve) -> str | None:
+def measured(found: object, robots: int, curve: Curve) -> str | None:
     """Measures that are numbers, that of the curve among them, and of each robot; how much is done, and whether all."""
     if not isinstance(found, Measured) or not found.values:
         return f"measure: {brief(found)}; expected Measured, with one value at least"
@@ -255,7 +254,7 @@ def measured(found: Any, robots: int, curve: Curve) -> str | None:
     return None
 
 
-def summary(found: Any, taken: Collection[str]) -> str | None:
+def summary(found: object, taken: Collection[str]) -> str | None:
     """Numbers, or None where one is not defined, by names that are not taken."""
     if not isinstance(found, Mapping):
         return f"summary: {brief(found)}; expected numbers by name"
@@ -272,7 +271,7 @@ def summary(found: Any, taken: Collection[str]) -> str | None:
     return None
 
 
-def message_sizes(said: Said[Any], codec: Codec[Any], iteration: int) -> str | None:
+def message_sizes(said: Said[C], codec: Codec[C], iteration: int) -> str | None:
     """Whether every message is as long as its sender says, and comes out of the codec as it went in."""
     for robot, size in enumerate(said.sizes.tolist()):
         items = said.of(robot)

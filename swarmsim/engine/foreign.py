@@ -103,7 +103,7 @@ def installed(fault: Fault, use: str, parts: Parts) -> Parts:
     return found
 
 
-def foreign(part: Part[Any]) -> dict[str, str]:
+def foreign(part: Part[object]) -> dict[str, str]:
     """The files of a part, and of those inside of it, that are not ours; with the part's name."""
     return {
         str(getattr(sys.modules[type(one.parameters).__module__], "__file__", None)): f"{one.seam} {one.use}"

@@ -7,23 +7,30 @@ import sys
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Final
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
+from swarmsim.core.events import Event
 from swarmsim.core.lending import Lender, copied, frozen
 from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import is_failure, line_of, told
 from swarmsim.core.parts import Calendar, Happening, Now, Parts
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
+from swarmsim.core.state import Knowledge
 from swarmsim.engine import promises
 from swarmsim.engine.promises import Check, Checks
 
-Change = Callable[[Any], Any]
+Change = Callable[[object], object]
 
 #: The seams whose parts the tick asks by name.
 HELD: Final = tuple(seam for seam in promises.CHECKS if seam in Parts.__slots__)
+
+
+#: The class or function that a part is blamed on.
+Author = type | FunctionType
 
 
 class Clock:
@@ -47,7 +54,14 @@ class Guard:
     """
 
     def __init__(
-        self, seam: str, part: Any, author: Any, checks: Checks, clock: Clock, is_foreign: bool, lends: bool = True
+        self,
+        seam: str,
+        part: object,
+        author: Author,
+        checks: Checks,
+        clock: Clock,
+        is_foreign: bool,
+        lends: bool = True,
     ) -> None:
         """The `checks` are by verb. The `author` is the class or function to blame.
 
@@ -75,10 +89,10 @@ class Guard:
             raise AttributeError(name)
         return getattr(self._part, name)
 
-    def _held(self, verb: str, check: Check, given: Change, taken: Change) -> Callable[..., Any]:
+    def _held(self, verb: str, check: Check, given: Change, taken: Change) -> Callable[..., object]:
         asked = getattr(self._part, verb)
 
-        def ask(*arguments: Any) -> Any:
+        def ask(*arguments: object) -> object:
             try:
                 found = asked(*[given(one) for one in arguments])
             except InputError:
@@ -97,13 +111,13 @@ class Guard:
     def _failed(self, why: str) -> PartError:
         return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}")
 
-    def _known(self, found: Any) -> Any:
+    def _known(self, found: object) -> object:
         """The knowledge, of which views that cannot be written to are the part's own, unless they are digested."""
-        digested = {id(array) for array in found.arrays()}
+        digested = {id(array) for array in found.arrays()} if isinstance(found, Knowledge) else set()
         return self._clock.lender.taken(found, lambda array: not array.flags.writeable and id(array) not in digested)
 
 
-def _same(value: Any) -> Any:
+def _same(value: object) -> object:
     return value
 
 
@@ -129,7 +143,7 @@ def guarded(parts: Parts, setting: Setting, seams: Collection[str], theirs: Coll
 class Lending(Calendar):
     """The calendar for somebody else's fault, of whom what happens is held."""
 
-    def __init__(self, calendar: Calendar, author: Any, clock: Clock) -> None:
+    def __init__(self, calendar: Calendar, author: Author, clock: Clock) -> None:
         self._calendar, self._author, self._clock = calendar, author, clock
 
     def enter(self, happening: Happening) -> None:
@@ -137,12 +151,12 @@ class Lending(Calendar):
         checks = {"advance": promises.nothing}
         self._calendar.enter(Guard("fault", happening, self._author, checks, self._clock, is_foreign=True))
 
-    def advance(self, now: Now) -> Any:
+    def advance(self, now: Now) -> tuple[Event, ...]:
         """Let everything happen that is due."""
         return self._calendar.advance(now)
 
 
-def with_fault(fault: Any, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
+def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
     """The parts with a fault in them; what somebody else's fault has put there can write to nothing either."""
     if registry.is_ours(fault):
         return install(parts)

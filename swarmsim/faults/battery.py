@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -65,7 +65,7 @@ class Batteries:
             draw = setting.streams.open(f"fault battery {setting.number}", robot).standard_normal()
             self.left[robot] = battery.capacity * math.exp(math.sqrt(variance) * draw - 0.5 * variance)
 
-    def spend(self, energy: NDArray[np.floating[Any]]) -> None:
+    def spend(self, energy: NDArray[np.floating]) -> None:
         """Take energy (n,) in J out of each, down to nothing."""
         np.maximum(self.left - energy, 0.0, out=self.left)
 

@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Computation, Parts
+from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Knowledge, State
+from swarmsim.core.state import State
 from swarmsim.faults.effect import Lasting, TimedFault
 from swarmsim.faults.timeline import Duration, Mark, Robots, Timed, Timeline
 from swarmsim.operations.mapping.maps import Maps
@@ -220,13 +220,13 @@ class Crashing:
         return robots
 
 
-def check_maps(computation: Computation[Any, Knowledge], key: str) -> None:
+def check_maps(computation: AnyComputation, key: str) -> None:
     """Raise InputError, which starts with `key`, unless robots map."""
     if not isinstance(getattr(computation, "maps", None), Maps):
         raise InputError(f"{key}: these robots keep no maps; expected a computation that does, as occupancy-grid")
 
 
-def maps_of(computation: Computation[Any, Knowledge]) -> Maps:
+def maps_of(computation: AnyComputation) -> Maps:
     """What robots that map know; to be asked after `check_maps`."""
     maps: Any = getattr(computation, "maps", None)
     assert isinstance(maps, Maps)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Inbox, Said
-from swarmsim.core.parts import Computation, Parts
+from swarmsim.core.messages import C, Columns, Inbox, Said
+from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Senses
 from swarmsim.faults.disguise import WrappedComputation
@@ -85,7 +85,7 @@ class Lie(Protocol):
         """Whether it can be told of tiles alone."""
         ...
 
-    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
         """What is said, but for some items, `rows` (t,), that are lies; asked in every iteration."""
         ...
 
@@ -95,7 +95,7 @@ class Inverted:
 
     needs_tiles = True
 
-    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
         """Swap the two."""
         values = said.content.values.copy()
         values[rows] = SWAPPED[values[rows]]
@@ -109,7 +109,7 @@ class Uniform:
     value: int
     needs_tiles: bool = True
 
-    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
         """Write it everywhere."""
         values = said.content.values.copy()
         values[rows] = self.value
@@ -123,7 +123,7 @@ class Displaced:
     offset: NDArray[np.int32]  # (2,): rows, columns
     needs_tiles: bool = True
 
-    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
         """Move them."""
         origins = said.content.origins.copy()
         origins[rows] += self.offset
@@ -136,9 +136,9 @@ class Replayed:
     needs_tiles = False
 
     def __init__(self, age: int) -> None:
-        self._past: deque[Said[Any]] = deque(maxlen=age + 1)
+        self._past: deque[Said[Columns]] = deque(maxlen=age + 1)
 
-    def told(self, said: Said[Any], rows: NDArray[np.bool_]) -> Said[Any]:
+    def told(self, said: Said[C], rows: NDArray[np.bool_]) -> Said[C]:
         """Put old items in the place of new ones; where the old message had fewer, tiles are unknown all over.
 
         Tiles are told as if they had been sensed now.
@@ -181,7 +181,7 @@ class FalseNames:
                 names[robot] = self._name
         self._given[iteration] = names
 
-    def signed(self, inbox: Inbox[Any]) -> Inbox[Any]:
+    def signed(self, inbox: Inbox[Columns]) -> Inbox[Columns]:
         """The inbox as its receivers believe it to be."""
         names = inbox.senders.copy()
         for iteration in np.unique(inbox.sent).tolist():
@@ -218,12 +218,12 @@ class LyingComputation(WrappedComputation):
     """A computation of which some robots do not say what they know, or not who they are."""
 
     def __init__(
-        self, inner: Computation[Any, Knowledge], active: NDArray[np.bool_], lie: Lie | None, names: FalseNames | None
+        self, inner: AnyComputation, active: NDArray[np.bool_], lie: Lie | None, names: FalseNames | None
     ) -> None:
         super().__init__(inner)
         self._active, self._lie, self._names = active, lie, names
 
-    def say(self, senses: Senses) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[TileItems]:
         """The message of every robot, with lies in those of the liars, who know the truth themselves."""
         said = self._inner.say(senses)
         if self._lie is not None:
@@ -232,6 +232,6 @@ class LyingComputation(WrappedComputation):
             self._names.give(senses.iteration, self._active & senses.alive)
         return said
 
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
         """What robots know by what they heard of those who seem to have said it."""
         return self._inner.hear(senses, inbox if self._names is None else self._names.signed(inbox))

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.parts import Computation
+from swarmsim.core.messages import Codec, Columns, Inbox, Said
+from swarmsim.core.parts import AnyComputation
 from swarmsim.core.state import Knowledge, Senses
 
 
 class WrappedComputation:
     """Passes everything on."""
 
-    def __init__(self, inner: Computation[Any, Knowledge]) -> None:
+    def __init__(self, inner: AnyComputation) -> None:
         self._inner = inner
 
     @property
@@ -33,11 +33,11 @@ class WrappedComputation:
         """The maps of robots that map; None if they do not."""
         return getattr(self._inner, "maps", None)
 
-    def say(self, senses: Senses) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Columns]:
         """What the computation inside says."""
         return self._inner.say(senses)
 
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
         """What the computation inside knows."""
         return self._inner.hear(senses, inbox)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from typing import Any
 
 import msgspec
 
@@ -70,7 +69,7 @@ def _words(text: str) -> list[str]:
     return [one for one in [*words, word] if one]
 
 
-def _value(key: str, text: str) -> Any:
+def _value(key: str, text: str) -> object:
     try:
         found = tomllib.loads(f"value = [{text}]")  # in brackets a comment cannot hide
     except (tomllib.TOMLDecodeError, RecursionError) as problem:
@@ -93,7 +92,7 @@ def described(fault: Part[Fault]) -> str:
     except InputError:  # somebody's own code, which nobody has allowed to run
         defaults = {}
     keys = (f"{key}={_spelled(value)}" for key, value in given.items() if value != defaults.get(key))
-    return " ".join([name, *([failure] if failure else []), *keys])
+    return " ".join([name, *([str(failure)] if failure else []), *keys])
 
 
 def _spelled(value: object) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, Protocol
+from typing import Annotated, Literal, Protocol
 
 import msgspec
 import numpy as np
@@ -12,8 +12,8 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Inbox
-from swarmsim.core.parts import Computation, Parts, Strategy
+from swarmsim.core.messages import Columns, Inbox
+from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Senses, State
 from swarmsim.faults.body import check_maps
@@ -71,11 +71,11 @@ class Confusion(Protocol):
     needs_maps: bool  # whether it makes sense for robots that map alone
     is_blank: bool  # whether its robots perceive nothing, as if dead
 
-    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """It begins with these robots, whose minds decided `last` in the iteration before, if there was one."""
         ...
 
-    def decided(self, robot: int, senses: Senses, knowledge: Any) -> Decision | None:
+    def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision | None:
         """What a live robot does; None for what its strategy has decided."""
         ...
 
@@ -108,11 +108,11 @@ class MindFailure:
 class BlankComputation(WrappedComputation):
     """A computation that some robots do not feed: neither their readings nor what they hear."""
 
-    def __init__(self, inner: Computation[Any, Knowledge], active: NDArray[np.bool_]) -> None:
+    def __init__(self, inner: AnyComputation, active: NDArray[np.bool_]) -> None:
         super().__init__(inner)
         self._active = active
 
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
         """What robots know, of whom those that fail take in nothing."""
         blank = self._active & senses.alive
         if not blank.any():
@@ -124,7 +124,7 @@ class BlankComputation(WrappedComputation):
 class FailingMind:
     """A strategy of which some robots decide something else."""
 
-    def __init__(self, inner: Strategy[Any], active: NDArray[np.bool_], confusion: Confusion) -> None:
+    def __init__(self, inner: AnyStrategy, active: NDArray[np.bool_], confusion: Confusion) -> None:
         self._inner, self._active, self._confusion = inner, active, confusion
         self._failed = np.zeros_like(active)  # whose decision was not its own in the iteration before
         #: What all robots decided in the iteration before.
@@ -135,7 +135,7 @@ class FailingMind:
         """What the strategy inside reads."""
         return self._inner.reads
 
-    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """The intents of all robots, with those of failing minds replaced."""
         failing = self._active & senses.alive
         perceived = senses
@@ -181,7 +181,7 @@ class Frozen:
         self._window = _window(setting)
         self._kept: dict[int, Decision] = {}
 
-    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """What they decided last is all they will do; without it they stand."""
         for robot in robots:
             goal, way, twist = np.array([-1, -1]), np.empty((0, 2)), None
@@ -190,7 +190,7 @@ class Frozen:
                 twist = None if last.twists is None else last.twists[robot].copy()
             self._kept[int(robot)] = Decision(goal, way, False, twist)
 
-    def decided(self, robot: int, senses: Senses, knowledge: Any) -> Decision:
+    def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
         """What is left of the way."""
         kept = self._kept[robot]
         way = _ahead(kept.way, senses.pose[robot], self._window)
@@ -213,14 +213,15 @@ class RandomWalk:
         self._streams = [setting.streams.open(purpose, robot) for robot in range(setting.swarm)]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 
-    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """They choose a place first."""
         for robot in robots:
             self._walks.pop(int(robot), None)
 
-    def decided(self, robot: int, senses: Senses, knowledge: Any) -> Decision:
+    def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
         """On along the way or, once there, delayed or barred, along another one."""
         pose, maps = senses.pose[robot], knowledge
+        assert isinstance(maps, Maps)  # as `check_maps` has made sure
         here = self._lattice.cells(pose[:2])
         if robot in self._walks:
             decision, left = self._walks[robot]
@@ -269,11 +270,11 @@ class Reboot:
 
     needs_maps, is_blank = False, True
 
-    def begin(self, robots: Robots, computation: Computation[Any, Knowledge], last: Intents | None) -> None:
+    def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """They know nothing."""
         computation.forget(robots)
 
-    def decided(self, robot: int, senses: Senses, knowledge: Any) -> None:
+    def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> None:
         """Nothing of its own: as if dead, it stands."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -117,7 +117,7 @@ class Stuck:
 
     def __init__(self, robots: int) -> None:
         self._since = np.full(robots, -2)  # the last iteration in which each was stuck
-        self._held: dict[int, NDArray[Any]] = {}
+        self._held: dict[int, NDArray[np.generic]] = {}
 
     def __call__(self, state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
         """The readings with those of before in these columns."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -29,6 +29,9 @@ ROUNDING: Final = 1e-6  # by which an action may be beyond its limits: numbers o
 Reward = Callable[[Measured | None, Moment[Knowledge]], NDArray[np.float64]]
 
 
+Observation = dict[str, NDArray[Any]]  # what one robot sees, by name
+
+
 def progress(before: Measured | None, moment: Moment[Knowledge]) -> NDArray[np.float64]:
     """What the whole swarm has gained in the task's first measure, for every robot alike; less is more if it falls."""
     name = next(iter(moment.measured.values))
@@ -40,7 +43,7 @@ def own(before: Measured | None, moment: Moment[Knowledge]) -> NDArray[np.float6
     """What each robot has gained in the first measure of single robots; of coverage, the cells new on its own map."""
     name = next(iter(moment.measured.robots))
     values = np.asarray(moment.measured.robots[name], np.float64)
-    return np.asarray(values - (0.0 if before is None else before.robots[name]))
+    return np.asarray(values - (0.0 if before is None else np.asarray(before.robots[name], np.float64)))
 
 
 #: Rewards by name: of the iteration's measures, with those of the one before (None in the first), one for each robot.
@@ -57,12 +60,12 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
     scenario's limit. Robots that are no agents follow the scenario's own strategy.
     """
 
-    metadata: dict[str, Any] = {"name": "swarmsim_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's own)
+    metadata: dict[str, object] = {"name": "swarmsim_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's own)
 
     def __init__(
         self,
         scenario: str | Path,
-        overrides: Mapping[str, Any] | None = None,
+        overrides: Mapping[str, object] | None = None,
         *,
         action: str = "twist",
         reward: str | Reward = "progress",
@@ -144,8 +147,8 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         return self._action_space
 
     def reset(
-        self, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, dict[str, NDArray[Any]]], dict[str, dict[str, Any]]]:
+        self, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, object]]]:
         """Start the scenario anew; with a `seed`, from that one on, else each time from the next one."""
         if seed is not None:
             self._fresh = seed
@@ -161,11 +164,11 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
     def step(
         self, actions: Mapping[str, NDArray[np.float32]]
     ) -> tuple[
-        dict[str, dict[str, NDArray[Any]]],
+        dict[str, Observation],
         dict[str, float],
         dict[str, bool],
         dict[str, bool],
-        dict[str, dict[str, Any]],
+        dict[str, dict[str, object]],
     ]:
         """One iteration in which every agent does what its action says; agents without one stand.
 
@@ -186,7 +189,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         acted, robots = self.agents, self._robots
         ended = {agent: finished or not alive[robots[agent]] for agent in acted}
         cut = {agent: over and not ended[agent] for agent in acted}
-        infos: dict[str, dict[str, Any]] = {agent: {} for agent in acted}
+        infos: dict[str, dict[str, object]] = {agent: {} for agent in acted}
         found = self._observed(acted)
         self.agents = [agent for agent in acted if not (ended[agent] or cut[agent])]
         return found, {agent: float(rewards[robots[agent]]) for agent in acted}, ended, cut, infos
@@ -220,7 +223,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         theirs = simulation.parts.strategy.step(seen.senses, seen.inbox, seen.knowledge)
         return _joined(mine, theirs, self._learners)
 
-    def _wanted(self, agent: str, action: Any) -> NDArray[np.float64]:
+    def _wanted(self, agent: str, action: object) -> NDArray[np.float64]:
         """An action as two numbers from -1 to 1. Raises InputError for all else; rounding alone is cut off."""
         try:
             given = array_of(action, 2)
@@ -231,10 +234,10 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
             raise InputError(f"actions[{agent!r}]: {given.tolist()} {where}; expected two numbers from -1 to 1")
         return np.clip(given.astype(np.float64), -1.0, 1.0)
 
-    def _observed(self, agents: Sequence[str]) -> dict[str, dict[str, NDArray[Any]]]:
+    def _observed(self, agents: Sequence[str]) -> dict[str, Observation]:
         return {agent: self._of(self._perceived, self._robots[agent]) for agent in agents}
 
-    def _of(self, seen: Perceived, robot: int) -> dict[str, NDArray[Any]]:
+    def _of(self, seen: Perceived, robot: int) -> Observation:
         tiles, inbox = seen.senses.readings.tiled, seen.inbox
         cell, lattice = self._run.setting.lattice.cell, self._run.setting.lattice
         shape = tiles.values.shape[1:]
@@ -267,18 +270,22 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         """Nothing is open."""
 
 
+S = TypeVar("S", bound=np.generic)
+
+
 def _joined(mine: Intents, theirs: Intents, learners: NDArray[np.int64]) -> Intents:
     """The intents of some robots from the one, those of the others from the other."""
     longest = max(mine.waypoints.shape[1], theirs.waypoints.shape[1])
     pads = [np.pad(one.waypoints, ((0, 0), (0, longest - one.waypoints.shape[1]), (0, 0))) for one in (mine, theirs)]
     nothing = np.full((len(mine.counts), 2), np.nan)
-    columns: list[tuple[NDArray[Any], NDArray[Any]]] = [
-        (mine.goals, theirs.goals), (pads[0], pads[1]), (mine.counts, theirs.counts), (mine.planned, theirs.planned),
-        (nothing if mine.twists is None else mine.twists, nothing if theirs.twists is None else theirs.twists),
-    ]  # fmt: skip
-    rows = []
-    for first, second in columns:
+
+    def both(first: NDArray[S], second: NDArray[S]) -> NDArray[S]:
         column = second.copy()
         column[learners] = first[learners]
-        rows.append(column)
-    return Intents(*rows)
+        return column
+
+    return Intents(
+        both(mine.goals, theirs.goals), both(*pads), both(mine.counts, theirs.counts),
+        both(mine.planned, theirs.planned),
+        both(nothing if mine.twists is None else mine.twists, nothing if theirs.twists is None else theirs.twists),
+    )  # fmt: skip

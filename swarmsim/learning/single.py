@@ -9,10 +9,10 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.learning.environment import Reward, SwarmEnv
+from swarmsim.learning.environment import Observation, Reward, SwarmEnv
 
 
-class RobotEnv(gymnasium.Env[dict[str, NDArray[np.generic]], NDArray[np.float32]]):
+class RobotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     """The environment of `SwarmEnv` for one robot: the same observations, actions and rewards."""
 
     metadata: dict[str, object] = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own)
@@ -40,15 +40,13 @@ class RobotEnv(gymnasium.Env[dict[str, NDArray[np.generic]], NDArray[np.float32]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
-    ) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:
+    ) -> tuple[Observation, dict[str, object]]:
         """Start the scenario anew, as `SwarmEnv.reset`."""
         super().reset(seed=seed)
         observed, infos = self.swarm.reset(seed, options)
         return observed[self._agent], infos[self._agent]
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[dict[str, NDArray[np.generic]], float, bool, bool, dict[str, object]]:
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, object]]:
         """One iteration of the whole swarm. Raises InputError for an action that is not of the action space."""
         observed, rewards, ended, cut, infos = self.swarm.step({self._agent: action})
         agent = self._agent

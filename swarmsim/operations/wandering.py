@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -77,7 +77,7 @@ class Nothing(Columns):
 class Oblivion(Knowledge):
     """What robots know that remember nothing: nothing."""
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """None."""
         return ()
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import platform
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Final
 
+import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.state import Knowledge, Moment
@@ -31,7 +32,7 @@ class Digests:
         return hashlib.blake2b(b"".join(self.rows), digest_size=16).hexdigest()
 
 
-def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[Any], ...], ...]:
+def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[np.generic], ...], ...]:
     state, intents = moment.state, moment.intents
     return (
         (state.pose,),
@@ -48,7 +49,7 @@ def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[Any], ...], ...]
     )
 
 
-def hashed(*arrays: NDArray[Any]) -> bytes:
+def hashed(*arrays: NDArray[np.generic]) -> bytes:
     """Eight bytes for the bytes of all arrays."""
     made = hashlib.blake2b(digest_size=8)
     for array in arrays:

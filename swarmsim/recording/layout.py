@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.probes import Declared
 from swarmsim.core.readings import NAME, Channels
+
+if TYPE_CHECKING:
+    import h5py
 
 EACH, MANY, ONCE = "each", "many", "once"  # one row for each iteration; many, with their ends in NAME_end; neither
 FAR: Final = 1e7  # m or cells: nothing lies farther off
@@ -94,7 +97,7 @@ def declared_by(probes: Iterable[Declared]) -> dict[str, Table]:
     return found
 
 
-def wrong_name(name: Any, seam: str) -> str | None:
+def wrong_name(name: object, seam: str) -> str | None:
     """Why a part of this seam cannot call a table so, and what it could be called, or None."""
     if not isinstance(name, str) or not name.isprintable() or not name.strip(".") or "/" in name:
         return f"{name!r} cannot be the name of a table; expected a word such as 'energy'"
@@ -108,7 +111,7 @@ def wrong_name(name: Any, seam: str) -> str | None:
     return f"{name!r} names a table of the recording's own; expected another name, as 'own_{name}' (taken: {others})"
 
 
-def wrong_form(name: str, row: NDArray[Any], rows: str, robots: int) -> str | None:
+def wrong_form(name: str, row: NDArray[np.generic], rows: str, robots: int) -> str | None:
     """Why a row of this type and shape, of a table with EACH or MANY of them, cannot be recorded, or None."""
     if row.dtype.kind not in "fiub":
         return f"{name!r} is of {row.dtype}; expected numbers"
@@ -122,7 +125,7 @@ def wrong_form(name: str, row: NDArray[Any], rows: str, robots: int) -> str | No
     return f"{name!r} is {row.dtype} of shape {row.shape}; expected {np.dtype(table.kind)} of {shape}{many}"
 
 
-def attribute(file: Any, name: str, kinds: str, shape: tuple[int, ...] = ()) -> Any:
+def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = ()) -> Any:
     """An attribute of an HDF5 file.
 
     Raises ValueError unless it is there, of one of these kinds of numpy's and of this shape. Texts are of fixed length,
@@ -156,7 +159,7 @@ def tables_of(channels: Channels) -> dict[str, Table]:
 
 
 def check(
-    file: Mapping[str, Any], sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
+    file: h5py.File, sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
 ) -> None:
     """Raise ValueError, which names the table and what is wrong with it, unless all tables are as they should be.
 
@@ -200,7 +203,7 @@ def check(
             raise ValueError(f"table {name!r} is of shape {file[name].shape}; a measure is one number an iteration")
 
 
-def _check_size(name: str, found: Any) -> None:
+def _check_size(name: str, found: h5py.Dataset) -> None:
     size = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize
     stored = found.id.get_storage_size()
     if size > MOST or (size > SMALL and size > DENSEST * max(stored, 1)):
@@ -213,7 +216,7 @@ def _sizes(row: tuple[int | str, ...], shape: tuple[int, ...], sizes: dict[str, 
     return tuple(sizes.get(one, given[axis]) if isinstance(one, str) else one for axis, one in enumerate(row))
 
 
-def _expect(name: str, found: Any, kind: np.dtype[Any], shape: tuple[int, ...]) -> None:
+def _expect(name: str, found: h5py.Dataset, kind: np.dtype[np.generic], shape: tuple[int, ...]) -> None:
     if found.dtype != kind or found.shape != shape:
         raise ValueError(f"table {name!r} is {found.dtype} of shape {found.shape}, not {kind} of {shape}")
 

@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final
+from typing import Final
 
+import h5py
 import msgspec
 import numpy as np
 import tomli_w
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from swarmsim.core import declarations
 from swarmsim.core.errors import InputError
@@ -39,8 +40,8 @@ FATE: Final = np.dtype("S32")
 class Held:
     """What is written of one iteration; moments themselves hold ways that are not new, and may be large."""
 
-    rows: dict[str, Any]
-    lists: dict[str, NDArray[Any]]
+    rows: dict[str, object]
+    lists: dict[str, NDArray[np.generic]]
     probed: dict[str, Row]  # a row each, in the iterations that a probe samples
     letters: NDArray[np.int32]  # (m, 5)
     ways: list[tuple[int, int, NDArray[np.float64]]]  # iteration, robot, its new waypoints (w, 2) in m
@@ -79,7 +80,7 @@ class Recorder:
         self._path, self._growing, self._kept, self._probes = path, Growing(path), 0, probes
         self._digests = Digests()
         self._held: list[Held] = []
-        self._tables: dict[str, Any] = {}  # looking one up in the file takes longer than appending to it
+        self._tables: dict[str, h5py.Dataset] = {}  # looking one up in the file takes longer than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
         self._errs = errs
@@ -113,10 +114,10 @@ class Recorder:
         """Write a text of fixed length: one that is not lies in a part of the file that has no checksum."""
         self.file.attrs[name] = np.bytes_(text.encode())
 
-    def _open(self, first: dict[str, Any], lists: dict[str, NDArray[Any]], measures: list[str]) -> None:
+    def _open(self, first: dict[str, object], lists: dict[str, NDArray[np.generic]], measures: list[str]) -> None:
         """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
         for name, row in first.items():
-            self._table(name, np.shape(row), np.asarray(row).dtype)
+            self._table(name, np.asarray(row).shape, np.asarray(row).dtype)
         for name, rows in lists.items():
             self._table(name, rows.shape[1:], rows.dtype, MANY)
             self._table(f"{name}_end", (), np.int64)  # rows of iteration t: NAME[NAME_end[t - 1]:NAME_end[t]]
@@ -131,14 +132,14 @@ class Recorder:
         self._table("events", (), np.uint8, MANY)  # text: an event in JSON a line
         once = ["fates", "waypoints", "paths", "events"]
         for name, table in declared_by(one.declared for one in self._probes).items():
-            row = [len(first["alive"]) if side == "robots" else side for side in table.row]
+            row = [len(np.asarray(first["alive"])) if side == "robots" else side for side in table.row]
             self._table(name, tuple(int(side) for side in row), table.kind)
             once.append(name)
         self._tell("rows", json.dumps([name for name in self._tables if name not in (*once, *self._totals)]))
         self._tell("measures", json.dumps(measures))
         self.file.swmr_mode = True
 
-    def _rows(self, moment: Moment[Knowledge]) -> dict[str, Any]:
+    def _rows(self, moment: Moment[Knowledge]) -> dict[str, object]:
         """What has one row of the same shape in every iteration, by the name of its table."""
         return {
             "pose": moment.state.pose,
@@ -150,7 +151,7 @@ class Recorder:
             **{name: row for _, record in _records(moment) for name, row in record.rows.items()},
         }
 
-    def _table(self, name: str, row: tuple[int, ...], kind: Any, chunk: int = BLOCK) -> None:
+    def _table(self, name: str, row: tuple[int, ...], kind: DTypeLike, chunk: int = BLOCK) -> None:
         self._tables[name] = self.file.create_dataset(
             name, (0, *row), kind, chunks=(chunk, *row), maxshape=(None, *row), compression="gzip", compression_opts=1,
             shuffle=True,
@@ -207,13 +208,13 @@ class Recorder:
             self._append("paths", np.column_stack([np.array(which, np.int64), ends]))
             self._totals["waypoints"] = int(ends[-1])
 
-    def _append(self, name: str, rows: Any) -> None:
+    def _append(self, name: str, rows: Sequence[object] | NDArray[np.generic]) -> None:
         if len(rows):
             table = self._tables[name]
             table.resize(len(table) + len(rows), axis=0)
             table[-len(rows) :] = np.asarray(rows, table.dtype)
 
-    def _append_each(self, name: str, pieces: list[NDArray[Any]]) -> None:
+    def _append_each(self, name: str, pieces: list[NDArray[np.generic]]) -> None:
         """Append one piece for each iteration, and where it ends to the table NAME_end."""
         self._append(name, np.concatenate(pieces))
         ends = self._totals[name] + np.cumsum([len(piece) for piece in pieces])
@@ -259,7 +260,7 @@ def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     )  # fmt: skip
 
 
-def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[Any]]:
+def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[np.generic]]:
     """What has as many rows as there happen to be, by the name of its table."""
     return {"links": moment.links, **moment.knowledge.record().lists}
 

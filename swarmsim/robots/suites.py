@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Sensor
-from swarmsim.core.readings import Channel, Channels, Readings, tile_channels
+from swarmsim.core.readings import Channel, Channels, Column, Readings, tile_channels
 from swarmsim.core.state import State
 
 
@@ -198,7 +198,7 @@ class MixedSensor:
     def sense(self, state: State) -> Readings:
         """Everybody's readings."""
         found = [sensor.sense(state).columns for sensor, _ in self._sensors]
-        columns: list[NDArray[Any]] = []
+        columns: list[Column] = []
         for channel, members in self._plan:
             whole = channel.blanks(state.robots)
             for number, member in members:

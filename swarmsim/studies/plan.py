@@ -44,7 +44,7 @@ class Named(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A condition of its own, where a grid does not fit."""
 
     name: str
-    set: dict[str, Any]  # dotted key: value
+    set: dict[str, object]  # dotted key: value
     x: float | None = None  # where it stands on the study's axis; without, it is a line across the plot
     series: str = ""  # the line of the plot that it belongs to
 
@@ -56,7 +56,7 @@ class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     scenario: str  # found from the study's folder
     seeds: Annotated[int, Meta(ge=1)] | Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] = 30
     keep: Literal["summary", "curves", "recordings"] = "curves"
-    set: dict[str, Any] = {}
+    set: dict[str, object] = {}
     axis: str | None = None  # what the conditions' `x` measures, with its unit: plots show iterations against it
     vary: tuple[Axis, ...] = ()
     condition: tuple[Named, ...] = ()
@@ -67,7 +67,7 @@ class Condition:
     """One cell of the study: a whole scenario but for its seed."""
 
     name: str
-    changes: dict[str, Any]  # dotted key: value, as compared with the study's scenario
+    changes: dict[str, object]  # dotted key: value, as compared with the study's scenario
     scenario: Scenario
     curve: Curve  # what is drawn of its task
     code: Code  # that makes its runs
@@ -143,7 +143,7 @@ def _world_key(scenario: Scenario) -> bytes:
 
 
 def open_study(
-    path: Path, seeds: int | None = None, changes: dict[str, Any] | None = None, keep_old: bool = False
+    path: Path, seeds: int | None = None, changes: dict[str, object] | None = None, keep_old: bool = False
 ) -> Plan:
     """Read a study and check every condition, down to a swarm ready to start; `seeds` replaces their number.
 
@@ -172,7 +172,7 @@ def open_study(
     worlds: dict[bytes, str] = {}
     notices = dict.fromkeys(files_outside(base))
 
-    def condition(name: str, change: dict[str, Any]) -> Condition:
+    def condition(name: str, change: dict[str, object]) -> Condition:
         place = f"{path}: condition {name!r}"
         scenario = changed(place, table, {**study.set, **change}, base.parent)
         key = _world_key(scenario)
@@ -193,12 +193,12 @@ def open_study(
     return Plan(path, study, conditions, numbers, worlds, tuple(notices), keep_old)
 
 
-def changes_of(path: Path, study: Study) -> dict[str, dict[str, Any]]:
+def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
     """What each condition changes, by its name: the grid of all axes, then the named ones."""
     groups: dict[str, list[Axis]] = {}
     for number, axis in enumerate(study.vary):
         groups.setdefault(axis.together or f"axis {number}", []).append(axis)
-    steps: list[list[dict[str, Any]]] = []
+    steps: list[list[dict[str, object]]] = []
     for name, axes in groups.items():
         if len({len(axis.values) for axis in axes}) > 1:
             raise InputError(f"{path}: vary: the axes together as {name!r} have different numbers of values")
@@ -206,7 +206,7 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, Any]]:
     if math.prod(len(step) for step in steps) > MOST_RUNS:
         raise InputError(f"{path}: vary: more than {MOST_RUNS} conditions")
     grid = [{key: value for step in cell for key, value in step.items()} for cell in itertools.product(*steps)]
-    changes: dict[str, dict[str, Any]] = {}
+    changes: dict[str, dict[str, object]] = {}
     for cell in grid:
         if cell or not study.condition:
             if label(cell) in changes:
@@ -219,7 +219,7 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, Any]]:
     return changes
 
 
-def _place(study: Study, cell: dict[str, Any]) -> tuple[float | None, str]:
+def _place(study: Study, cell: dict[str, object]) -> tuple[float | None, str]:
     """Where a cell of the grid stands: at its value on the first axis, if that is a number, in a line of the others."""
     if not cell:
         return None, ""
@@ -232,7 +232,7 @@ def _place(study: Study, cell: dict[str, Any]) -> tuple[float | None, str]:
     return float(value), label(others) if others else ""
 
 
-def label(cell: dict[str, Any]) -> str:
+def label(cell: dict[str, object]) -> str:
     """A short name such as "k=2, count=15"."""
     parts = []
     for key, value in cell.items():
@@ -240,14 +240,14 @@ def label(cell: dict[str, Any]) -> str:
     return ", ".join(parts) or "base"
 
 
-def shown(value: Any) -> Any:
+def shown(value: object) -> Any:
     """A part by its name and what else its table says, such as "k-random k=2"; anything else as it is."""
     if not isinstance(value, dict) or "use" not in value:
         return value
     return " ".join([str(value["use"]), *(f"{key}={shown(one)}" for key, one in value.items() if key != "use")])
 
 
-def changed(place: str, table: Table, changes: dict[str, Any], folder: Path) -> Scenario:
+def changed(place: str, table: Table, changes: dict[str, object], folder: Path) -> Scenario:
     """The scenario in a table with changes by dotted key. Raises InputError that starts with `place`."""
     table = copy.deepcopy(table)
     for key, value in changes.items():

@@ -273,10 +273,10 @@ def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> Non
     """Write the scenario with a failing timeline, to end at the limit when it has failed. Raises InputError."""
     stop = msgspec.structs.replace(scenario.stop, iterations=limit)
     faults = (*scenario.faults, *(entry.part() for entry in timeline))
-    changed = msgspec.structs.replace(scenario, stop=stop, faults=faults)
-    table = table_of(changed)
-    if scenario.world.file:
-        table["world"]["file"] = str(Path(scenario.world.file).resolve())
+    world = scenario.world
+    if world.file:
+        world = msgspec.structs.replace(world, file=str(Path(world.file).resolve()))
+    table = table_of(msgspec.structs.replace(scenario, stop=stop, faults=faults, world=world))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(tomli_w.dumps(table), encoding="utf-8")

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import registry
-from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.parts import Computation, Parts, Strategy
+from swarmsim.core.messages import Codec, Columns, Inbox, Said
+from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.engine.build import Run
@@ -27,38 +27,38 @@ class Heard:
 
     changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: who forgot everything, or was given whose
     speaks: Senses  # when it spoke
-    hears: tuple[Senses, Inbox[Any]]  # when it heard
-    decides: tuple[Senses, Inbox[Any]]  # when it decided
-    said: Said[Any]
+    hears: tuple[Senses, Inbox[Columns]]  # when it heard
+    decides: tuple[Senses, Inbox[Columns]]  # when it decided
+    said: Said[Columns]
     intents: Intents
 
 
 class Witness(WrappedComputation):
     """Notes what a computation is given, and what the strategy beside it is."""
 
-    def __init__(self, inner: Computation[Any, Knowledge], strategy: Strategy[Any]) -> None:
+    def __init__(self, inner: AnyComputation, strategy: AnyStrategy) -> None:
         super().__init__(inner)
         #: Everything so far, in its order.
         self.heard: list[Heard] = []
         #: The strategy, followed as well.
         self.strategy = WitnessedStrategy(strategy, self)
         self._changes: list[tuple[NDArray[np.int64], int | None]] = []
-        self._spoken: list[tuple[Senses, Said[Any]]] = []
-        self._given: list[tuple[Senses, Inbox[Any]]] = []
+        self._spoken: list[tuple[Senses, Said[Columns]]] = []
+        self._given: list[tuple[Senses, Inbox[Columns]]] = []
 
-    def say(self, senses: Senses) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[Columns]:
         """What is said."""
         said = self._inner.say(senses)
         kept = replace(said, content=said.content.take(np.arange(len(said.content))))
         self._spoken.append((_copied(senses), kept))
         return said
 
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
         """What is known."""
         self._given.append((_copied(senses), inbox))
         return self._inner.hear(senses, inbox)
 
-    def decided(self, senses: Senses, inbox: Inbox[Any], intents: Intents) -> None:
+    def decided(self, senses: Senses, inbox: Inbox[Columns], intents: Intents) -> None:
         """The end of an iteration."""
         speaks, said = self._spoken[-1]
         self.heard.append(Heard(self._changes, speaks, self._given[-1], (_copied(senses), inbox), said, intents))
@@ -78,7 +78,7 @@ class Witness(WrappedComputation):
 class WitnessedStrategy:
     """Notes what a strategy is given and decides."""
 
-    def __init__(self, inner: Strategy[Any], witness: Witness) -> None:
+    def __init__(self, inner: AnyStrategy, witness: Witness) -> None:
         self._inner, self._witness = inner, witness
 
     @property
@@ -86,7 +86,7 @@ class WitnessedStrategy:
         """What the strategy inside reads."""
         return self._inner.reads
 
-    def step(self, senses: Senses, inbox: Inbox[Any], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """What it decides."""
         intents = self._inner.step(senses, inbox, knowledge)
         self._witness.decided(senses, inbox, intents)
@@ -130,7 +130,7 @@ def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
     )  # fmt: skip
 
 
-Mind = tuple[Computation[Any, Knowledge], Strategy[Any]]
+Mind = tuple[AnyComputation, AnyStrategy]
 
 
 def _mind(run: Run, setting: Setting) -> Mind:
@@ -140,8 +140,8 @@ def _mind(run: Run, setting: Setting) -> Mind:
 
 
 def _repeated(
-    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Any]], decides: tuple[Senses, Inbox[Any]]
-) -> tuple[Said[Any], Intents]:
+    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Columns]], decides: tuple[Senses, Inbox[Columns]]
+) -> tuple[Said[Columns], Intents]:
     computation, strategy = mind
     said = computation.say(speaks)
     return said, strategy.step(*decides, computation.hear(*hears))
@@ -205,7 +205,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
                 assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
 
 
-def _check_said(mine: Said[Any], row: int, first: Said[Any], robot: int, wrong: str) -> None:
+def _check_said(mine: Said[Columns], row: int, first: Said[Columns], robot: int, wrong: str) -> None:
     """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     assert here == there, wrong.format(f"says {here} bytes, not {there},")
@@ -216,7 +216,7 @@ def _check_said(mine: Said[Any], row: int, first: Said[Any], robot: int, wrong: 
         assert same, wrong.format(f"says other {name}")
 
 
-def _received(inbox: Inbox[Any], ids: NDArray[np.int64], count: int) -> Inbox[Any]:
+def _received(inbox: Inbox[Columns], ids: NDArray[np.int64], count: int) -> Inbox[Columns]:
     """What the robots with these numbers (rows,), out of so many, have received, in the order of their rows."""
     row = np.full(count, -1, np.int32)
     row[ids] = np.arange(len(ids))

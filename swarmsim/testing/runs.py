@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from swarmsim.core import registry
 from swarmsim.core.errors import PartError
-from swarmsim.core.messages import Said
-from swarmsim.core.parts import Computation, Parts
+from swarmsim.core.messages import Columns, Said
+from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.scenario import load
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
@@ -71,11 +71,11 @@ def check_strictly(
 
 
 @contextmanager
-def _weighed(computation: Computation[Any, Knowledge], problems: list[str]) -> Iterator[None]:
+def _weighed(computation: AnyComputation, problems: list[str]) -> Iterator[None]:
     """For as long as this lasts, every message is packed and unpacked."""
     say = computation.say
 
-    def weighed(senses: Senses) -> Said[Any]:
+    def weighed(senses: Senses) -> Said[Columns]:
         said = say(senses)
         wrong = contracts.message_sizes(said, computation.codec, senses.iteration)
         if wrong is not None:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
 import pygame
 from numpy.typing import NDArray
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
+from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.registration import Transform
 from swarmsim.operations.mapping.sharing import cells_of, mark_sensed
 from swarmsim.view.camera import Camera
@@ -56,7 +57,7 @@ class Gathering:
         self._roots = np.arange(len(start))
         self._place = self._cells(start[:, :2])  # where each robot's start is drawn, in cells ...
         self._turn = -start[:, 2]  # ... and how its map is turned, rad
-        self._moment: Moment[Any] | None = None
+        self._moment: Moment[Maps] | None = None
 
     def _building(self, surface: pygame.Surface) -> pygame.Surface:
         """The floor plan in faint lines, as a help for those who watch."""
@@ -73,9 +74,9 @@ class Gathering:
         lattice = self._scene.lattice
         return np.asarray((points - (lattice.x0, lattice.y0))[:, ::-1] / lattice.cell)
 
-    def sample(self, moment: Moment[Any]) -> None:
+    def sample(self, moment: Moment[Maps]) -> None:
         """Take note of one iteration."""
-        tiles, frames = moment.readings.tiled, moment.knowledge.frames
+        tiles, frames = moment.readings.tiled, _frames(moment)
         self._moment = moment
         mark_sensed(self._sensed, moment.state.alive, tiles)
         for robot in range(len(self._roots)):
@@ -87,10 +88,10 @@ class Gathering:
         """How many frames of reference there are."""
         return len(np.unique(self._roots))
 
-    def _drawn_at(self, robot: int, moment: Moment[Any]) -> tuple[float, NDArray[np.float64]]:
+    def _drawn_at(self, robot: int, moment: Moment[Maps]) -> tuple[float, NDArray[np.float64]]:
         """How a robot's map is to be turned, and where its start is to be drawn."""
         root = int(self._roots[robot])
-        error = Transform(*moment.knowledge.frames.errors[root, robot])
+        error = Transform(*_frames(moment).errors[root, robot])
         own = self._cells(self._start[[robot, root], :2])
         place = error.apply(own[:1])
         if root == 0:
@@ -162,7 +163,7 @@ class Gathering:
         yaw = float(pose[2] + self._turn[robot])
         self._pen.robot(self._surface, (float(at[0]), float(at[1])), yaw, size, colour, label)
 
-    def _tell(self, moment: Moment[Any]) -> None:
+    def _tell(self, moment: Moment[Maps]) -> None:
         """The column at the right: what is shown, and whose frame each robot is in."""
         theme, width, height = self._theme, self._film.size[0] - self._left, self._film.size[1]
         pygame.draw.rect(self._surface, theme.background, (self._left, 0, width, height))
@@ -225,3 +226,11 @@ def _wider(bounds: Bounds) -> Bounds:
 def _mixed(one: Colour, other: Colour, share: float) -> Colour:
     red, green, blue = (round(share * a + (1.0 - share) * b) for a, b in zip(one, other, strict=True))
     return red, green, blue
+
+
+def _frames(moment: Moment[Maps]) -> Frames:
+    """What robots know of each other's frames of reference. Raises ValueError if all have the same."""
+    frames = moment.knowledge.frames
+    if frames is None:
+        raise ValueError("these robots have one frame of reference; expected robots that find theirs")
+    return frames

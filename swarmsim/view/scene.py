@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import PurePath
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import shapely
@@ -333,7 +333,7 @@ def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
     return signs
 
 
-def _described(part: Part[Any]) -> str:
+def _described(part: Part[object]) -> str:
     table = part.table
     long = (bool, list, dict)  # named by their key alone, if at all
     parameters = [f"{key} = {value}" for key, value in table.items() if key != "use" and not isinstance(value, long)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event
 from swarmsim.core.part import Part
@@ -23,7 +23,7 @@ WORDS: Final = {
 }
 
 
-def _name(part: Part[Any]) -> str:
+def _name(part: Part[object]) -> str:
     """What a part is called; of somebody's own code the name alone."""
     return part.use.rpartition(":")[2]
 

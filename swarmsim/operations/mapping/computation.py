@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -61,7 +61,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     lowest: Probability = 0.12  # probability below which no cell falls
     highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
-    share: Part[Sharing] = Part("sharing")  # what is told
+    share: Part[Sharing[TileItems]] = Part("sharing")  # what is told
     hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
@@ -92,7 +92,7 @@ class MapComputation:
     requires = ("tiles",)
     knows: type[Knowledge] = Maps
 
-    def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing) -> None:
+    def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing[TileItems]) -> None:
         count, lattice = len(setting.ids), setting.lattice
         grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
@@ -117,15 +117,15 @@ class MapComputation:
         )
 
     @property
-    def codec(self) -> Codec[Any]:
+    def codec(self) -> Codec[TileItems]:
         """That of what is shared."""
         return self._sharing.codec
 
-    def say(self, senses: Senses) -> Said[Any]:
+    def say(self, senses: Senses) -> Said[TileItems]:
         """What the sharing policy tells."""
         return self._sharing.say(senses, self.maps if registry.is_ours(self._sharing) else lent(self.maps))
 
-    def hear(self, senses: Senses, inbox: Inbox[Any]) -> Maps:
+    def hear(self, senses: Senses, inbox: Inbox[TileItems]) -> Maps:
         """Map what was sensed, then what was heard."""
         tiles, alive = tiles_of(senses), senses.alive
         taken = self._sharing.taken(senses, inbox)
@@ -140,7 +140,7 @@ class MapComputation:
         self.maps = self._maps(self._changes(tiles, taken), news, taken)
         return self.maps
 
-    def _without_robots(self, tiles: Tiles, taken: Inbox[Any], now: int) -> tuple[Tiles, Inbox[Any]]:
+    def _without_robots(self, tiles: Tiles, taken: Inbox[TileItems], now: int) -> tuple[Tiles, Inbox[TileItems]]:
         """The same without hits on robots that their robot knows of."""
         values, heard = tiles.values.copy(), taken.content.values.copy()
         fresh = (taken.content.sensed == now) & (taken.content.sources >= 0)
@@ -159,11 +159,11 @@ class MapComputation:
         self._grids.adopt(robots, source)
         self._rewritten = True
 
-    def _maps(self, changes: NDArray[np.int32], news: NDArray[np.int32], taken: Inbox[Any]) -> Maps:
+    def _maps(self, changes: NDArray[np.int32], news: NDArray[np.int32], taken: Inbox[TileItems]) -> Maps:
         frames = getattr(self._sharing, "frames", None)  # of most policies robots need none
         return Maps(self._observed, self._log_odds, changes, news, taken, frames)
 
-    def _changes(self, tiles: Tiles, taken: Inbox[Any]) -> NDArray[np.int32]:
+    def _changes(self, tiles: Tiles, taken: Inbox[TileItems]) -> NDArray[np.int32]:
         """Which cells have another state than was last reported: under tiles or, if need be, everywhere."""
         shown = self._shown
         log_odds, observed = self._grids.log_odds.reshape(shown.shape), self._grids.observed.reshape(shown.shape)
@@ -181,7 +181,10 @@ class MapComputation:
         return found[:count].copy()
 
 
-def _read_only(grids: NDArray[Any]) -> NDArray[Any]:
+S = TypeVar("S", bound=np.generic)
+
+
+def _read_only(grids: NDArray[S]) -> NDArray[S]:
     view = grids.view()
     view.flags.writeable = False
     return view

@@ -18,7 +18,7 @@ from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, search, survey
 from swarmsim.operations.mapping.frontier import FrontierStrategy, NearestFrontier
 from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.message import GoalItems
+from swarmsim.operations.mapping.message import GoalItems, TileItems
 from swarmsim.operations.mapping.sharing import tiles_of
 
 Grain = Annotated[int, Meta(ge=1)] | None
@@ -154,7 +154,7 @@ class _Descent:
         return int(survey.descend(*self.at, self.others, self.found, reach, self.ground))
 
 
-def _latest_tiles(inbox: Inbox[Any]) -> Inbox[Any]:
+def _latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
     """Of the tiles heard, the latest that each robot has sensed, sorted by receiver and by who sensed it."""
     items = inbox.content
     order = np.lexsort((items.sensed, items.sources, inbox.receivers))
@@ -164,7 +164,7 @@ def _latest_tiles(inbox: Inbox[Any]) -> Inbox[Any]:
     return inbox.take(order[last])
 
 
-def _others(heard: Inbox[Any], mine: slice) -> Others:
+def _others(heard: Inbox[TileItems], mine: slice) -> Others:
     content = heard.content
     if not isinstance(content, GoalItems):
         return Others(content.sources[mine], None, None)

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
@@ -25,7 +25,7 @@ from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece
 from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.message import MapCodec, TileItems, assembled, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.registration import Cells, Meetings, Transform, register
-from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, mark_sensed, tiles_of
+from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 
 #: Whose frame it is and how well founded (2 bytes each), then how it lies in the sender's: a turn (rad), rows and
 #: columns (cells), 4 bytes each.
@@ -52,7 +52,9 @@ class MergeItems(TileItems):
     place: NDArray[np.float32]  # (t, 3): how it lies in the sender's, as in FRAME; 0 for all else
 
     @classmethod
-    def of(cls, tiles: TileItems, part: int, whose: Any = -1, weight: Any = 0, place: Any = 0.0) -> MergeItems:
+    def of(
+        cls, tiles: TileItems, part: int, whose: ArrayLike = -1, weight: ArrayLike = 0, place: ArrayLike = 0.0
+    ) -> MergeItems:
         """The same tiles, all of one kind."""
         count = len(tiles)
         places = np.zeros((count, 3), np.float32)
@@ -91,12 +93,11 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return MergeSharing(self, setting)
 
 
-class MergeSharing(GossipSharing):
+class MergeSharing(GossipSharing[MergeItems]):
     """Gossip among robots that have found each other's frames."""
 
     def __init__(self, parameters: Merge, setting: Setting) -> None:
-        super().__init__(setting)
-        self.codec = MergeCodec(self._tile, self._grid)
+        super().__init__(setting, MergeCodec(tile_shape(setting), setting.lattice.shape))
         lattice, count = setting.lattice, len(setting.ids)
         pairs = count, setting.swarm  # by each robot's row and another one's number
         self._parameters, self._lattice = parameters, lattice
@@ -115,7 +116,7 @@ class MergeSharing(GossipSharing):
         #: What robots know of each other's frames, and how wrong it is.
         self.frames = Frames(self._itself.copy(), np.zeros((*pairs, 3)))
 
-    def say(self, senses: Senses, maps: Maps) -> Said[Any]:
+    def say(self, senses: Senses, maps: Maps) -> Said[MergeItems]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
         said = super().say(senses, maps)
         self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
@@ -155,7 +156,7 @@ class MergeSharing(GossipSharing):
         tellers = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
 
-    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[Any]:
+    def taken(self, senses: Senses, inbox: Inbox[MergeItems]) -> Inbox[MergeItems]:
         """What those said whose frames are known, put where the hearer believes it to be."""
         self._find_frames(senses, inbox)
         self._hear_of_frames(inbox)
@@ -166,7 +167,7 @@ class MergeSharing(GossipSharing):
         values, origins = moved(heard.content.values, heard.content.origins, errors)
         return replace(heard, content=replace(heard.content, values=values, origins=origins))
 
-    def _meet(self, senses: Senses, inbox: Inbox[Any]) -> None:
+    def _meet(self, senses: Senses, inbox: Inbox[MergeItems]) -> None:
         """Note who hears whom nearby; those who have met in places far enough apart will tell their maps."""
         self._offers[:] = False
         content, now = inbox.content, senses.iteration
@@ -194,7 +195,7 @@ class MergeSharing(GossipSharing):
         spans = [np.hypot(*np.ptp(met[:, one], axis=0)) for one in (0, 1)]
         return bool(min(spans) * self._lattice.cell >= SPREAD * self._parameters.within)
 
-    def _find_frames(self, senses: Senses, inbox: Inbox[Any]) -> None:
+    def _find_frames(self, senses: Senses, inbox: Inbox[MergeItems]) -> None:
         """Lay the maps of strangers on one's own."""
         part = np.flatnonzero(inbox.content.part == MAP)
         if not len(part) or self._maps is None:
@@ -233,7 +234,7 @@ class MergeSharing(GossipSharing):
         shift, back = Transform(0.0, *-corner.astype(float)), Transform(0.0, *at.astype(float))
         return back.after(match.transform).after(shift), match.walls
 
-    def _hear_of_frames(self, inbox: Inbox[Any]) -> None:
+    def _hear_of_frames(self, inbox: Inbox[MergeItems]) -> None:
         """Take others' word for frames that they have found."""
         content, weight = inbox.content, self._weight
         for row in np.flatnonzero(content.part == PLACE).tolist():
@@ -387,4 +388,4 @@ def _tiles(values: NDArray[np.uint8], origins: NDArray[np.int32], now: int) -> T
 
 def _only(items: MergeItems, rows: NDArray[np.int64]) -> TileItems:
     """Some of the items as the tiles that they are."""
-    return TileItems(*(column[rows] for column in items.arrays()[:4]))
+    return TileItems(items.values[rows], items.origins[rows], items.sources[rows], items.sensed[rows])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import Any, Final
+from typing import Final, Generic
 
 import numpy as np
 from msgspec import Struct
@@ -23,7 +23,7 @@ from swarmsim.operations.mapping.message import (
     unpack,
     unpack_cells,
 )
-from swarmsim.operations.mapping.sharing import tile_shape, tiles_of
+from swarmsim.operations.mapping.sharing import I, tile_shape, tiles_of
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -42,21 +42,19 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     knows so spreads through the network like a rumour (Demers et al. 1987), in messages of constant length.
     """
 
-    def build(self, setting: Setting) -> GossipSharing:
+    def build(self, setting: Setting) -> GossipSharing[TileItems]:
         """The policy."""
-        return GossipSharing(setting)
+        return GossipSharing(setting, GossipCodec(tile_shape(setting)))
 
 
-class GossipSharing:
+class GossipSharing(Generic[I]):
     """A tile and a piece of map a message."""
 
-    codec: Codec[Any]
-
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: Setting, codec: Codec[I]) -> None:
+        self.codec = codec
         self._ids = setting.ids.astype(np.int32)
         self._robots = np.arange(len(self._ids), dtype=np.int32)  # their rows
         self._grid, self._tile = setting.lattice.shape, tile_shape(setting)
-        self.codec = GossipCodec(self._tile)
         self._across = -(-self._grid[1] // self._tile[1])  # pieces of a map, side by side
         shape = len(self._ids), -(-self._grid[0] // self._tile[0]) * self._across
         self._changed, self._told = (memory.zeros(shape, np.int32) for _ in range(2))  # iterations from 1; 0: never
@@ -101,7 +99,7 @@ class GossipSharing:
         states = np.where(maps.log_odds[at] > 0.0, np.uint8(OCCUPIED), np.uint8(FREE))
         return np.asarray(states * (maps.observed[at] & inside), np.uint8)
 
-    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
         """All of it."""
         return inbox
 

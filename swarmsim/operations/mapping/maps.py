@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
-from swarmsim.core.messages import Inbox
+from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
@@ -38,7 +38,7 @@ class Maps(Knowledge):
     taken: Inbox[TileItems]  # the tiles taken in of what was heard, where the robot places them
     frames: Frames | None = None  # None: all know each other's places from the start
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """What has changed, and by whose word."""
         return self.changes, self.taken.senders, self.taken.content.sources
 
@@ -67,12 +67,14 @@ class MapAuditor(Auditor):
         self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say
         self._words = self._known.view(np.uint64)
 
-    def audit(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
+    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[Columns]) -> str | None:
         """The first cell that a robot cannot know, or a map that differs from its changes.
 
         Every change is checked when it is made, since measures and recordings are made of changes; whole maps, which
         strategies look at, in turns.
         """
+        if not isinstance(knowledge, Maps):
+            return f"{type(knowledge).__name__}; expected Maps"
         changes, observed = knowledge.changes, knowledge.observed
         if changes.dtype != np.int32 or changes.ndim != 2 or changes.shape[1] != 3:
             return f"changes: {changes.dtype} of shape {changes.shape}; expected int32 of (c, 3)"
@@ -93,7 +95,7 @@ class MapAuditor(Auditor):
             return f"robot {at}'s map holds {held} cells, but its changes say {told}"
         return None
 
-    def _learn(self, knowledge: Any, senses: Senses, inbox: Inbox[Any]) -> str | None:
+    def _learn(self, knowledge: Maps, senses: Senses, inbox: Inbox[Columns]) -> str | None:
         """Note what was shown; robots that place what they hear by an estimate are shown it there."""
         tiles = senses.readings.tiled
         if knowledge.frames is not None:
@@ -102,10 +104,11 @@ class MapAuditor(Auditor):
             for pair in zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True):
                 if pair not in heard:
                     return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
+        content: Any = inbox.content  # other people's have the columns of TileItems that are needed
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(
             self._shown.reshape(rows), senses.alive, tiles.values, tiles.origins,
-            inbox.receivers, inbox.content.values, inbox.content.origins,
+            inbox.receivers, content.values, content.origins,
         )  # fmt: skip
         return None
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import ArrayLike, NDArray
 
-from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Senses
 from swarmsim.operations.mapping.maps import Maps
@@ -35,7 +35,7 @@ class RelaySharing:
 
     def __init__(self, setting: Setting, hops: int) -> None:
         self._tile = tile_shape(setting)
-        self.codec: Codec[Any] = RelayCodec(self._tile)
+        self.codec = RelayCodec(self._tile)
         self._ids, self._hops = setting.ids.astype(np.int32), hops
         self._known = KnownReadings(len(self._ids), setting.swarm)
         self._relayed: Inbox[RelayedItems] | None = None  # to be said by its receivers
@@ -62,7 +62,7 @@ class RelaySharing:
         self._oldest[now] = int(content.sensed.min(initial=now))
         return Said(content, ends, sizes.astype(np.int32))
 
-    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[RelayedItems]:
+    def taken(self, senses: Senses, inbox: Inbox[RelayedItems]) -> Inbox[RelayedItems]:
         """The readings that are news to their receivers, each by the shortest way, ties by the sender's id."""
         known, items = self._known, inbox.content
         hops = items.hops.astype(np.int64) + 1

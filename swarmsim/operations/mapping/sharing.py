@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from msgspec import Struct
@@ -28,29 +28,36 @@ from swarmsim.operations.mapping.message import (
     pieces,
 )
 
+I = TypeVar("I", bound=TileItems)  # noqa: E741 (of items)
 
-class Sharing(parts.Sharing[Maps], Protocol):
+
+class Sharing(parts.Sharing[I, Maps], Protocol[I]):
     """What mapping robots say; the items that they take in have the columns of TileItems at least."""
 
-    codec: Codec[Any]
+    @property
+    def codec(self) -> Codec[I]:
+        """What it looks like on the air."""
+        ...
+
+    def taken(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
+        """The items of the inbox that are taken in."""
+        ...
 
 
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells the tile it senses now and nothing else: no history, no relaying, no map."""
 
-    def build(self, setting: Setting) -> CurrentTileSharing:
+    def build(self, setting: Setting) -> CurrentTileSharing[TileItems]:
         """The policy."""
-        return CurrentTileSharing(setting)
+        return CurrentTileSharing(setting, TileCodec(tile_shape(setting)))
 
 
-class CurrentTileSharing:
+class CurrentTileSharing(Generic[I]):
     """One tile a message."""
 
-    codec: Codec[Any]
-
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: Setting, codec: Codec[I]) -> None:
         tile = tile_shape(setting)
-        self.codec = TileCodec(tile)
+        self.codec = codec
         self._ids = setting.ids.astype(np.int32)
         self._ends = np.arange(1, len(self._ids) + 1, dtype=np.int64)
         self._sizes = np.full(len(self._ids), current_tile_bytes(*tile), np.int32)
@@ -62,7 +69,7 @@ class CurrentTileSharing:
         items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
         return Said(items, self._ends, self._sizes, one_each=True)
 
-    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
         """All of it."""
         return inbox
 
@@ -84,7 +91,7 @@ class WholeMapSharing:
 
     def __init__(self, setting: Setting) -> None:
         self._tile = tile_shape(setting)
-        self.codec: Codec[Any] = MapCodec(self._tile, setting.lattice.shape)
+        self.codec = MapCodec(self._tile, setting.lattice.shape)
 
     def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's map; the dead say nothing."""
@@ -95,7 +102,7 @@ class WholeMapSharing:
         ends = np.searchsorted(owners, np.arange(len(known)), side="right")
         return Said(TileItems(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
 
-    def taken(self, senses: Senses, inbox: Inbox[Any]) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
         """All of it."""
         return inbox
 
@@ -111,15 +118,14 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
         return TileAndGoalSharing(setting)
 
 
-class TileAndGoalSharing(CurrentTileSharing):
+class TileAndGoalSharing(CurrentTileSharing[GoalItems]):
     """One tile and one goal a message."""
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(setting)
-        self.codec = GoalCodec(tile_shape(setting))
+        super().__init__(setting, GoalCodec(tile_shape(setting)))
         self._sizes += np.int32(GOAL.size)
 
-    def say(self, senses: Senses, maps: Maps) -> Said[Any]:
+    def say(self, senses: Senses, maps: Maps) -> Said[GoalItems]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
         said = super().say(senses, maps)
         count, decided = len(self._ids), senses.decided

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -31,7 +30,7 @@ class Positions(Knowledge):
     senders: NDArray[np.int32]  # (t,): the number of whom it knows
     place: NDArray[np.float64]  # (t, 2): m
 
-    def arrays(self) -> tuple[NDArray[Any], ...]:
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All of it."""
         return self.receivers, self.senders, self.place
 
