@@ -119,7 +119,7 @@ def _out_of_bounds(channel: Channel, column: Column) -> str | None:
     """What is wrong with the numbers of a channel, or None; where nothing is measured they are blank or NaN."""
     if channel.dtype == "?" or (channel.low, channel.high) == (-math.inf, math.inf):
         return None
-    strange = ~((column >= channel.low) & (column <= channel.high)) & (column != channel.empty)
+    strange: NDArray[np.bool_] = ~((column >= channel.low) & (column <= channel.high)) & (column != channel.empty)
     if column.dtype.kind == "f":
         strange &= ~np.isnan(column)
     if not strange.any():

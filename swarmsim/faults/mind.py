@@ -227,7 +227,7 @@ class RandomWalk:
             decision, left = self._walks[robot]
             way = _ahead(decision.way, pose, self._window)
             rows, columns = self._lattice.cells(way).T
-            free = maps.observed[robot, rows, columns] & (maps.log_odds[robot, rows, columns] < 0.0)
+            free: NDArray[np.bool_] = maps.observed[robot, rows, columns] & (maps.log_odds[robot, rows, columns] < 0.0)
             if left > 0.0 and free.all() and (here != decision.goal).any():
                 self._walks[robot] = Decision(decision.goal, way, new=False), left - 1.0
                 return self._walks[robot][0]

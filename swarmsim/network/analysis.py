@@ -222,8 +222,8 @@ def _adjacency(links: Links, robots: int) -> NDArray[np.bool_]:
 
 
 def _turnover(before: NDArray[np.bool_], now: NDArray[np.bool_], both: Alive) -> float:
-    kept = (before & now)[both].sum(axis=1)
-    ever = (before | now)[both].sum(axis=1)
+    kept: NDArray[np.int64] = (before & now)[both].sum(axis=1)
+    ever: NDArray[np.int64] = (before | now)[both].sum(axis=1)
     jaccard = np.where(ever > 0, kept / np.maximum(ever, 1), 1.0)
     return 1.0 - float(jaccard.mean()) if len(jaccard) else np.nan
 

@@ -151,9 +151,9 @@ class MergeSharing(GossipSharing[MergeItems]):
 
     def _next_frames(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Who has a frame to tell, and whose: of those it knows the one that it has told longest ago."""
-        others = self.frames.known & ~self._itself
+        others: NDArray[np.bool_] = self.frames.known & ~self._itself
         waited = np.where(others, self._told_at, np.iinfo(np.int32).max)
-        tellers = self._robots[alive & others.any(axis=1)]
+        tellers: NDArray[np.int32] = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
 
     def taken(self, senses: Senses, inbox: Inbox[MergeItems]) -> Inbox[MergeItems]:
@@ -209,7 +209,7 @@ class MergeSharing(GossipSharing[MergeItems]):
             if not wanted[hearer, teller] or not len(met) or not self._far_enough(met):
                 continue
             self._tried[hearer, teller] = senses.iteration
-            rows = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
+            rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
             found = self._compared(cells[hearer], told, self._frames[teller], met)
             if found is not None:
@@ -343,7 +343,7 @@ def moved(
     turn = cos[:, None, None], sin[:, None, None]
     rows = np.floor(cells[:, 0] * turn[0] - cells[:, 1] * turn[1]).astype(np.int64) - origins[:, 0, None, None]
     columns = np.floor(cells[:, 0] * turn[1] + cells[:, 1] * turn[0]).astype(np.int64) - origins[:, 1, None, None]
-    inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    inside: NDArray[np.bool_] = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
     at = np.arange(len(values))[:, None, None], np.where(inside, rows, 0), np.where(inside, columns, 0)
     return np.where(inside, values[at], np.uint8(UNKNOWN)), placed
 
@@ -357,7 +357,7 @@ def presented(cells: Cells, frame: Transform) -> tuple[Cells, NDArray[np.int64]]
     shape = tuple((high - low).tolist())
     centres = (np.indices(shape).reshape(2, -1).T + low) + 0.5
     row, column = np.floor(frame.inverse().apply(centres)).astype(np.int64).T
-    inside = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
+    inside: NDArray[np.bool_] = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
     found = np.where(inside, cells[np.where(inside, row, 0), np.where(inside, column, 0)], np.uint8(UNKNOWN))
     return found.reshape(shape), low
 

@@ -175,7 +175,7 @@ class MapMeasures:
         values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.content.values])
         origins = np.concatenate([tiles.origins, inbox.content.origins])
         owners = np.concatenate([self._robots, inbox.receivers])
-        seen = values != UNKNOWN
+        seen: NDArray[np.bool_] = values != UNKNOWN
         rows, columns = (room - size for room, size in zip(self._domain.shape, values.shape[1:], strict=True))
         if origins.min() < 0 or origins[:, 0].max() > rows or origins[:, 1].max() > columns:
             seen &= _inside(origins, seen.shape, self._domain.shape)

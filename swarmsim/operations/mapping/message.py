@@ -257,7 +257,7 @@ def pieces(
     padded[:, :rows, :columns] = maps
     cut = padded.reshape(robots, down, shape[0], across, shape[1]).swapaxes(2, 3)
     # Rows first: numpy is slow where it reduces the few cells of a tile's row one by one.
-    strips = (padded != UNKNOWN).reshape(robots, down, shape[0], -1).any(axis=2)
+    strips: NDArray[np.bool_] = (padded != UNKNOWN).reshape(robots, down, shape[0], -1).any(axis=2)
     owners, row, column = np.nonzero(strips.reshape(robots, down, across, shape[1]).any(axis=3))
     origins = np.stack([row * shape[0], column * shape[1]], axis=1).astype(np.int32)
     return owners, origins, cut[owners, row, column]
