@@ -131,7 +131,8 @@ class Run:
         if not self.scenario.physics.says("walled", False):
             return []
         places = self.simulation.state.pose[:, :2]
-        row, column = arena.lattice.cells(places).T
+        cells = arena.lattice.cells(places)
+        row, column = cells[:, 0], cells[:, 1]
         inside: NDArray[np.bool_] = (
             (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
         )

@@ -57,7 +57,7 @@ def links(found: object, state: State) -> str | None:
     wrong = array("links", found, np.int32, None, 2)
     if wrong is not None or not isinstance(found, np.ndarray) or checks.links_hold(found, state.alive):
         return wrong
-    receivers, senders = found.T
+    receivers, senders = found[:, 0], found[:, 1]
     if found.min() < 0 or found.max() >= state.robots:
         at = int(np.flatnonzero((found < 0).any(axis=1) | (found >= state.robots).any(axis=1))[0])
         return f"links[{at}]: {found[at].tolist()}; expected ids from 0 to {state.robots - 1}"

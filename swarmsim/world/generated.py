@@ -88,9 +88,11 @@ class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if deep < count * (corridor + 2 * wall + 2 * (door + 2)) + (count - 1) * wall:
             raise InputError(f"height: {self.height:g} m has no room for a corridor with rooms; expected more")
         spine = grid.columns - wall - corridor, grid.columns - wall  # a passage that joins the corridors
-        edges = np.linspace(wall, grid.rows, count + 1).round().astype(int)  # each block ends with a wall
+        edges: list[int] = (
+            np.linspace(wall, grid.rows, count + 1).round().astype(int).tolist()
+        )  # each block ends with a wall
         corridors = []
-        for low, high in pairwise(edges.tolist()):
+        for low, high in pairwise(edges):
             top = high - wall
             first = low + (top - low - corridor) // 2
             corridors.append((first, first + corridor))

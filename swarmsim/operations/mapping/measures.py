@@ -211,6 +211,8 @@ class MapMeasures:
         domain = building.domain
         truth, pool, robots = building.occupied[domain], Pool(int(np.count_nonzero(domain))), []
         union_cells, free, full = np.zeros(domain.shape, np.uint8), np.uint8(FREE), np.uint8(OCCUPIED)
+        observed: NDArray[np.bool_]
+        log_odds: NDArray[np.float32]
         for observed, log_odds in zip(maps.observed, maps.log_odds, strict=True):
             np.maximum(union_cells, np.where(log_odds > 0.0, full, free) * observed, out=union_cells)
             held, odds = observed[domain], log_odds[domain]
