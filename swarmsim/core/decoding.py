@@ -3,59 +3,60 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_origin
 
 import msgspec
 from msgspec import inspect as types
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import not_ending
-from swarmsim.core.part import NONE, Part
-from swarmsim.core.seams import SEAMS
 
 T = TypeVar("T", bound=msgspec.Struct)
-Take = Callable[[Part[Any]], Part[Any]]  # what is done with each part that a table holds
+
+
+class Nested(ABC):
+    """What the field of a struct holds that is made of a table in a way of its own."""
+
+    __slots__ = ()
+
+    @classmethod
+    @abstractmethod
+    def of_table(cls, kind: object, given: Any, take: Take | None) -> Nested:
+        """That of a field of this type, from a table or as it was made already, with `take` done with it.
+
+        Raises InputError, which starts with the key at fault.
+        """
+
+
+Take = Callable[[Any], Nested]  # what is done with each nested value that a table holds
 
 
 class _WrongKindError(ValueError):
     """What is no table, in msgspec's words."""
 
 
-class _InPartError(ValueError):
-    """What is wrong inside of a part's table: starts with a key of it, and not with a reason."""
+class _InsideError(ValueError):
+    """What is wrong inside of a nested table: starts with a key of it, and not with a reason."""
 
 
-def parameters_of(seam: str, use: str | None, keys: Mapping[str, Any]) -> msgspec.Struct:
-    """The parameter struct that the keys of a part describe, checked and complete.
-
-    Raises InputError, which starts with the key.
-    """
-    if use is None:
-        raise InputError(f"use: required key is missing; {nearest('', registry.entries(seam) if seam else {})}")
-    return convert(keys, registry.find(seam, use))
-
-
-def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) -> T:
-    """The struct that a table describes; `take` is what is done with parts in it.
+def convert(given: Mapping[str, Any], kind: type[T], take: Take | None = None) -> T:
+    """The struct that a table describes; `take` is what is done with parts in it, which are decoded by default.
 
     Raises InputError that starts with the key, or all missing keys, at fault.
     """
 
     def hook(wanted: Any, value: Any) -> Any:
-        if value is NONE:
-            return NONE
-        if not isinstance(value, dict | Part):
-            raise _WrongKindError(f"Expected `object`, got `{_called(value)}`")
-        if isinstance(value, dict) and not isinstance(value.get("use", ""), str):
-            raise _InPartError(f"use: expected `str`, got `{_called(value['use'])}`")
-        part = value if isinstance(value, Part) else Part[Any](seam_of(wanted), value)
-        seam = SEAMS[part.seam]
+        nested = get_origin(wanted) or wanted
+        if not issubclass(nested, Nested):
+            return value
+        if not isinstance(value, dict | nested):
+            raise _WrongKindError(f"Expected `object`, got `{called(value)}`")
         try:
-            return take(part) if part or seam.required or seam.many else NONE
+            return nested.of_table(wanted, value, take)
         except InputError as problem:
-            raise _InPartError(str(problem)) from problem
+            raise _InsideError(str(problem)) from problem
 
     missing = _faults_of(given, kind)
     if missing:
@@ -67,19 +68,13 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take = Part.decoded) 
     except msgspec.ValidationError as problem:
         what, _, where = str(problem).rpartition(" - at `$")
         what, key = (what, where.strip(".`")) if what else (where, "")
-        if isinstance(problem.__cause__, _InPartError):
+        if isinstance(problem.__cause__, _InsideError):
             raise InputError(f"{key}.{what}") from problem
         text = what[:1].lower() + what[1:] + (_choices(kind, key) if what.startswith("Invalid enum value") else "")
         raise InputError(f"{key}: {text}" if key else text) from problem
 
 
-def seam_of(kind: Any) -> str:
-    """The seam of the parts that a field of this type holds, as in Part[Sensor]; empty if that is not known."""
-    protocols = [base for one in get_args(kind) for base in getattr(get_origin(one) or one, "__mro__", ())]
-    return next((seam.name for seam in SEAMS.values() if seam.protocol in protocols), "")
-
-
-def _called(value: object) -> str:
+def called(value: object) -> str:
     """What a value of a TOML file is called in messages, as msgspec calls it."""
     names = {list: "array", tuple: "array", dict: "object", type(None): "null"}
     return names.get(type(value), type(value).__name__)

@@ -164,22 +164,27 @@ class FunctionComputation(FunctionForm):
 
     def say(self, senses: Senses) -> Said[Saying]:
         """Every robot's row."""
-        if self._new.any():
-            first = self._values(self._ask(Observations.of(senses), None), len(senses.alive))
-            value = first.copy() if self._value is None else self._value
-            value[self._new] = first[self._new]
-            self._value, self._new = value, np.zeros_like(self._new)
-            self.codec = PlainCodec(Saying(value[:0]))
-        assert self._value is not None
-        return Said.each(Saying(self._value.copy()), self.codec.size)
+        value = self._begun(senses)
+        return Said.each(Saying(value.copy()), self.codec.size)
+
+    def _begun(self, senses: Senses) -> NDArray[np.float64]:
+        """Every robot's row, those that are new included."""
+        value = self._value
+        if value is not None and not self._new.any():
+            return value
+        first = self._values(self._ask(Observations.of(senses), None), len(senses.alive))
+        value = first.copy() if value is None else value
+        value[self._new] = first[self._new]
+        self._value, self._new = value, np.zeros_like(self._new)
+        self.codec = PlainCodec(Saying(value[:0]))
+        return value
 
     def hear(self, senses: Senses, inbox: Inbox[Saying]) -> Value:
         """What the function makes of it."""
-        assert self._value is not None
-        heard = Observations.of(senses, inbox)
-        found = self._values(self._ask(heard, _read_only(self._value)), *self._value.shape)
-        alive = senses.alive.reshape(-1, *[1] * (self._value.ndim - 1))
-        self._value = np.where(alive, found, self._value)
+        before, heard = self._begun(senses), Observations.of(senses, inbox)
+        found = self._values(self._ask(heard, _read_only(before)), *before.shape)
+        alive = senses.alive.reshape(-1, *[1] * (before.ndim - 1))
+        self._value = np.where(alive, found, before)
         return Value(_read_only(self._value))
 
     def _values(self, found: Any, *shape: int) -> NDArray[np.float64]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final, Generic, Protocol, Self, TypeVar, final
+from typing import Any, Final, Generic, Protocol, Self, TypeVar, final, get_args, get_origin
 
 import msgspec
 
-from swarmsim.core.errors import InputError
+from swarmsim.core import registry
+from swarmsim.core.decoding import Nested, Take, called, convert
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.files import Table, with_files
+from swarmsim.core.seams import SEAMS
 
 P = TypeVar("P", covariant=True)  # what the part is once it is built: a seam's Protocol
 T = TypeVar("T")
@@ -26,7 +29,7 @@ class Buildable(Protocol[P]):
 
 
 @final
-class Part(Generic[P]):
+class Part(Nested, Generic[P]):
     """One part by its name, with its parameter struct, which is made from its table once.
 
     A part inside another one is a field of this type: `over: Part[Channel] = Part("channel")`. Parts are frozen, and
@@ -43,6 +46,22 @@ class Part(Generic[P]):
         self._use: str | None = table.get("use", None)
         self._parameters: msgspec.Struct | None = None
         self._completed = not table  # whether its table is made of its parameters
+
+    @classmethod
+    def of_table(cls, kind: object, given: Any, take: Take | None) -> Nested:
+        """The part in the table of a field of this type, decoded unless `take` says otherwise, or NONE if it is empty.
+
+        Raises InputError, which starts with the key at fault.
+        """
+        if isinstance(given, Part) and not given.seam:
+            return given
+        if isinstance(given, dict) and not isinstance(given.get("use", ""), str):
+            raise InputError(f"use: expected `str`, got `{called(given['use'])}`")
+        part = given if isinstance(given, Part) else Part[Any](seam_of(kind), given)
+        seam = SEAMS[part.seam]
+        if not (part or seam.required or seam.many):
+            return NONE
+        return part.decoded() if take is None else take(part)
 
     def decoded(self) -> Self:
         """The same with its keys checked and complete. Raises InputError, which starts with the key at fault."""
@@ -69,16 +88,12 @@ class Part(Generic[P]):
 
     @property
     def _name(self) -> str | None:
-        from swarmsim.core.seams import SEAMS  # which know all that parts are built for, robots with parts included
-
         return SEAMS[self.seam].default if self._use is None and self.seam else self._use
 
     @property
     def parameters(self) -> msgspec.Struct:
         """Its parameter struct. Raises InputError, which starts with the key at fault."""
         if self._parameters is None:
-            from swarmsim.core.decoding import parameters_of  # as above
-
             self._parameters = parameters_of(self.seam, self._name, self._given)
         return self._parameters
 
@@ -160,6 +175,22 @@ class Part(Generic[P]):
 
 #: No part at all.
 NONE: Final[Part[Any]] = Part("")
+
+
+def parameters_of(seam: str, use: str | None, keys: Mapping[str, Any]) -> msgspec.Struct:
+    """The parameter struct that the keys of a part describe, checked and complete.
+
+    Raises InputError, which starts with the key.
+    """
+    if use is None:
+        raise InputError(f"use: required key is missing; {nearest('', registry.entries(seam) if seam else {})}")
+    return convert(keys, registry.find(seam, use))
+
+
+def seam_of(kind: object) -> str:
+    """The seam of the parts that a field of this type holds, as in Part[Sensor]; empty if that is not known."""
+    protocols = [base for one in get_args(kind) for base in getattr(get_origin(one) or one, "__mro__", ())]
+    return next((seam.name for seam in SEAMS.values() if seam.protocol in protocols), "")
 
 
 def plain(value: object) -> Table:

@@ -5,28 +5,15 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import UNSET, Meta, Struct, UnsetType
-from msgspec.structs import replace
+from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import NDArray
 
+from swarmsim.core.crew import Body, Crew
 from swarmsim.core.part import NONE, Part
 from swarmsim.core.platforms import PLAIN
 
 Positive = Annotated[float, Meta(gt=0.0)]
-Length = Annotated[float, Meta(ge=1e-4, le=1e3)]  # m: from grains of sand to ships
-Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
 Count = Annotated[int, Meta(ge=1, le=100_000)]
-
-
-class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a robot is made of: a disc on two wheels."""
-
-    radius: Length = 0.055  # m
-    wheel_base: Length = 0.10  # m
-    speed: Pace = 0.15  # m/s, at a wheel's rim
-    acceleration: Pace = 1.0  # m/s^2, at a wheel's rim
-    mass: Annotated[float, Meta(ge=1e-6, le=1e6)] = 0.25  # kg
-    traction: Annotated[float, Meta(ge=1e-4, le=1e3)] = 0.6  # friction coefficient of wheel on floor
 
 
 class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -62,28 +49,3 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
         kind = np.repeat(np.arange(len(groups)), [group.count for group in groups])[ids]
         kind.flags.writeable = False
         return Crew(**{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind)
-
-
-class Crew(Body, frozen=True, kw_only=True, eq=False):
-    """The bodies of the robots that a part serves; how many these are is what `Setting.ids` and `Setting.swarm` say.
-
-    Of a swarm of several kinds, radius and speed are those of the largest and the fastest, whoever is served.
-    """
-
-    kinds: tuple[Body, ...]  # of the whole swarm
-    kind: NDArray[np.int64]  # (rows,): which of these each robot is of
-
-    def each(self, key: str) -> NDArray[np.float64]:
-        """A number of every robot served (rows,), by its key."""
-        return self._of_kinds(key)[self.kind]
-
-    def of(self, rows: NDArray[np.int64]) -> Crew:
-        """Some of them."""
-        return replace(self, kind=self.kind[rows])
-
-    def least(self, key: str) -> float:
-        """The smallest number that any robot of the swarm has, by its key."""
-        return float(self._of_kinds(key).min())
-
-    def _of_kinds(self, key: str) -> NDArray[np.float64]:
-        return np.array([getattr(kind, key) for kind in self.kinds], np.float64)

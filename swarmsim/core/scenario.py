@@ -15,6 +15,7 @@ from msgspec import inspect as types
 
 from swarmsim.core import registry
 from swarmsim.core.budget import BUDGET
+from swarmsim.core.crew import Length
 from swarmsim.core.decoding import Take, convert
 from swarmsim.core.describe import words
 from swarmsim.core.errors import InputError
@@ -35,7 +36,7 @@ from swarmsim.core.parts import (
     Topology,
 )
 from swarmsim.core.platforms import with_platforms
-from swarmsim.core.robots import Count, Length, Positive, Robots
+from swarmsim.core.robots import Count, Positive, Robots
 from swarmsim.core.seams import SEAMS, at_place
 from swarmsim.core.setting import Field
 from swarmsim.core.toml import DEEPEST, TOO_DEEP, parsed, read_toml

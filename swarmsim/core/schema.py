@@ -8,8 +8,7 @@ from typing import Annotated, Any, get_args, get_origin
 import msgspec
 
 from swarmsim.core import registry
-from swarmsim.core.decoding import seam_of
-from swarmsim.core.part import Part
+from swarmsim.core.part import Part, seam_of
 from swarmsim.core.scenario import Scenario
 from swarmsim.core.seams import SEAMS
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
+from swarmsim.core.crew import Crew
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import NOTHING, Channels
-from swarmsim.core.robots import Crew, Robots
 from swarmsim.core.streams import Streams
 
 
@@ -21,6 +21,19 @@ class Field(Protocol):
 
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The values (k,) at a time (s) and at points (k, 2): x, y in m."""
+        ...
+
+
+class Swarm(Protocol):
+    """The robots of a scenario."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        ...
+
+    def crew(self, ids: NDArray[np.int64]) -> Crew:
+        """The bodies of those with these numbers (rows,)."""
         ...
 
 
@@ -61,7 +74,7 @@ class Setting:
     @classmethod
     def of(
         cls,
-        robots: Robots,
+        robots: Swarm,
         lattice: Lattice,
         period: float,
         streams: Streams,

@@ -408,6 +408,14 @@ def _walls_alone(arena: Arena) -> Building:
     return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
+def _surveying(sensor: Buildable[Sensor], setting: Setting, place: str) -> Sensor:
+    """A sensor that finds out what can be observed. Raises InputError that starts with its place in the scenario."""
+    try:
+        return sensor.build(setting)
+    except InputError as problem:
+        raise InputError(f"{place}.{problem}") from problem
+
+
 def _make(part: Part[P], setting: Setting, place: str = "") -> P:
     """The part, built. Raises InputError that starts with its place in the scenario."""
     try:
@@ -432,7 +440,7 @@ def _observable(
     setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     # What robots can see in the end does not depend on gaps between their beams.
     surveying: Buildable[Sensor] | None = part.says("surveying", None)
-    sensor = _make(part, setting, place) if surveying is None else surveying.build(setting)
+    sensor = _make(part, setting, place) if surveying is None else _surveying(surveying, setting, place)
     if "tiles" not in sensor.channels:
         return None
     if not registry.is_ours(sensor):

@@ -13,9 +13,9 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi, lib
 
 from swarmsim.core.building import Building, Crowd
+from swarmsim.core.crew import Crew
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion
-from swarmsim.core.robots import Crew
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import drive

@@ -8,18 +8,18 @@ from copy import copy
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, convert
 from msgspec.structs import force_setattr
-from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Sensor
-from swarmsim.core.readings import FIELD, Called, Channels, Readings, range_channel, tile_channels
+from swarmsim.core.readings import FIELD, Called, Channels, Readings
 from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.kernels import rays
-from swarmsim.robots.rangefinders import RangefinderSensor, held, radii_of
+from swarmsim.robots.rangefinders import RangefinderSensor
+from swarmsim.robots.ring import WholeRing, held, radii_of
 from swarmsim.robots.suites import Suite, checked
 
 Degrees = Annotated[float, Meta(ge=-360.0, le=360.0)]
@@ -89,68 +89,45 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             force_setattr(self, "beams", 72 if self.bearings is None else len(self.bearings))
         elif self.bearings is not None and len(self.bearings) != self.beams:
             raise ValueError("beams and bearings contradict each other; expected one of them")
-        assert self.reach is not None
-        assert self.blind is not None
-        if self.blind >= self.reach:
+        whole = self.whole
+        if whole.blind >= whole.reach:
             raise ValueError("blind is not below reach; expected the least distance that is measured")
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns of the tile in cells of the map; one that turns needs room to."""
-        side = math.ceil(math.hypot(*self.tile)) + 1
-        return self.tile if self.frame == "map" else (side, side)
+    def whole(self) -> WholeRing:
+        """The same with all its numbers."""
+        return convert(self, WholeRing, from_attributes=True)
 
     @property
     def margin(self) -> int:
         """How many cells a tile reaches beyond the cell of its robot, at most."""
-        return max(self.shape)
+        return max(self.whole.shape)
 
     @property
     def rays(self) -> tuple[int, float, bool]:
         """How many beams there are, how far they go, in m, and whether it matters beyond the tile."""
-        return self.beams or 0, self.reach or 0.0, self.ranges
-
-    @property
-    def errs(self) -> bool:
-        """Whether there is anything about it that is not ideal, but for the number of beams."""
-        return any(getattr(self, key) for key in _ERRORS)
+        whole = self.whole
+        return whole.beams, whole.reach, whole.ranges
 
     @property
     def surveying(self) -> IrRing:
         """The ring that finds out what can be observed at all: as far, without gaps, errors or others, and unturned."""
-        dense = max(72, math.ceil(2.0 * math.pi * max(self.shape) / 0.8))
-        ideal = self.bearings is None and not self.errs and self.frame == "map"
+        dense = max(72, math.ceil(2.0 * math.pi * self.margin / 0.8))
+        ideal = self.bearings is None and not self.whole.errs and self.frame == "map"
         return IrRing(tile=self.tile, reach=self.reach, beams=self.beams if ideal else dense)
-
-    def angles(self) -> NDArray[np.float64]:
-        """The bearings (b,) of the beams in rad, counter-clockwise from straight ahead, 0 to a whole turn."""
-        if self.bearings is not None:
-            return np.array([math.radians(bearing) % (2.0 * math.pi) for bearing in self.bearings])
-        assert self.beams is not None
-        return np.asarray(np.arange(self.beams) * (2.0 * np.pi / self.beams))
-
-    def channels(self, evidence: bool) -> Channels:
-        """What such a ring gives, with or without what its tiles are worth."""
-        assert self.reach is not None
-        angles = self.angles()
-        ahead = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
-        ranges = (range_channel(ahead, self.reach),) if self.ranges else ()
-        return Channels(*tile_channels(self.shape, evidence), *ranges)
 
     def build(self, setting: Setting) -> IrRingSensor | RangefinderSensor:
         """The sensor for a swarm among these walls. Raises InputError for even beams with gaps between them."""
-        lattice = setting.lattice
-        assert self.beams is not None
-        assert self.reach is not None
-        corner = lattice.cell * math.hypot((self.tile[0] + 1) / 2, (self.tile[1] + 1) / 2)
-        narrowest = 2.0 * math.pi / self.beams * min(corner, self.reach)
-        if self.bearings is None and narrowest > 0.8 * lattice.cell:
-            needed = math.ceil(2.0 * math.pi * min(corner, self.reach) / (0.8 * lattice.cell))
+        whole, cell = self.whole, setting.lattice.cell
+        near = min(whole.corner(cell), whole.reach)
+        narrowest = 2.0 * math.pi / whole.beams * near
+        if whole.bearings is None and narrowest > 0.8 * cell:
+            needed = math.ceil(2.0 * math.pi * near / (0.8 * cell))
             raise InputError(
-                f"beams: {self.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
-                f"cells of {lattice.cell:g} m; give bearings to a ring with gaps, or at least {needed} are needed"
+                f"beams: {whole.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
+                f"cells of {cell:g} m; give bearings to a ring with gaps, or at least {needed} are needed"
             )
-        return RangefinderSensor(self, setting) if self.errs else IrRingSensor(self, setting)
+        return RangefinderSensor(whole, setting) if whole.errs else IrRingSensor(whole, setting)
 
 
 _ERRORS: Final = ("blind", "cone", "error", "error_share", "error_square", "drop_out", "outliers", "step")
@@ -159,26 +136,24 @@ _ERRORS: Final = ("blind", "cone", "error", "error_share", "error_square", "drop
 class IrRingSensor:
     """Senses the tiles of the whole swarm in one call."""
 
-    def __init__(self, parameters: IrRing, setting: Setting) -> None:
+    def __init__(self, whole: WholeRing, setting: Setting) -> None:
         lattice = setting.lattice
-        assert parameters.reach is not None
-        corner = lattice.cell * math.hypot((parameters.tile[0] + 1) / 2, (parameters.tile[1] + 1) / 2)
         # What lies beyond the tile is looked for only if ranges are asked for.
-        self._reach = parameters.reach if parameters.ranges else min(parameters.reach, corner)
+        self._reach = whole.reach if whole.ranges else min(whole.reach, whole.corner(lattice.cell))
         side = max(0.5 * self._reach, lattice.cell)
         rows = math.ceil(lattice.rows * lattice.cell / side)
         columns = math.ceil(lattice.columns * lattice.cell / side)
         self._coarse = (lattice.x0, lattice.y0, side, rows, columns)
         self._building = setting.building
         self._prepare()
-        angles = parameters.angles()
+        angles = whole.angles()
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._working = np.arange(len(angles))
         self._beams = len(angles)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
         self._radii = setting.robots.each("radius")
-        self._parameters = parameters
-        self.channels = parameters.channels(evidence=False)
+        self._whole = whole
+        self.channels = whole.channels(evidence=False)
 
     def without(self, beams: Sequence[int]) -> IrRingSensor:
         """The same sensor with these beams dead, counted from 0 straight ahead. Raises InputError for one not there."""
@@ -194,12 +169,12 @@ class IrRingSensor:
 
     def sense(self, state: State) -> Readings:
         """The tiles of all robots, each around its own cell; those of dead robots are all UNKNOWN."""
-        parameters = self._parameters
+        whole = self._whole
         if self._version != self._building.version:
             self._prepare()
-        values = np.empty((state.robots, *parameters.shape), np.uint8)
+        values = np.empty((state.robots, *whole.shape), np.uint8)
         origins = np.empty((state.robots, 2), np.int32)
-        ranges = np.full((state.robots if parameters.ranges else 0, len(self._ring)), np.inf)
+        ranges = np.full((state.robots if whole.ranges else 0, len(self._ring)), np.inf)
         rays.sense(
             state.pose,
             state.alive,
@@ -211,20 +186,20 @@ class IrRingSensor:
             self._coarse,
             self._lattice,
             radii_of(self._radii, state),
-            parameters.robots != "ignored",
-            parameters.robots == "occupied",
+            whole.robots != "ignored",
+            whole.robots == "occupied",
             values,
             origins,
             ranges,
         )
-        if parameters.frame == "robot":
-            values[~held(state.pose, origins, parameters.tile, parameters.shape, self._lattice)] = UNKNOWN
-        if not parameters.ranges:
+        if whole.frame == "robot":
+            values[~held(state.pose, origins, whole.tile, whole.shape, self._lattice)] = UNKNOWN
+        if not whole.ranges:
             return Readings(self.channels, (values, origins))
         if len(self._working) < self._beams:
-            whole = np.full((state.robots, self._beams), np.nan)
-            whole[:, self._working] = ranges
-            ranges = whole
+            padded = np.full((state.robots, self._beams), np.nan)
+            padded[:, self._working] = ranges
+            ranges = padded
         return Readings(self.channels, (values, origins, ranges))
 
 

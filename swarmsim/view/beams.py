@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from swarmsim.core.events import Box
 from swarmsim.core.scenario import Sensors, fitted
 from swarmsim.kernels import rays
 from swarmsim.recording.reader import Recording
+from swarmsim.robots.ring import WholeRing
 from swarmsim.robots.sensors import IrRing
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
@@ -61,10 +60,10 @@ class BeamReplay:
         ring = self._rings[robot]
         if ring is None:
             return 0.0
-        return min(float(ring.reach or 0.0), self._cell * math.hypot((ring.tile[0] + 1) / 2, (ring.tile[1] + 1) / 2))
+        return min(ring.reach, ring.corner(self._cell))
 
 
-def _ring(sensors: Sensors) -> IrRing | None:
+def _ring(sensors: Sensors) -> WholeRing | None:
     """The first ring among the sensors of a robot."""
     for _, sensor in sensors:
         try:
@@ -72,5 +71,5 @@ def _ring(sensors: Sensors) -> IrRing | None:
         except InputError:  # code of somebody's own, which pictures do not run
             continue
         if isinstance(part, IrRing):
-            return part
+            return part.whole
     return None

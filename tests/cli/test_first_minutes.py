@@ -106,7 +106,7 @@ def test_keys_and_parts_are_completed() -> None:
     assert "crash at=5 count=" in fault_words("crash at=5 c")
     assert "crash at=5 at=" not in fault_words("crash at=5 a")
     assert fault_words("nothing ") == []
-    assert fault_in_words("motor off share=0.5 at=3")["failure"] == "off"
+    assert fault_in_words("motor off share=0.5 at=3").table["failure"] == "off"
     assert example_names("faults/b") == [
         "faults/batteries",
         "faults/blind",

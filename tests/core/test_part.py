@@ -14,9 +14,9 @@ import pytest
 from conftest import ROOT, made
 
 from swarmsim.core import decoding, registry
-from swarmsim.core.decoding import seam_of
+from swarmsim.core import part as asked
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import NONE, Part
+from swarmsim.core.part import NONE, Part, seam_of
 from swarmsim.core.robots import Group
 from swarmsim.core.scenario import Scenario, all_parts, load, shape, table_of
 from swarmsim.core.seams import SEAMS
@@ -43,13 +43,13 @@ SCENARIOS = ["basilica", "faults/blind", "merging", "moving-field"]
 def test_each_part_is_decoded_once_for_a_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From the file to the end of the recording; it was two to eight times."""
     decoded: Counter[tuple[str, str | None]] = Counter()
-    one = decoding.parameters_of
+    one = asked.parameters_of
 
     def counted(seam: str, use: str | None, keys: Mapping[str, Any]) -> msgspec.Struct:
         decoded[seam, use] += 1
         return one(seam, use, keys)
 
-    monkeypatch.setattr(decoding, "parameters_of", counted)
+    monkeypatch.setattr(asked, "parameters_of", counted)
     run = made("stop.iterations=2", scenario=name)
     with run.recorder(tmp_path / "recording.h5") as recorder:
         run.simulation.run([recorder])
@@ -164,3 +164,12 @@ def test_parts_say_what_others_need_to_know() -> None:
     assert not says("computation", "merges", False)
     assert says("fault", "mark", "fault", use="remove", at=1) == "removed"
     assert NONE.says("noise", 0.0) == 0.0
+
+
+def test_keys_of_other_types_than_parts_are_told_by_their_type() -> None:
+    class Colour:
+        pass
+
+    lamp = msgspec.defstruct("Lamp", [("colour", Colour)])
+    with pytest.raises(InputError, match=r"^colour: expected `Colour`, got `dict`$"):
+        decoding.convert({"colour": {"red": 1.0}}, lamp)

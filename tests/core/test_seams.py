@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol, get_args, get_origin
 
@@ -15,12 +15,13 @@ from typer.testing import CliRunner
 
 from swarmsim.cli import app, skeletons
 from swarmsim.core import describe, distributions, registry, scenario, schema
-from swarmsim.core.decoding import seam_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import FunctionForm
 from swarmsim.core.part import Part as Asked
+from swarmsim.core.part import seam_of
 from swarmsim.core.seams import SEAMS, Seam
 from swarmsim.core.state import State
+from swarmsim.engine import promises
 from swarmsim.engine.build import build
 from swarmsim.engine.foreign import built
 
@@ -54,7 +55,18 @@ def test_every_seam_has_a_skeleton_or_a_reason_why_not() -> None:
     assert not kinds & set(skeletons.WITHOUT)
     with pytest.raises(InputError, match=r"new physics: .*start from swarmsim/robots/particles\.py"):
         skeletons.written("physics", "mine", Path())
-    for reason in skeletons.WITHOUT.values():
+    check_files_in(skeletons.WITHOUT)
+
+
+def test_every_seam_has_its_contract_checked_or_a_reason_why_not() -> None:
+    assert set(promises.CHECKS) | set(promises.WITHOUT) == set(SEAMS)
+    assert not set(promises.CHECKS) & set(promises.WITHOUT)
+    check_files_in(promises.WITHOUT)
+
+
+def check_files_in(reasons: Mapping[str, str]) -> None:
+    """Files that reasons name are there."""
+    for reason in reasons.values():
         for word in reason.split():
             assert not word.startswith("swarmsim/") or (ROOT / word).is_file(), word
 

@@ -298,7 +298,7 @@ def test_an_edited_sensor_changes_what_can_be_explored(keys: str, tmp_path: Path
     sensor = (
         "import msgspec\nfrom swarmsim.robots.sensors import IrRing, NoSensor\n"
         f"class Eye(msgspec.Struct, frozen=True):\n{keys}    def build(self, setting):\n"
-        "        return IrRing(tile=[9, 9], reach=0.6).build(setting)\n"
+        "        return IrRing(tile=(9, 9), reach=0.6).build(setting)\n"
     )
     path = scenario(tmp_path, STILL + MINE, eye=sensor)
     path.write_text(path.read_text() + '[sensor]\nuse = "./eye.py:Eye"\n')
@@ -308,5 +308,5 @@ def test_an_edited_sensor_changes_what_can_be_explored(keys: str, tmp_path: Path
             return int(build(load(path), str(path)).domain.sum())
 
     first = explored()
-    (tmp_path / "eye.py").write_text(sensor.replace("IrRing(tile=[9, 9], reach=0.6)", "NoSensor()"))
+    (tmp_path / "eye.py").write_text(sensor.replace("IrRing(tile=(9, 9), reach=0.6)", "NoSensor()"))
     assert explored() != first

@@ -170,7 +170,7 @@ def test_frames_have_a_row_for_each_sample_and_robot_and_units_in_their_columns(
     assert frame["robot"].tolist() == [0, 1, 2] * 4
     one = frame[(frame["iteration"] == 4) & (frame["robot"] == 1)].iloc[0]
     assert_allclose([one["place x (m)"], one["place y (m)"], one["yaw (rad)"]], run.recording["pose"][4, 1])
-    with pytest.raises(InputError, match=r"no probe is called 'believed'; did you mean 'believed_poses'"):
+    with pytest.raises(InputError, match=r"no probe or channel is called 'believed'; did you mean 'believed_poses'"):
         run.frame("believed")
 
 

@@ -13,7 +13,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.kernels import evidence, occupancy
 from swarmsim.recording.digests import Digests
-from swarmsim.robots.rangefinders import held
+from swarmsim.robots.ring import held
 from swarmsim.robots.sensors import PRESETS, SIX, IrRing
 
 CELL = 0.15
@@ -173,7 +173,7 @@ def test_what_a_sensor_says_goes_into_the_robots_own_map() -> None:
 
 def test_a_preset_fills_what_is_left_out() -> None:
     ring = convert({"preset": "gternal", "reach": 0.7}, IrRing)
-    assert (ring.reach, ring.error_share, ring.bearings, ring.beams) == (0.7, 0.03, list(SIX), 6)
+    assert (ring.reach, ring.error_share, ring.bearings, ring.beams) == (0.7, 0.03, SIX, 6)
     assert convert({}, IrRing).beams == 72
     assert convert({"preset": "gternal", "beams": 90}, IrRing).bearings is None
 
@@ -211,7 +211,7 @@ def test_a_tile_can_turn_with_its_robot(yaw: float) -> None:
     assert np.abs(turned[:, 0]).max() <= 3.5 * CELL
     assert np.abs(turned[:, 1]).max() <= 2.0 * CELL
     assert len(cells) == pytest.approx(28, abs=5)
-    inside = held(pose, tiles.origins, (4, 7), ring.shape, (LATTICE.x0, LATTICE.y0, CELL))
+    inside = held(pose, tiles.origins, (4, 7), ring.whole.shape, (LATTICE.x0, LATTICE.y0, CELL))
     assert inside.sum() == len(cells)  # all of it is seen in the open, and nothing else is told
 
 

@@ -35,7 +35,7 @@ def test_shrinking_finds_the_least_that_fails() -> None:
     answer = search(
         lambda faults, seed: any(
             f["use"] == "crash" and f["count"] >= 7 and min(f.get("lasts", 1000), 2 * SOUND - f["at"]) >= 100
-            for f in faults
+            for f in (fault.table for fault in faults)
         )
     ).run(80)
     assert answer.sound == (SOUND,) * 3
@@ -50,7 +50,9 @@ def test_shrinking_finds_the_least_that_fails() -> None:
 
 def test_a_moment_that_is_enough_is_found() -> None:
     """Maps are lost in any one iteration after half of the run."""
-    answer = search(lambda faults, seed: any(f.get("map") == "lost" and f["at"] >= 100 for f in faults)).run(1)
+    answer = search(
+        lambda faults, seed: any(f.table.get("map") == "lost" and f.table["at"] >= 100 for f in faults)
+    ).run(1)
     (entry,) = answer.smallest.timeline
     assert (entry.kind, entry.count, entry.lasts, answer.smallest.size) == ("remove, map lost", 1, 1, 1)
 
@@ -61,7 +63,7 @@ def test_what_fails_with_some_seeds_only_is_no_failure() -> None:
 
 def test_two_faults_together_are_found_at_random() -> None:
     def both(faults, seed) -> bool:
-        return {"motor", "radio"} <= {fault["use"] for fault in faults}
+        return {"motor", "radio"} <= {fault.use for fault in faults}
 
     answer = search(both).run(300)
     assert {entry.kind for entry in answer.smallest.timeline} == {"motor off", "radio off"}

@@ -96,7 +96,7 @@ class AlignmentMeasures:
             "followed_after": next((at for at, f in enumerate(self._following, 1) if f >= np.cos(CLOSE)), None),
             "following_late": float(np.mean(self._following[len(self._following) // 2 :])) if self._following else None,
             "correlation_length": length,
-            **({"response": self._response()} if self._every is not None else {}),
+            **({} if self._every is None else {"response": self._response(self._every)}),
         }
 
     def _reach(self) -> float | None:
@@ -108,13 +108,12 @@ class AlignmentMeasures:
         close = np.abs(wrapped(heading[alive & ~leads] - course)) <= CLOSE
         return float(close.mean()) if len(close) else None
 
-    def _response(self) -> float | None:
+    def _response(self, every: float) -> float | None:
         """The response over as many whole turns as fit into the second half of the run; None if none does."""
-        assert self._every is not None
-        turns = int(len(self._headings) / 2 / self._every)
+        turns = int(len(self._headings) / 2 / every)
         if turns == 0 or self._last is None:
             return None
-        window = np.array(self._headings[-round(turns * self._every) :])
+        window = np.array(self._headings[-round(turns * every) :])
         leads, alive = self._last.knowledge.leads, self._last.state.alive
         return response(window[:, alive & ~leads], window[:, leads & alive], turns)
 

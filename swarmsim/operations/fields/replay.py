@@ -28,10 +28,11 @@ class FieldReplay:
     """The estimates of a recorded run, at the centres of the lattice's cells."""
 
     def __init__(self, recording: Recording, bounds: Box) -> None:
-        """`bounds` of the floor plan's page: left, lower, right, upper in m."""
+        """`bounds` of the floor plan's page: left, lower, right, upper in m. Raises InputError without estimates."""
         lattice = recording.lattice
         estimate = _parameters(recording)
-        assert estimate is not None
+        if estimate is None:
+            raise InputError(f"{recording.path}: holds no estimates of a field; expected a run with field-estimate")
         basis = Basis(bounds, estimate.spacing)
         cells = np.indices(lattice.shape).reshape(2, -1).T
         self._functions = basis.at(lattice.centres(cells)).T

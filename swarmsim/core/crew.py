@@ -1,0 +1,49 @@
+"""The bodies of robots: what each is made of, by its number."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+Length = Annotated[float, Meta(ge=1e-4, le=1e3)]  # m: from grains of sand to ships
+Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
+
+
+class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a robot is made of: a disc on two wheels."""
+
+    radius: Length = 0.055  # m
+    wheel_base: Length = 0.10  # m
+    speed: Pace = 0.15  # m/s, at a wheel's rim
+    acceleration: Pace = 1.0  # m/s^2, at a wheel's rim
+    mass: Annotated[float, Meta(ge=1e-6, le=1e6)] = 0.25  # kg
+    traction: Annotated[float, Meta(ge=1e-4, le=1e3)] = 0.6  # friction coefficient of wheel on floor
+
+
+class Crew(Body, frozen=True, kw_only=True, eq=False):
+    """The bodies of the robots that a part serves; how many these are is what `Setting.ids` and `Setting.swarm` say.
+
+    Of a swarm of several kinds, radius and speed are those of the largest and the fastest, whoever is served.
+    """
+
+    kinds: tuple[Body, ...]  # of the whole swarm
+    kind: NDArray[np.int64]  # (rows,): which of these each robot is of
+
+    def each(self, key: str) -> NDArray[np.float64]:
+        """A number of every robot served (rows,), by its key."""
+        return self._of_kinds(key)[self.kind]
+
+    def of(self, rows: NDArray[np.int64]) -> Crew:
+        """Some of them."""
+        return replace(self, kind=self.kind[rows])
+
+    def least(self, key: str) -> float:
+        """The smallest number that any robot of the swarm has, by its key."""
+        return float(self._of_kinds(key).min())
+
+    def _of_kinds(self, key: str) -> NDArray[np.float64]:
+        return np.array([getattr(kind, key) for kind in self.kinds], np.float64)
