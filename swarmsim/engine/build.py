@@ -131,12 +131,15 @@ class Run:
         if not self.scenario.physics.says("walled", False):
             return []
         places = self.simulation.state.pose[:, :2]
-        row, column = arena.lattice.cells(places).T
-        inside = (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
+        cells = arena.lattice.cells(places)
+        row, column = cells[:, 0], cells[:, 1]
+        inside: NDArray[np.bool_] = (
+            (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
+        )
         near = math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1  # cells: what is known are their centres
         there = around(self.reachable, near)
         walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).solid
-        fine = inside & ~shapely.contains_xy(walls, *places.T)
+        fine: NDArray[np.bool_] = inside & ~shapely.contains_xy(walls, *places.T)
         fine[inside] &= there[row[inside], column[inside]]
         return np.flatnonzero(parts.bodies.solid & ~fine).tolist()
 

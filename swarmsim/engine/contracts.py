@@ -57,7 +57,7 @@ def links(found: object, state: State) -> str | None:
     wrong = array("links", found, np.int32, None, 2)
     if wrong is not None or not isinstance(found, np.ndarray) or checks.links_hold(found, state.alive):
         return wrong
-    receivers, senders = found.T
+    receivers, senders = found[:, 0], found[:, 1]
     if found.min() < 0 or found.max() >= state.robots:
         at = int(np.flatnonzero((found < 0).any(axis=1) | (found >= state.robots).any(axis=1))[0])
         return f"links[{at}]: {found[at].tolist()}; expected ids from 0 to {state.robots - 1}"
@@ -119,7 +119,7 @@ def _out_of_bounds(channel: Channel, column: Column) -> str | None:
     """What is wrong with the numbers of a channel, or None; where nothing is measured they are blank or NaN."""
     if channel.dtype == "?" or (channel.low, channel.high) == (-math.inf, math.inf):
         return None
-    strange = ~((column >= channel.low) & (column <= channel.high)) & (column != channel.empty)
+    strange: NDArray[np.bool_] = ~((column >= channel.low) & (column <= channel.high)) & (column != channel.empty)
     if column.dtype.kind == "f":
         strange &= ~np.isnan(column)
     if not strange.any():

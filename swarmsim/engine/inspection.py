@@ -98,6 +98,8 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
 def _pockets(arena: Arena, reached: NDArray[np.bool_] | None) -> list[Pocket]:
     """The pieces of free space inside of the walls that are not reached, nor open to the outside."""
     left = ~arena.occupied if reached is None else ~arena.occupied & ~reached
+    pieces: NDArray[np.int32]
+    count: int
     pieces, count = ndimage.label(left)
     if not count:
         return []
@@ -105,7 +107,7 @@ def _pockets(arena: Arena, reached: NDArray[np.bool_] | None) -> list[Pocket]:
     outside = np.unique(pieces[rim(np.ones_like(left))])
     inner = np.setdiff1d(np.arange(1, count + 1), outside)
     order = inner[np.argsort(-sizes[inner], kind="stable")]
-    first = ndimage.find_objects(pieces)
+    first: list[tuple[slice, slice]] = ndimage.find_objects(pieces)
     pockets = []
     for piece in order:
         part = first[piece - 1]

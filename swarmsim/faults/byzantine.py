@@ -185,7 +185,7 @@ class FalseNames:
         """The inbox as its receivers believe it to be."""
         names = inbox.senders.copy()
         for iteration in np.unique(inbox.sent).tolist():
-            rows = inbox.sent == iteration
+            rows: NDArray[np.bool_] = inbox.sent == iteration
             names[rows] = self._given[iteration][names[rows]]
         for iteration in [t for t in self._given if t < inbox.oldest]:
             del self._given[iteration]

@@ -226,8 +226,9 @@ class RandomWalk:
         if robot in self._walks:
             decision, left = self._walks[robot]
             way = _ahead(decision.way, pose, self._window)
-            rows, columns = self._lattice.cells(way).T
-            free = maps.observed[robot, rows, columns] & (maps.log_odds[robot, rows, columns] < 0.0)
+            cells = self._lattice.cells(way)
+            rows, columns = cells[:, 0], cells[:, 1]
+            free: NDArray[np.bool_] = maps.observed[robot, rows, columns] & (maps.log_odds[robot, rows, columns] < 0.0)
             if left > 0.0 and free.all() and (here != decision.goal).any():
                 self._walks[robot] = Decision(decision.goal, way, new=False), left - 1.0
                 return self._walks[robot][0]

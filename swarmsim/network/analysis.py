@@ -222,14 +222,14 @@ def _adjacency(links: Links, robots: int) -> NDArray[np.bool_]:
 
 
 def _turnover(before: NDArray[np.bool_], now: NDArray[np.bool_], both: Alive) -> float:
-    kept = (before & now)[both].sum(axis=1)
-    ever = (before | now)[both].sum(axis=1)
+    kept: NDArray[np.int64] = (before & now)[both].sum(axis=1)
+    ever: NDArray[np.int64] = (before | now)[both].sum(axis=1)
     jaccard = np.where(ever > 0, kept / np.maximum(ever, 1), 1.0)
     return 1.0 - float(jaccard.mean()) if len(jaccard) else np.nan
 
 
 def _snapshot(heard: NDArray[np.bool_], alive: Alive, turnover: float) -> Snapshot:
-    live = heard[np.ix_(alive, alive)]
+    live: NDArray[np.bool_] = heard[np.ix_(alive, alive)]
     robots = len(live)
     weak, weak_sizes = _components(live, "weak")
     strong, strong_sizes = _components(live, "strong")
@@ -247,8 +247,10 @@ def _snapshot(heard: NDArray[np.bool_], alive: Alive, turnover: float) -> Snapsh
 
 
 def _components(live: NDArray[np.bool_], connection: str) -> tuple[int, Ints]:
+    count: int
+    labels: Ints
     count, labels = connected_components(live, connection=connection)
-    return int(count), np.bincount(labels)
+    return count, np.bincount(labels)
 
 
 def _clustering(live: NDArray[np.bool_]) -> float:

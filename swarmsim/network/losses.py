@@ -178,7 +178,7 @@ def walls_between(here: NDArray[np.float64], there: NDArray[np.float64], walls: 
     way, wall = np.nonzero(sides[0] != sides[1])  # (p, s): the way leads from one side of the wall's line to the other
     here, straight = here[way], (there - here)[way]
     first, last = walls[wall, :2], walls[wall, 2:]
-    crossed = (_cross(straight, first - here) >= 0.0) != (_cross(straight, last - here) >= 0.0)
+    crossed: NDArray[np.bool_] = (_cross(straight, first - here) >= 0.0) != (_cross(straight, last - here) >= 0.0)
     return np.asarray(np.bincount(way[crossed], minlength=len(there)) / 2.0)
 
 

@@ -34,7 +34,7 @@ def columns_of(recording: Recording, name: str) -> dict[str, NDArray[np.generic]
     values = table.reshape(at.shape[1], -1)
     if channel.count:
         counts = recording[_table(recording.channels, channel.count)][:, first:end]
-        used = at[2] < counts[at[0], at[1]]
+        used: NDArray[np.bool_] = at[2] < counts[at[0], at[1]]
         at, values = at[:, used], values[used]
     found: dict[str, NDArray[np.generic]] = {
         "iteration": at[0] + 1, "time (s)": (at[0] + 1) * recording.scenario.period, "robot": at[1] + first,

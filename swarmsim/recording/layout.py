@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.probes import Declared
-from swarmsim.core.readings import NAME, Channels
+from swarmsim.core.readings import NAME, Channels, Column
 
 if TYPE_CHECKING:
     import h5py
@@ -22,6 +22,37 @@ FAR: Final = 1e7  # m or cells: nothing lies farther off
 MOST: Final = 1 << 33  # bytes of a table
 DENSEST: Final = 1100  # how many times smaller deflate (RFC 1951) makes what it packs, at most
 SMALL: Final = 1 << 26  # bytes, up to which a table may be as dense as it likes
+
+
+class Stored(Protocol):
+    """A table of an HDF5 file."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Its rows, then the shape of one."""
+        ...
+
+    @property
+    def dtype(self) -> np.dtype[np.generic]:
+        """The type of its numbers."""
+        ...
+
+    @property
+    def id(self) -> Identifier:
+        """What HDF5 knows it by."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, rows: slice | tuple[()]) -> Column: ...
+
+
+class Identifier(Protocol):
+    """What HDF5 knows a table by."""
+
+    def get_storage_size(self) -> int:
+        """The bytes that it takes in the file."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +190,7 @@ def tables_of(channels: Channels) -> dict[str, Table]:
 
 
 def check(
-    file: h5py.File, sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
+    file: Mapping[str, Stored], sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
 ) -> None:
     """Raise ValueError, which names the table and what is wrong with it, unless all tables are as they should be.
 
@@ -203,7 +234,7 @@ def check(
             raise ValueError(f"table {name!r} is of shape {file[name].shape}; a measure is one number an iteration")
 
 
-def _check_size(name: str, found: h5py.Dataset) -> None:
+def _check_size(name: str, found: Stored) -> None:
     size = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize
     stored = found.id.get_storage_size()
     if size > MOST or (size > SMALL and size > DENSEST * max(stored, 1)):
@@ -216,7 +247,7 @@ def _sizes(row: tuple[int | str, ...], shape: tuple[int, ...], sizes: dict[str, 
     return tuple(sizes.get(one, given[axis]) if isinstance(one, str) else one for axis, one in enumerate(row))
 
 
-def _expect(name: str, found: h5py.Dataset, kind: np.dtype[np.generic], shape: tuple[int, ...]) -> None:
+def _expect(name: str, found: Stored, kind: np.dtype[np.generic], shape: tuple[int, ...]) -> None:
     if found.dtype != kind or found.shape != shape:
         raise ValueError(f"table {name!r} is {found.dtype} of shape {found.shape}, not {kind} of {shape}")
 

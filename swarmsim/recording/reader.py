@@ -114,13 +114,14 @@ class Recording:
                 f"{version('swarmsim-lab')} reads format {FORMAT}; run the scenario again, or read it with the "
                 f"version that wrote it"
             )
-        text = {name: layout.attribute(file, name, "S").decode() for name in layout.TEXTS}
+        text: dict[str, str] = {name: layout.attribute(file, name, "S").decode() for name in layout.TEXTS}
         self.versions = msgspec.json.decode(text["versions"], type=dict[str, str])
-        code = layout.attribute(file, "code", "S") if "code" in file.attrs else b"{}"
+        code: bytes = layout.attribute(file, "code", "S") if "code" in file.attrs else b"{}"
         #: A hash of each piece of code that made it; none in recordings from before these were kept.
         self.code = msgspec.json.decode(code, type=dict[str, str])
         self.scenario: Scenario = shape(tomllib.loads(text["scenario"]), str(self.path))
-        x0, y0, cell, rows, columns = layout.attribute(file, "lattice", "f", (5,)).tolist()
+        place: list[float] = layout.attribute(file, "lattice", "f", (5,)).tolist()
+        x0, y0, cell, rows, columns = place
         if not (abs(x0) < FAR and abs(y0) < FAR and 0.0 < cell < FAR and 0.0 < rows < FAR and 0.0 < columns < FAR):
             raise ValueError("the lattice cannot be")
         self.lattice = Lattice(x0, y0, cell, int(rows), int(columns))
@@ -131,7 +132,7 @@ class Recording:
         self.curve = msgspec.json.decode(text["curve"], type=Curve)
         self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
         self._names = set(file)
-        told = layout.attribute(file, "probes", "S") if "probes" in file.attrs else b"[]"
+        told: bytes = layout.attribute(file, "probes", "S") if "probes" in file.attrs else b"[]"
         #: What probes declare of their tables.
         self.probes = msgspec.json.decode(told, type=list[Declared])
         robots = self.scenario.robots.count
@@ -157,7 +158,7 @@ class Recording:
             return
         self._near.clear()
         for name, array in self._arrays.items():
-            table = self._growing[name]
+            table: layout.Stored = self._growing[name]
             if len(table) > len(array):
                 self._arrays[name] = np.concatenate([array, table[len(array) :]])
         self._sizes |= {"waypoints": len(self._growing["waypoints"]), "last fate": len(self._growing["fates"]) - 1}
@@ -168,7 +169,7 @@ class Recording:
         if name not in self._arrays:
             try:
                 with self._file() as file:
-                    rows = file[name][()]
+                    rows: Column = file[name][()]
                 layout.check_values(name, rows, self._sizes, self._declared)
             except READING as problem:
                 raise self._damaged(problem) from problem

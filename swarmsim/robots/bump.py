@@ -20,7 +20,7 @@ class Bump(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     margin: ClassVar[int] = 0  # cells that it maps
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_bump
-    sectors: Annotated[int, Meta(ge=1, le=360)] = 4
+    sectors: Annotated[int, Meta(ge=1, le=360)] = 4  # equal ones all round, each of which tells whether it touches
     slack: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.005  # m, up to which a gap is a contact
 
     def build(self, setting: Setting) -> BumpSensor:

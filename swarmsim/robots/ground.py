@@ -27,7 +27,7 @@ class Ground(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_ground
     floors: Annotated[tuple[Part[Field], ...], Meta(min_length=1, max_length=16)]
-    steps: tuple[float, ...] = ()
+    steps: tuple[float, ...] = ()  # rising values, in the unit of the floor; none: the value itself is told
     error: Annotated[float, Meta(ge=0.0)] = 0.0  # standard deviation, in the unit of the floor, before steps
 
     def build(self, setting: Setting) -> GroundSensor:

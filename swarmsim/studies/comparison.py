@@ -89,7 +89,7 @@ def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
     """Iterations from the first fault until the run is, for good, where it was before it; 0 if it never fell."""
     if not faults or not 0 < faults[0] < len(mine):
         return None
-    below = np.flatnonzero(mine[faults[0] :] < mine[faults[0] - 1])
+    below: NDArray[np.int64] = np.flatnonzero(mine[faults[0] :] < mine[faults[0] - 1])
     if len(below) == 0:
         return 0
     return int(below[-1]) + 1 if below[-1] + 1 < len(mine) - faults[0] else None

@@ -47,9 +47,9 @@ class Actors:
     def draw(self, surface: pygame.Surface, shot: Shot) -> None:
         """Paint everything: boxes, tiles, beams, ways, links, goals, people and robots, in this order."""
         layers, look, pen, line = self._look.layers, self._look, self._pen, self._line
-        places = self._camera.pixels(shot.pose[:, :2]).tolist()
-        radii = self.radii(shot).tolist()
-        live = np.flatnonzero(shot.alive).tolist()
+        places: list[list[float]] = self._camera.pixels(shot.pose[:, :2]).tolist()
+        radii: list[float] = self.radii(shot).tolist()
+        live: list[int] = np.flatnonzero(shot.alive).tolist()
         for left, low, right, high in shot.boxes:
             corners = self._camera.pixels(np.array([(left, high), (right, low)]))
             (x1, y1), (x2, y2) = np.rint(corners).astype(int).tolist()
@@ -59,7 +59,7 @@ class Actors:
         for robot in look.chosen if "beams" in layers else ():
             if shot.alive[robot]:
                 ends = self._camera.pixels(self._scene.beams(robot, shot)).tolist()
-                pen.beams(surface, places[robot], ends, look.colours.mark)
+                pen.beams(surface, (places[robot][0], places[robot][1]), ends, look.colours.mark)
         if "ways" in layers:
             for robot, points in enumerate(shot.ways):
                 if len(points) > 1 and look.shows(robot):

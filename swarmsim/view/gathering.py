@@ -80,7 +80,7 @@ class Gathering:
         self._moment = moment
         mark_sensed(self._sensed, moment.state.alive, tiles)
         for robot in range(len(self._roots)):
-            first = frames.known[:, robot] & (self._roots == np.arange(len(self._roots)))
+            first: NDArray[np.bool_] = frames.known[:, robot] & (self._roots == np.arange(len(self._roots)))
             self._roots[robot] = int(np.flatnonzero(first[: robot + 1] | (np.arange(robot + 1) == robot))[0])
 
     @property
@@ -147,8 +147,9 @@ class Gathering:
         x, y = (at.reshape(-1) + 0.5 for at in np.meshgrid(np.arange(left, right), np.arange(top, low), indexing="ij"))
         metres = np.stack([(x - self._camera.left), (self._camera.low - y)], axis=1) / self._camera.scale
         there = (metres - (lattice.x0, lattice.y0))[:, ::-1] / lattice.cell
-        row, column = np.floor(drawn.inverse().apply(there)).astype(np.int64).T
-        inside = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
+        places = np.floor(drawn.inverse().apply(there)).astype(np.int64)
+        row, column = places[:, 0], places[:, 1]
+        inside: NDArray[np.bool_] = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
         found = np.where(inside, cells[np.where(inside, row, 0), np.where(inside, column, 0)], UNKNOWN)
         found = found.reshape(right - left, low - top)
         part = pixels[left:right, top:low]

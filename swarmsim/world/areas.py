@@ -115,14 +115,16 @@ def lines_of(outlines: Outlines) -> tuple[Points, ...]:
 def _painted(
     element: Element, style: Style, matrix: Matrix, page: Page, paints: tuple[bool, bool]
 ) -> tuple[MultiPolygon, MultiPolygon, Outlines, float]:
-    a, b, c, d, e, f = matrix.a, matrix.b, matrix.c, matrix.d, matrix.e, matrix.f
+    numbers: tuple[float, float, float, float, float, float]
+    numbers = matrix.a, matrix.b, matrix.c, matrix.d, matrix.e, matrix.f
+    a, b, c, d, e, f = numbers
     stretch, squeeze = _stretched(a, b, c, d)
     lines = outlines(element, page, FLATNESS / max(stretch, 1e-12))
     if squeeze <= 1e-9 * max(stretch, 1e-9):
         return MultiPolygon(), MultiPolygon(), [], 0.0  # flattened to a line
     placed: Outlines = []
     for points, closed in lines:
-        x, y = points.T
+        x, y = points[:, 0], points[:, 1]
         placed.append((np.column_stack([a * x + c * y + e, b * x + d * y + f]), closed))
     if not placed:
         return MultiPolygon(), MultiPolygon(), [], 0.0
@@ -164,7 +166,7 @@ def _simply_filled(lines: Outlines, placed: Outlines) -> MultiPolygon | None:
     if len(lines) != 1:
         return None
     points, corners = lines[0][0], placed[0][0]
-    moves = (points[1:] != points[:-1]).any(axis=1)
+    moves: NDArray[np.bool_] = (points[1:] != points[:-1]).any(axis=1)
     if not moves.all():
         corners = corners[np.append(True, moves)]
     if len(corners) < 3:
@@ -198,7 +200,7 @@ def _check_crossings(rings: list[Points]) -> None:
     ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings]) if rings else np.empty((0, 2, 2))
     if len(ends) <= _FEW:
         return
-    segments = np.asarray(shapely.linestrings(ends))
+    segments: NDArray[np.object_] = np.asarray(shapely.linestrings(ends))
     sample = segments[:: len(segments) // 1000]
     met = len(shapely.STRtree(segments).query(sample, predicate="intersects")[0])
     crossings = 0.5 * (met / len(sample) - 3.0) * len(segments)  # each meets itself and those before and after it
@@ -213,8 +215,9 @@ def _windings(ring: Points, points: Points) -> NDArray[np.int64]:
     """How often a closed ring (m + 1, 2) winds around each of the points (n, 2)."""
     start, step = ring[:-1], np.diff(ring, axis=0)
     windings = np.empty(len(points), np.int64)
+    point: Points
     for i, point in enumerate(points):
-        above = ring[:, 1] > point[1]
+        above: NDArray[np.bool_] = ring[:, 1] > point[1]
         crossing = above[1:].astype(np.int64) - above[:-1]
         offset = point - start
         side = step[:, 0] * offset[:, 1] - step[:, 1] * offset[:, 0]

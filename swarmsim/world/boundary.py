@@ -40,11 +40,12 @@ def shares(segments: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float6
     owner, time = np.concatenate(owners), np.clip(np.concatenate(times), 0.0, 1.0)
     order = np.lexsort((time, owner))
     owner, time = owner[order], time[order]
-    whole = owner[:-1] == owner[1:]
+    whole: NDArray[np.bool_] = owner[:-1] == owner[1:]
     owner, begin, end = owner[:-1][whole], time[:-1][whole], time[1:][whole]
     middle = start[owner] + step[owner] * (0.5 * (begin + end))[:, None]
     climb = step[owner, 1] * (end - begin)
-    column, row = np.floor(middle).astype(np.int64).T
+    cells = np.floor(middle).astype(np.int64)
+    column, row = cells[:, 0], cells[:, 1]
     share = np.zeros(lattice.shape)
     beyond = np.zeros(lattice.shape)
     np.add.at(share, (row, column), -climb * (column + 1.0 - middle[:, 0]))

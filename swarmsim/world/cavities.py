@@ -61,15 +61,18 @@ def _bordered(
     """Which faces have sides of walls along most of their border, and the line along the longest piece of it."""
     rings, face = shapely.get_rings(faces, return_index=True)
     corners, ring = shapely.get_coordinates(rings, return_index=True)
-    same = ring[1:] == ring[:-1]
+    same: NDArray[np.bool_] = ring[1:] == ring[:-1]
     start, end, owner = corners[:-1][same], corners[1:][same], face[ring[1:][same]]
-    length, which = np.linalg.norm(end - start, axis=1), np.flatnonzero(paired)
+    length: NDArray[np.float64] = np.linalg.norm(end - start, axis=1)
+    which = np.flatnonzero(paired)
     middles = shapely.points((start + end) / 2.0)
+    piece: NDArray[np.int64]
+    found: NDArray[np.int64]
     piece, found = shapely.STRtree(lines[which]).query(middles, predicate="dwithin", distance=_TOUCHING)
     piece, first = np.unique(piece, return_index=True)
     along = np.bincount(owner[piece], length[piece], len(faces))
     inside: NDArray[np.bool_] = along >= _BORDER * np.bincount(owner, length, len(faces))
-    order = np.lexsort((-length[piece], owner[piece]))
+    order: NDArray[np.int64] = np.lexsort((-length[piece], owner[piece]))
     lead, at = np.unique(owner[piece][order], return_index=True)
     longest = np.zeros(len(faces), np.int64)
     longest[lead] = which[found[first[order[at]]]]
@@ -81,15 +84,17 @@ def _has_partner(lines: NDArray[np.object_]) -> NDArray[np.bool_]:
     if not len(lines):
         return np.zeros(0, np.bool_)
     corners, owner = shapely.get_coordinates(shapely.simplify(lines, _LOOSE), return_index=True)
-    same = owner[1:] == owner[:-1]
+    same: NDArray[np.bool_] = owner[1:] == owner[:-1]
     start, end, owner = corners[:-1][same], corners[1:][same], owner[1:][same]
-    length = np.linalg.norm(end - start, axis=1)
-    real = length > _TOUCHING
+    length: NDArray[np.float64] = np.linalg.norm(end - start, axis=1)
+    real: NDArray[np.bool_] = length > _TOUCHING
     start, end, owner, length = start[real], end[real], owner[real], length[real]
     along = (end - start) / length[:, None]
     segments = np.asarray(shapely.linestrings(np.stack([start, end], axis=1)))
+    one: NDArray[np.int64]
+    other: NDArray[np.int64]
     one, other = shapely.STRtree(segments).query(segments, predicate="dwithin", distance=NEAR[1])
-    sine = along[one, 0] * along[other, 1] - along[one, 1] * along[other, 0]
+    sine: NDArray[np.float64] = along[one, 0] * along[other, 1] - along[one, 1] * along[other, 0]
     one, other = one[(one != other) & (np.abs(sine) < _PARALLEL)], other[(one != other) & (np.abs(sine) < _PARALLEL)]
 
     def projected(point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -149,7 +154,7 @@ def _caps(sides: NDArray[np.object_]) -> list[shapely.LineString]:
     way /= np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None]
     points = np.asarray(shapely.points(place))
     tip, met = shapely.STRtree(sides).query(points, predicate="dwithin", distance=_GAP)
-    other = met != np.array(own)[tip]
+    other: NDArray[np.bool_] = met != np.array(own)[tip]
     tip, met = tip[other], met[other]
     bridges = np.asarray(shapely.shortest_line(points[tip], sides[met]))
     caps = list(bridges[shapely.length(bridges) > _GRID])
@@ -159,10 +164,10 @@ def _caps(sides: NDArray[np.object_]) -> list[shapely.LineString]:
     one, other = shapely.STRtree(points[loose]).query(points[loose], predicate="dwithin", distance=NEAR[1])
     one, other = loose[one], loose[other]
     step = place[other] - place[one]
-    gap = np.linalg.norm(step, axis=1)
+    gap: NDArray[np.float64] = np.linalg.norm(step, axis=1)
     across = np.abs((step * way[one]).sum(axis=1)) < 0.5 * gap  # within 30 degrees
     facing = (way[one] * way[other]).sum(axis=1) > 0.9
-    good = (gap >= NEAR[0]) & across & facing
+    good: NDArray[np.bool_] = (gap >= NEAR[0]) & across & facing
     one, other, gap = one[good], other[good], gap[good]
     nearest = {int(end): int(other[one == end][gap[one == end].argmin()]) for end in np.unique(one)}
     return caps + [shapely.LineString(place[[a, b]]) for a, b in nearest.items() if a < b and nearest.get(b) == a]

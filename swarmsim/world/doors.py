@@ -91,9 +91,9 @@ def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.P
         leaf = sides[1 - closed]
         openings.append(_opening(arc.centre, arc.ends[closed]))
         gone[arc.shape].update((arc.line, at) for at in range(arc.first, arc.last))
-        for segment in leaf:
-            shape, line, at = owners[segment]
-            gone[int(shape)].add((int(line), int(at)))
+        owned: list[tuple[int, int, int]] = owners[leaf].tolist()
+        for shape, line, at in owned:
+            gone[shape].add((line, at))
     left = [_without(shape, gone[number]) if number in gone else shape for number, shape in enumerate(shapes)]
     return left, openings
 
@@ -151,6 +151,9 @@ def _arcs(line: Line, shape: int, place: int) -> list[_Arc]:
 
 def _centre(corners: Points) -> Points:
     """The centre of the circle through the first, the middle and the last of some corners."""
+    a: Points
+    b: Points
+    c: Points
     a, b, c = corners[0], corners[len(corners) // 2], corners[-1]
     rows = 2.0 * np.array([b - a, c - a])
     sides = np.array([b @ b - a @ a, c @ c - a @ a])
@@ -225,17 +228,17 @@ def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHIN
     free = np.array(
         [not out and stands_free(piece, pieces[~cavity]) for piece, out in zip(pieces, outer, strict=True)], np.bool_
     )
-    rooms = list(pieces[~outer & ~cavity & ~free])
+    rooms: list[shapely.Polygon] = list(pieces[~outer & ~cavity & ~free])
     if len(rooms) < 2:
         return MadeDoors((), MultiPolygon())
     closed_to = shapely.union_all(pieces[outer | (free & ~cavity)])
     shapely.prepare(closed_to)
     tree = shapely.STRtree(rooms)
-    one, other = tree.query(rooms, predicate="dwithin", distance=THICK)
+    pairs: list[tuple[int, int]] = tree.query(rooms, predicate="dwithin", distance=THICK).T.tolist()
     neighbours: defaultdict[int, set[int]] = defaultdict(set)
-    for i, j in zip(one, other, strict=True):
+    for i, j in pairs:
         if i != j:
-            neighbours[int(i)].add(int(j))
+            neighbours[i].add(j)
     reached = {max(range(len(rooms)), key=lambda room: rooms[room].area)}
     doors: list[shapely.Polygon] = []
     tried: set[tuple[int, int]] = set()
@@ -277,6 +280,7 @@ def stands_free(piece: shapely.Polygon, pieces: NDArray[np.object_]) -> bool:
     if piece.area > FURNITURE:
         return False
     inside = piece.representative_point()
+    around: shapely.Polygon
     for around in pieces:
         if around is piece or not around.interiors or not shapely.box(*around.bounds).contains(inside):
             continue
@@ -297,12 +301,14 @@ def _door(
     """An opening between two rooms in the longest straight stretch of wall between them, if there is a place for it."""
     ring = shapely.simplify(room, 0.01).exterior
     outline = np.asarray(ring.coords)
-    stretches = []
+    stretches: list[tuple[float, Points, Points, Points]] = []
+    start: Points
+    stop: Points
     for start, stop in pairwise(outline):
         length = math.dist(start, stop)
         if length < STRETCH:
             continue
-        along = (stop - start) / length
+        along: Points = (stop - start) / length
         away = np.array([along[1], -along[0]]) * (1.0 if ring.is_ccw else -1.0)
         strip = shapely.Polygon([start, stop, stop + THICK * away, start + THICK * away])
         for part in polygons(strip.intersection(into)).geoms:
@@ -313,8 +319,8 @@ def _door(
             break
         wide = min(width, 0.8 * length)
         for share in (0.5, 0.3, 0.7, 0.15, 0.85):
-            middle = start + along * min(max(share * length, wide / 2.0), length - wide / 2.0)
-            sides = [middle - along * wide / 2.0, middle + along * wide / 2.0]
+            middle: Points = start + along * min(max(share * length, wide / 2.0), length - wide / 2.0)
+            sides: list[Points] = [middle - along * wide / 2.0, middle + along * wide / 2.0]
             ways = [shapely.LineString([side, side + THICK * away]).intersection(into) for side in sides]
             if any(way.is_empty for way in ways):
                 continue

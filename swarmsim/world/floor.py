@@ -81,7 +81,7 @@ def _holds_another(taken: int, pieces: NDArray[np.object_], is_open: NDArray[np.
     """Whether a piece surrounds something with closed space that may be the building, as the frame of a sheet does."""
     around = pieces[taken]
     holes = [shapely.Polygon(ring) for ring in around.interiors]
-    others = pieces[~is_open & (shapely.area(pieces) >= max(HELD * around.area, FURNITURE))]
+    others: NDArray[np.object_] = pieces[~is_open & (shapely.area(pieces) >= max(HELD * around.area, FURNITURE))]
     return bool(len(shapely.STRtree(others).query(holes, predicate="contains")[0])) if len(others) and holes else False
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 import numpy as np
 from msgspec import Meta, Struct
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
@@ -87,9 +88,11 @@ class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if deep < count * (corridor + 2 * wall + 2 * (door + 2)) + (count - 1) * wall:
             raise InputError(f"height: {self.height:g} m has no room for a corridor with rooms; expected more")
         spine = grid.columns - wall - corridor, grid.columns - wall  # a passage that joins the corridors
-        edges = np.linspace(wall, grid.rows, count + 1).round().astype(int)  # each block ends with a wall
+        edges: list[int] = (
+            np.linspace(wall, grid.rows, count + 1).round().astype(int).tolist()
+        )  # each block ends with a wall
         corridors = []
-        for low, high in pairwise(edges.tolist()):
+        for low, high in pairwise(edges):
             top = high - wall
             first = low + (top - low - corridor) // 2
             corridors.append((first, first + corridor))
@@ -139,8 +142,8 @@ class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if down < 2 or across < 2:
             raise InputError(f"width: fewer than two passages of {self.passage:g} m each way; expected it larger")
         solid = np.ones((down * pitch + wall, across * pitch + wall), np.bool_)
-        rows, columns = np.indices((down, across)).reshape(2, -1)
-        for row, column in zip(rows, columns, strict=True):
+        places = [(row, column) for row in range(down) for column in range(across)]
+        for row, column in places:
             low, left = wall + row * pitch, wall + column * pitch
             solid[low : low + passage, left : left + passage] = False
         visited = np.zeros((down, across), np.bool_)
@@ -160,7 +163,7 @@ class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             visited[chosen] = True
             open_between(solid, way[-1], chosen, wall, passage)
             way.append(chosen)
-        for row, column in zip(rows, columns, strict=True):
+        for row, column in places:
             for other in ((row, column + 1), (row + 1, column)):
                 if other[0] < down and other[1] < across and grid.random.random() < self.loops:
                     open_between(solid, (row, column), other, wall, passage)
@@ -192,11 +195,15 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             rock[[0, -1]] = rock[:, [0, -1]] = True
             rock = ndimage.convolve(rock.astype(np.int64), around, mode="constant", cval=1) >= 5
         rock[[0, -1]] = rock[:, [0, -1]] = True
-        fine = ndimage.zoom(rock.astype(np.float64), grain, order=1, mode="nearest", grid_mode=True) > 0.5
+        fine: NDArray[np.bool_] = (
+            ndimage.zoom(rock.astype(np.float64), grain, order=1, mode="nearest", grid_mode=True) > 0.5
+        )
         wall = fine[: grid.rows, : grid.columns].copy()
         wall[:2] = wall[-2:] = wall[:, :2] = wall[:, -2:] = True
         # What a disc three cells wide cannot get into is rock, so that robots see every wall.
-        free = ndimage.binary_opening(~wall, np.ones((3, 3), np.bool_))
+        free: NDArray[np.bool_] = ndimage.binary_opening(~wall, np.ones((3, 3), np.bool_))
+        pieces: NDArray[np.int32]
+        count: int
         pieces, count = ndimage.label(free)
         if not count:
             raise InputError("filled: rock alone is left; expected less of it, or a larger building")
@@ -224,12 +231,13 @@ class Obstacles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         down, across = (grid.rows - 2 * wall) // block, (grid.columns - 2 * wall) // block
         if down < 2 or across < 2:
             raise InputError(f"width: fewer than two squares of {self.block:g} m each way; expected it larger")
+        pieces: NDArray[np.int32]
         for _ in range(DRAWS):
             taken = np.zeros((down, across), np.bool_)
             taken.flat[grid.random.permutation(taken.size)[: round(self.filled * taken.size)]] = True
             taken[:2, :2] = False
             pieces, _ = ndimage.label(~taken)
-            floor = pieces == pieces[0, 0]
+            floor: NDArray[np.bool_] = pieces == pieces[0, 0]
             if np.count_nonzero(floor) >= 0.9 * np.count_nonzero(~taken):
                 break
         else:

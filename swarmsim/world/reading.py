@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
@@ -194,9 +195,9 @@ def _frame(shapes: list[Shape], page: Box, ground: float) -> tuple[shapely.Polyg
     areas = np.array([_area(shape) for shape in shapes], object)
     bounds = shapely.bounds(areas)  # NaN for what has lines alone
     low, high = np.nanmin(bounds[:, :2], axis=0, initial=np.inf), np.nanmax(bounds[:, 2:], axis=0, initial=-np.inf)
-    edge = ((bounds[:, :2] <= low + _NEAR) | (bounds[:, 2:] >= high - _NEAR)).any(axis=1)
+    edge: NDArray[np.bool_] = ((bounds[:, :2] <= low + _NEAR) | (bounds[:, 2:] >= high - _NEAR)).any(axis=1)
     piece = connected(areas)
-    own = piece == piece[edge.argmax()]
+    own: NDArray[np.bool_] = piece == piece[edge.argmax()]
     if not edge.any() or own.all() or not own[edge].all():
         return None
     whole = polygons(shapely.union_all(areas[own]))

@@ -45,14 +45,16 @@ def rooms_and_doors(
     the nearest of these places on foot. Two meet in a door, whose width is that of the widest disc that passes. What
     stands free in a room and is at most two such discs long parts no rooms: the disc passes through it.
     """
-    reach = ndimage.distance_transform_edt(floor) * lattice.cell
-    open_ = floor | _things(floor, reach, lattice.cell, widest)
+    reach: NDArray[np.float64] = ndimage.distance_transform_edt(floor) * lattice.cell
+    open_: NDArray[np.bool_] = floor | _things(floor, reach, lattice.cell, widest)
+    seeds: NDArray[np.int32]
+    count: int
     seeds, count = ndimage.label(ndimage.distance_transform_edt(open_) * lattice.cell >= 0.5 * widest, np.ones((3, 3)))
     if not count:
         return [], []
     labels = spread(open_, seeds)
     numbers = np.arange(1, count + 1)
-    sizes = ndimage.sum_labels(floor, labels, numbers)
+    sizes: NDArray[np.float64] = ndimage.sum_labels(floor, labels, numbers)
     order = np.argsort(-sizes, kind="stable")
     middles = np.array(ndimage.maximum_position(reach, labels, numbers))
     places = lattice.centres(middles)[order]
@@ -65,8 +67,10 @@ def rooms_and_doors(
 
 def _things(floor: Cells, reach: NDArray[np.float64], cell: float, widest: float) -> Cells:
     """What stands free in the floor and is small; `reach` is how far (m) cells of the floor are from all else."""
+    things: NDArray[np.int32]
+    count: int
     things, count = ndimage.label(reach < 0.5 * _APART * widest, np.ones((3, 3)))
-    boxes = ndimage.find_objects(np.where(floor, 0, things), count)
+    boxes: list[tuple[slice, slice]] = ndimage.find_objects(np.where(floor, 0, things), count)
     small = np.zeros(count + 1, np.bool_)
     small[1:] = [max(part.stop - part.start for part in box) * cell <= _THING * widest for box in boxes]
     for edge in (things[0], things[-1], things[:, 0], things[:, -1]):
@@ -95,12 +99,13 @@ def _doors(
         for key in np.unique(keys, axis=0):
             pairs.setdefault((int(key[0]), int(key[1])), []).append(cells[(keys == key).all(axis=1)])
     doors: list[Door] = []
+    pieces: NDArray[np.int32]
     pieces, _ = ndimage.label(rim, np.ones((3, 3)))
     for (one, other), found in sorted(pairs.items()):
         cells = np.unique(np.concatenate(found), axis=0)
         which = pieces[tuple(cells.T)]
         for piece in np.unique(which):
-            own = cells[which == piece]
+            own: NDArray[np.int64] = cells[which == piece]
             middle = own[reach[tuple(own.T)].argmax()]
             if not reach[tuple(middle)]:  # all of it lies within a thing
                 continue

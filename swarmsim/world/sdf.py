@@ -196,7 +196,9 @@ def _floats(text: str | None) -> list[float] | None:
 
 def _matrix(place: NDArray[np.float64], angles: NDArray[np.float64]) -> Pose:
     """A pose by roll, pitch and yaw about fixed axes, in this order."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
+    cosines: list[float] = np.cos(angles).tolist()
+    sines: list[float] = np.sin(angles).tolist()
+    (cr, cp, cy), (sr, sp, sy) = cosines, sines
     found = np.eye(4)
     found[:3, :3] = [
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],

@@ -25,7 +25,7 @@ def section(corners: NDArray[np.float64], triangles: NDArray[np.int64], height: 
     """
     above = corners[:, 2] > height  # a corner at this height counts as below, so that each triangle is cut or is not
     share = above[triangles].sum(axis=1)
-    cut = triangles[(share == 1) | (share == 2)]
+    cut: NDArray[np.float64] = triangles[(share == 1) | (share == 2)]
     if not len(cut):
         return MultiPolygon()
     edges = np.sort(cut[:, [[0, 1], [1, 2], [2, 0]]], axis=2)  # sorted, so that neighbours cut theirs at the same point

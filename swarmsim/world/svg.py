@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 from svgelements import Matrix
@@ -270,7 +271,7 @@ class _Reader:
         low, high = np.quantile(centres, [0.005, 0.995], axis=0, method="nearest")
         middle, reach = 0.5 * (low + high), 0.5 * _STRAY * np.maximum(high - low, page.metres)
         off = ((bounds[:, 2:] < 0.0) | (bounds[:, :2] > page.metres)).any(axis=1)
-        far = ((bounds[:, 2:] < middle - reach) | (bounds[:, :2] > middle + reach)).any(axis=1)
+        far: NDArray[np.bool_] = ((bounds[:, 2:] < middle - reach) | (bounds[:, :2] > middle + reach)).any(axis=1)
         self.strays += int((off & far).sum())
         return [shape for shape, stray in zip(shapes, off & far, strict=True) if not stray]
 

@@ -50,7 +50,7 @@ def _edges(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
 def _solid(faces: NDArray[np.object_], lines: NDArray[np.object_]) -> NDArray[np.bool_]:
     """Which faces lie on the left of the directed lines around them; their outer rings run clockwise."""
     corners, owner = shapely.get_coordinates(lines, return_index=True)
-    inner = owner[:-1] == owner[1:]
+    inner: NDArray[np.bool_] = owner[:-1] == owner[1:]
     left = set(map(bytes, np.ascontiguousarray(np.hstack([corners[:-1], corners[1:]])[inner])))
     solid = []
     for face in faces:

@@ -50,9 +50,11 @@ def test_shrinking_finds_the_least_that_fails() -> None:
 
 def test_a_moment_that_is_enough_is_found() -> None:
     """Maps are lost in any one iteration after half of the run."""
-    answer = search(
-        lambda faults, seed: any(f.table.get("map") == "lost" and f.table["at"] >= 100 for f in faults)
-    ).run(1)
+
+    def lost(table) -> bool:
+        return table.get("map") == "lost" and table["at"] >= 100
+
+    answer = search(lambda faults, seed: any(lost(fault.table) for fault in faults)).run(1)
     (entry,) = answer.smallest.timeline
     assert (entry.kind, entry.count, entry.lasts, answer.smallest.size) == ("remove, map lost", 1, 1, 1)
 

@@ -55,7 +55,7 @@ class ChangeMeasures:
 
     def _stale_share(self, observed: Cells, log_odds: NDArray[np.float32]) -> float | None:
         known = observed.any(axis=0) & self._domain
-        wrong = known & ((observed & (log_odds > 0.0)).any(axis=0) != self._truth)
+        wrong: NDArray[np.bool_] = known & ((observed & (log_odds > 0.0)).any(axis=0) != self._truth)
         count = int(np.count_nonzero(known))
         return int(np.count_nonzero(wrong)) / count if count else None
 
@@ -77,7 +77,7 @@ class ChangeMeasures:
     def _note(self, building: Building, iteration: int) -> None:
         """Watch the cells that have changed; what was changed once more is not watched for the earlier change."""
         self._version = building.version
-        changed = building.occupied != self._truth
+        changed: NDArray[np.bool_] = building.occupied != self._truth
         for change in self.changes:
             change.over |= bool(changed.reshape(-1)[change.cells].any())
         cells = np.flatnonzero(changed & building.domain)

@@ -143,7 +143,7 @@ class MapComputation:
     def _without_robots(self, tiles: Tiles, taken: Inbox[TileItems], now: int) -> tuple[Tiles, Inbox[TileItems]]:
         """The same without hits on robots that their robot knows of."""
         values, heard = tiles.values.copy(), taken.content.values.copy()
-        fresh = (taken.content.sensed == now) & (taken.content.sources >= 0)
+        fresh: NDArray[np.bool_] = (taken.content.sensed == now) & (taken.content.sources >= 0)
         occupancy.spare(
             values, tiles.origins, taken.receivers, heard, taken.content.origins, fresh, self._spared
         )  # fmt: skip

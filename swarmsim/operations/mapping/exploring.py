@@ -160,7 +160,9 @@ def _latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
     order = np.lexsort((items.sensed, items.sources, inbox.receivers))
     order = order[items.sources[order] >= 0]
     receivers, sources = inbox.receivers[order], items.sources[order]
-    last = np.append((receivers[1:] != receivers[:-1]) | (sources[1:] != sources[:-1]), True)[: len(order)]
+    last: NDArray[np.bool_] = np.append((receivers[1:] != receivers[:-1]) | (sources[1:] != sources[:-1]), True)[
+        : len(order)
+    ]
     return inbox.take(order[last])
 
 

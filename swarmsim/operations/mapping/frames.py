@@ -103,9 +103,9 @@ class MergeSharing(GossipSharing[MergeItems]):
         self._parameters, self._lattice = parameters, lattice
         self._frames = [_into_own_frame(pose, lattice) for pose in setting.starts]  # by number
         self._own = [self._frames[robot] for robot in setting.ids.tolist()]
-        self._itself = self._ids[:, None] == np.arange(setting.swarm)
+        self._itself: NDArray[np.bool_] = self._ids[:, None] == np.arange(setting.swarm)
         self._found = np.zeros((*pairs, 3))  # how the column's frame lies in the row's ...
-        self._weight = np.iinfo(np.int32).max * self._itself  # ... and walls by which that was found
+        self._weight: NDArray[np.int64] = np.iinfo(np.int32).max * self._itself  # ... and walls by which that was found
         self._told_at = np.zeros(pairs, np.int32)  # iterations from 1; 0: never
         self._offers = np.zeros(count, np.bool_)  # who tells its whole map next
         self._offered = np.full(count, -parameters.again, np.int64)
@@ -151,9 +151,9 @@ class MergeSharing(GossipSharing[MergeItems]):
 
     def _next_frames(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Who has a frame to tell, and whose: of those it knows the one that it has told longest ago."""
-        others = self.frames.known & ~self._itself
+        others: NDArray[np.bool_] = self.frames.known & ~self._itself
         waited = np.where(others, self._told_at, np.iinfo(np.int32).max)
-        tellers = self._robots[alive & others.any(axis=1)]
+        tellers: NDArray[np.int32] = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
 
     def taken(self, senses: Senses, inbox: Inbox[MergeItems]) -> Inbox[MergeItems]:
@@ -202,14 +202,14 @@ class MergeSharing(GossipSharing[MergeItems]):
             return
         cells = self._sensed_by_itself(self._maps)
         wanted = self._wanted(senses.iteration)
-        for hearer, teller in np.unique(
-            np.stack([inbox.receivers[part], inbox.senders[part]], axis=1), axis=0
-        ).tolist():
+        pairs: list[tuple[int, int]]
+        pairs = np.unique(np.stack([inbox.receivers[part], inbox.senders[part]], axis=1), axis=0).tolist()
+        for hearer, teller in pairs:
             met = np.array(self._met.get((hearer, teller), []))
             if not wanted[hearer, teller] or not len(met) or not self._far_enough(met):
                 continue
             self._tried[hearer, teller] = senses.iteration
-            rows = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
+            rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
             found = self._compared(cells[hearer], told, self._frames[teller], met)
             if found is not None:
@@ -336,14 +336,15 @@ def moved(
     """Tiles (t, rows, columns) and their origins (t, 2) where `errors` (t, 3) put them, resampled on the lattice."""
     size = np.array(values.shape[1:])
     cos, sin = np.cos(errors[:, 0]), np.sin(errors[:, 0])
-    row, column = (origins + size / 2.0).T
+    middles = origins + size / 2.0
+    row, column = middles[:, 0], middles[:, 1]
     middle = np.stack([row * cos + column * sin, column * cos - row * sin], axis=1) + errors[:, 1:]
     placed = np.round(middle - size / 2.0).astype(np.int32)
     cells = placed[:, :, None, None] + np.indices(values.shape[1:]) + 0.5 - errors[:, 1:, None, None]
     turn = cos[:, None, None], sin[:, None, None]
     rows = np.floor(cells[:, 0] * turn[0] - cells[:, 1] * turn[1]).astype(np.int64) - origins[:, 0, None, None]
     columns = np.floor(cells[:, 0] * turn[1] + cells[:, 1] * turn[0]).astype(np.int64) - origins[:, 1, None, None]
-    inside = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
+    inside: NDArray[np.bool_] = (rows >= 0) & (rows < size[0]) & (columns >= 0) & (columns < size[1])
     at = np.arange(len(values))[:, None, None], np.where(inside, rows, 0), np.where(inside, columns, 0)
     return np.where(inside, values[at], np.uint8(UNKNOWN)), placed
 
@@ -356,8 +357,9 @@ def presented(cells: Cells, frame: Transform) -> tuple[Cells, NDArray[np.int64]]
     low, high = np.floor(there.min(axis=0)).astype(np.int64), np.ceil(there.max(axis=0)).astype(np.int64)
     shape = tuple((high - low).tolist())
     centres = (np.indices(shape).reshape(2, -1).T + low) + 0.5
-    row, column = np.floor(frame.inverse().apply(centres)).astype(np.int64).T
-    inside = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
+    at = np.floor(frame.inverse().apply(centres)).astype(np.int64)
+    row, column = at[:, 0], at[:, 1]
+    inside: NDArray[np.bool_] = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
     found = np.where(inside, cells[np.where(inside, row, 0), np.where(inside, column, 0)], np.uint8(UNKNOWN))
     return found.reshape(shape), low
 
@@ -371,8 +373,8 @@ def _cropped(cells: Cells) -> tuple[Cells, NDArray[np.int64]]:
 def _into_own_frame(pose: NDArray[np.float64], lattice: Lattice) -> Transform:
     """From the lattice to the frame of a robot that starts at a pose: its place is 0, and it looks along a row."""
     turn = Transform(-float(pose[2]), 0.0, 0.0)
-    ((rows, columns),) = turn.apply(_cells_at(pose, lattice)[None])
-    return Transform(turn.turn, -float(rows), -float(columns))
+    start: list[float] = turn.apply(_cells_at(pose, lattice)[None]).ravel().tolist()
+    return Transform(turn.turn, -start[0], -start[1])
 
 
 def _cells_at(pose: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64]:

@@ -62,7 +62,7 @@ class GossipSharing(Generic[I]):
     def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Every live robot's own tile, then a piece of its map; the dead say nothing."""
         tiles, alive, now = tiles_of(senses), senses.alive, senses.iteration
-        robot, cell, _ = maps.changes.T
+        robot, cell = maps.changes[:, 0], maps.changes[:, 1]
         row, column = np.divmod(cell, self._grid[1])
         self._changed[robot, row // self._tile[0] * self._across + column // self._tile[1]] = now + 1
         tellers, pieces = self._chosen(alive)

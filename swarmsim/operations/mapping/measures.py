@@ -175,7 +175,7 @@ class MapMeasures:
         values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.content.values])
         origins = np.concatenate([tiles.origins, inbox.content.origins])
         owners = np.concatenate([self._robots, inbox.receivers])
-        seen = values != UNKNOWN
+        seen: NDArray[np.bool_] = values != UNKNOWN
         rows, columns = (room - size for room, size in zip(self._domain.shape, values.shape[1:], strict=True))
         if origins.min() < 0 or origins[:, 0].max() > rows or origins[:, 1].max() > columns:
             seen &= _inside(origins, seen.shape, self._domain.shape)
@@ -211,6 +211,8 @@ class MapMeasures:
         domain = building.domain
         truth, pool, robots = building.occupied[domain], Pool(int(np.count_nonzero(domain))), []
         union_cells, free, full = np.zeros(domain.shape, np.uint8), np.uint8(FREE), np.uint8(OCCUPIED)
+        observed: NDArray[np.bool_]
+        log_odds: NDArray[np.float32]
         for observed, log_odds in zip(maps.observed, maps.log_odds, strict=True):
             np.maximum(union_cells, np.where(log_odds > 0.0, full, free) * observed, out=union_cells)
             held, odds = observed[domain], log_odds[domain]

@@ -111,7 +111,8 @@ def pack(sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[n
 
 def unpack(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8]]:
     """The sender, iteration, origin (2,) and tile of `shape` that `pack` packed."""
-    sender, iteration, row, column = HEADER.unpack_from(data)
+    numbers: tuple[int, ...] = HEADER.unpack_from(data)
+    sender, iteration, row, column = numbers
     return sender, iteration, np.array([row, column], np.int32), unpack_cells(data[HEADER.size :], shape)
 
 
@@ -134,7 +135,8 @@ def unpack_relay(
     own = current_tile_bytes(*shape)
     relayed = []
     for start in range(own, len(data), relayed_tile_bytes(*shape)):
-        source, sensed, row, column, hops = RELAYED.unpack_from(data, start)
+        numbers: tuple[int, ...] = RELAYED.unpack_from(data, start)
+        source, sensed, row, column, hops = numbers
         tile = unpack_cells(data[start + RELAYED.size : start + relayed_tile_bytes(*shape)], shape)
         relayed.append(Reading(source, sensed, hops, np.array([row, column], np.int32), tile))
     return *unpack(data[:own], shape), relayed
@@ -151,7 +153,8 @@ def pack_map(sender: int, iteration: int, cells: NDArray[np.uint8]) -> bytes:
 
 def unpack_map(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.uint8]]:
     """The sender, iteration and map of `shape` that `pack_map` packed."""
-    sender, iteration, row, column, rows, columns = MAP.unpack_from(data)
+    numbers: tuple[int, ...] = MAP.unpack_from(data)
+    sender, iteration, row, column, rows, columns = numbers
     cells = np.full(shape, UNKNOWN, np.uint8)
     cells[row : row + rows, column : column + columns] = unpack_cells(data[MAP.size :], (rows, columns))
     return sender, iteration, cells
@@ -257,7 +260,7 @@ def pieces(
     padded[:, :rows, :columns] = maps
     cut = padded.reshape(robots, down, shape[0], across, shape[1]).swapaxes(2, 3)
     # Rows first: numpy is slow where it reduces the few cells of a tile's row one by one.
-    strips = (padded != UNKNOWN).reshape(robots, down, shape[0], -1).any(axis=2)
+    strips: NDArray[np.bool_] = (padded != UNKNOWN).reshape(robots, down, shape[0], -1).any(axis=2)
     owners, row, column = np.nonzero(strips.reshape(robots, down, across, shape[1]).any(axis=3))
     origins = np.stack([row * shape[0], column * shape[1]], axis=1).astype(np.int32)
     return owners, origins, cut[owners, row, column]

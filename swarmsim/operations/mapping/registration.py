@@ -44,19 +44,22 @@ class Transform:
     def apply(self, points: Points) -> Points:
         """Points (p, 2) of the one map, row and column in cells, in the other."""
         cos, sin = np.cos(self.turn), np.sin(self.turn)
-        row, column = points.T
+        row, column = points[:, 0], points[:, 1]
         return np.stack([row * cos + column * sin + self.rows, column * cos - row * sin + self.columns], axis=1)
 
     def after(self, first: Transform) -> Transform:
         """What comes of another transform and then this one."""
-        ((rows, columns),) = self.apply(np.array([[first.rows, first.columns]]))
         turn = (self.turn + first.turn + np.pi) % (2.0 * np.pi) - np.pi
-        return Transform(float(turn), float(rows), float(columns))
+        return Transform(float(turn), *self._of(first.rows, first.columns))
+
+    def _of(self, row: float, column: float) -> tuple[float, float]:
+        """One point of the one map in the other."""
+        row, column = self.apply(np.array([[row, column]])).ravel().tolist()
+        return row, column
 
     def inverse(self) -> Transform:
         """The transform that takes this one back."""
-        ((rows, columns),) = Transform(-self.turn, 0.0, 0.0).apply(np.array([[-self.rows, -self.columns]]))
-        return Transform(-self.turn, float(rows), float(columns))
+        return Transform(-self.turn, *Transform(-self.turn, 0.0, 0.0)._of(-self.rows, -self.columns))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +111,7 @@ def _settled(first: Transform, fixed: Cells, moving: Cells) -> Transform:
     Least squares over how far each of the one map's walls lies from the nearest wall of the other, where that is near,
     as in iterative closest points (Besl and McKay 1992) with a loss that forgets what is far.
     """
-    away = ndimage.distance_transform_edt(fixed != OCCUPIED)
+    away: Points = ndimage.distance_transform_edt(fixed != OCCUPIED)
     walls: Points = np.argwhere(moving == OCCUPIED).astype(np.float64) + 0.5
     walls = walls[ndimage.map_coordinates(away, (first.apply(walls) - 0.5).T, order=1, mode="nearest") <= NEAR]
     if len(walls) < 3:
@@ -148,11 +151,11 @@ class _Judge:
     def __init__(self, fixed: Cells, moving: Cells, meetings: Meetings) -> None:
         self._fixed, self._moving, self._meetings = fixed, moving, meetings
         self._side = int(np.ceil(np.hypot(*moving.shape))) + 2  # of the square that holds the moving map at any turn
-        self._shape = tuple(fft.next_fast_len(side + self._side, real=True) for side in fixed.shape)
-        near = ndimage.maximum_filter((fixed == OCCUPIED).astype(np.float32), 3)
+        self._shape: tuple[int, int] = tuple(fft.next_fast_len(side + self._side, real=True) for side in fixed.shape)
+        near: NDArray[np.float32] = ndimage.maximum_filter((fixed == OCCUPIED).astype(np.float32), 3)
         self._walls = np.maximum(0.5 * near, fixed == OCCUPIED)
-        clear = (fixed == FREE) & (near == 0.0)
-        self._spectra = {
+        clear: NDArray[np.bool_] = (fixed == FREE) & (near == 0.0)
+        self._spectra: dict[bool, list[NDArray[np.complex64]]] = {
             lenient: [
                 fft.rfft2(one.astype(np.float32), self._shape, workers=1)
                 for one in (WALL * self._walls - clash * clear, FLOOR * clear - clash * (fixed == OCCUPIED))
@@ -175,8 +178,8 @@ class _Judge:
 
     def _scores(self, turn: float, lenient: bool = False) -> NDArray[np.float32]:
         turned = self.turned(turn)
-        walls = (turned == OCCUPIED).astype(np.float32)
-        clear = ((turned == FREE) & (ndimage.maximum_filter(walls, 3) == 0.0)).astype(np.float32)
+        walls: NDArray[np.float32] = (turned == OCCUPIED).astype(np.float32)
+        clear: NDArray[np.float32] = ((turned == FREE) & (ndimage.maximum_filter(walls, 3) == 0.0)).astype(np.float32)
         sums = sum(
             spectrum * np.conj(fft.rfft2(one, self._shape, workers=1))
             for spectrum, one in zip(self._spectra[lenient], (walls, clear), strict=True)
@@ -242,10 +245,10 @@ class _Judge:
         high, end = min(down + self._side, rows), min(right + self._side, columns)
         if high > low and end > left:
             placed[low:high, left:end] = turned[low - down : high - down, left - right : end - right]
-        both = (placed != UNKNOWN) & (self._fixed != UNKNOWN)
+        both: NDArray[np.bool_] = (placed != UNKNOWN) & (self._fixed != UNKNOWN)
         near_wall = self._walls > 0.0
-        walls = both & (placed == OCCUPIED) & near_wall
-        around = ndimage.maximum_filter((placed == OCCUPIED).astype(np.uint8), 3) > 0
-        free = both & (placed == FREE) & ((self._fixed == FREE) | around)
+        walls: NDArray[np.bool_] = both & (placed == OCCUPIED) & near_wall
+        around: NDArray[np.bool_] = ndimage.maximum_filter((placed == OCCUPIED).astype(np.uint8), 3) > 0
+        free: NDArray[np.bool_] = both & (placed == FREE) & ((self._fixed == FREE) | around)
         overlap = int(both.sum())
         return overlap, float((walls | free).sum() / overlap) if overlap else 0.0, int(walls.sum())

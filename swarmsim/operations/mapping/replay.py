@@ -28,7 +28,8 @@ class MapReplay:
         flat = self.maps.reshape(len(self.maps), -1)
         known, occupied = self.known.reshape(-1), self.held_occupied.reshape(-1)
         for t in range(self.iteration + 1, iteration + 1):
-            robot, cell, state = self._recording.changes(t).T
+            changes = self._recording.changes(t)
+            robot, cell, state = changes[:, 0], changes[:, 1], changes[:, 2]
             before = flat[robot, cell]  # a robot tells each cell at most once in an iteration
             flat[robot, cell] = state
             np.add.at(known, cell, (state != UNKNOWN).astype(np.int32) - (before != UNKNOWN))

@@ -164,8 +164,8 @@ def mark_sensed(sensed: NDArray[np.bool_], alive: NDArray[np.bool_], tiles: Tile
 
 def enclosing_cells(maps: NDArray[np.uint8]) -> NDArray[np.int32]:
     """How many cells (n,) the smallest rectangles with all known cells of the `maps` (n, rows, columns) have."""
-    known = maps != UNKNOWN
-    height, width = (_spans(known.any(axis=axis)) for axis in (2, 1))
+    known: NDArray[np.bool_] = maps != UNKNOWN
+    height, width = (_spans(np.asarray(known.any(axis=axis))) for axis in (2, 1))
     return np.asarray(height * width, np.int32)
 
 

@@ -69,7 +69,7 @@ def centroid(
     """The mean (2,) of those points (p, 2) that are nearer to a place (2,) than to others (k, 2); else the place."""
     # |q - x|^2 <= |q - y|^2 is linear in q.
     line = points @ (others - place).T
-    mine = (line <= 0.5 * ((others**2).sum(axis=1) - (place**2).sum())).all(axis=1)
+    mine: NDArray[np.bool_] = (line <= 0.5 * ((others**2).sum(axis=1) - (place**2).sum())).all(axis=1)
     return np.asarray(points[mine].mean(axis=0)) if mine.any() else place
 
 

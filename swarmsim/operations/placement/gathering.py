@@ -67,7 +67,8 @@ def centres(place: NDArray[np.float64], knowledge: Positions) -> NDArray[np.floa
     order = np.argsort(robots, kind="stable")
     points = np.concatenate([place, knowledge.place])[order]
     circles = shapely.minimum_bounding_circle(shapely.multipoints(points, indices=robots[order]))
-    x0, y0, x1, y1 = shapely.bounds(circles).T
+    bounds: NDArray[np.float64] = shapely.bounds(circles)
+    x0, y0, x1, y1 = bounds[:, 0], bounds[:, 1], bounds[:, 2], bounds[:, 3]
     return np.stack([(x0 + x1) / 2.0, (y0 + y1) / 2.0], axis=1)
 
 

@@ -40,7 +40,7 @@ class Positions(Knowledge):
 
     def of(self, robot: int) -> SimpleNamespace:
         """What one robot knows: `senders` (k,) and their `place` (k, 2)."""
-        mine = self.receivers == robot
+        mine: NDArray[np.bool_] = self.receivers == robot
         return SimpleNamespace(senders=self.senders[mine], place=self.place[mine])
 
     def total(self, values: NDArray[np.float64], robots: int) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from typing import Final
 
 import shapely
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 
@@ -34,10 +35,14 @@ def imported(
     `floor` is the free space that robots start in, `pockets` are pieces that they cannot enter.
     """
     drawn = [area for area, _ in shown if not area.is_empty]
-    left, low, right, high = shapely.total_bounds([*drawn, plan.walls, plan.border, *([floor] if floor else [])])
+    extent: list[float]
+    extent = shapely.total_bounds([*drawn, plan.walls, plan.border, *([floor] if floor else [])]).tolist()
+    left, low, right, high = extent
     around = 0.03 * max(right - left, high - low)
     bounds = left - around, right + around, low - around, high + around
     figure = sheet(11.0, min(max(5.2 * (high - low) / (right - left), 2.2), 9.0) + 1.5, title)
+    before: Axes
+    after: Axes
     before, after = figure.subplots(1, 2)
     for area, ink in shown:
         level = 1.0 - 0.85 * min(max(ink, 0.08), 1.0)

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FormatStrFormatter, MaxNLocator, NullFormatter
@@ -40,7 +41,7 @@ def network_course(graphs: Mapping[str, Sequence[Snapshot]], first: int, title: 
     defined there is a gap. The band about the number of others heard spans the least to the most of any live robot.
     """
     figure = sheet(9.0, 9.4, title)
-    panels = figure.subplots(4, 2, sharex=True).ravel()
+    panels: list[Axes] = figure.subplots(4, 2, sharex=True).ravel().tolist()
     length = max(map(len, graphs.values()))
     width = max(1, length // SMOOTHED)
     for axes, (measure, label) in zip(panels, PANELS.items(), strict=True):
@@ -75,7 +76,7 @@ def degrees(graphs: Mapping[str, Sequence[Snapshot]], title: str) -> Figure:
     `graphs` gives the snapshots of one or two graphs.
     """
     figure = sheet(8.6, 4.2, title)
-    panels = figure.subplots(1, 2, sharey=True)
+    panels: list[Axes] = figure.subplots(1, 2, sharey=True).tolist()
     width = 0.8 / len(graphs)
     sides = {"degrees": "others heard (in-degree)", "listeners": "others that hear it (out-degree)"}
     for axes, (side, label) in zip(panels, sides.items(), strict=True):
@@ -134,7 +135,7 @@ def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Fi
     half of them are over.
     """
     figure = sheet(9.6, 4.6, title)
-    panels = figure.subplots(1, 2, sharey=True)
+    panels: list[Axes] = figure.subplots(1, 2, sharey=True).tolist()
     lowest = 1.0
     for number, (axes, label) in enumerate(zip(panels, ("contact time", "time between contacts"), strict=True)):
         lines: list[Artist] = []

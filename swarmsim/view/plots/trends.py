@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -27,6 +28,8 @@ def scaling(
     `robots` (m,), `means` (m,), `intervals` (m, 2), 95 %; `fit` is (a, b) in iterations; `runs`: how many made each.
     """
     figure = sheet(9.6, 4.6, title)
+    left: Axes
+    right: Axes
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     numbers = np.unique([*np.asarray(robots, dtype=float), *published])
     finer = np.linspace(numbers[0], numbers[-1], 200)
@@ -74,8 +77,9 @@ def sweep(
     everything = [*series.values(), *levels.values()]
     unfinished = any(steps.unfinished.any() for steps in series.values())
     figure = sheet(7.6, 5.6 if unfinished else 4.6, title)
-    upper, *lower = figure.subplots(2 if unfinished else 1, 1, sharex=True, squeeze=False,
-                                    height_ratios=(3, 1) if unfinished else (1,))[:, 0]  # fmt: skip
+    panels: list[Axes] = figure.subplots(2 if unfinished else 1, 1, sharex=True, squeeze=False,
+                                    height_ratios=(3, 1) if unfinished else (1,))[:, 0].tolist()  # fmt: skip
+    upper, *lower = panels
     handles: list[Artist] = []
     for row, (name, steps) in enumerate(series.items()):
         colour, marker = COLOURS[row % len(COLOURS)], MARKERS[row % len(MARKERS)]

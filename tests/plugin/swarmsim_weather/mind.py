@@ -100,9 +100,8 @@ class Sometimes:
     def say(self, senses: Senses, maps) -> Said:
         """Tiles, or nothing worth knowing."""
         if senses.iteration % self._every:
-            tiles = senses.readings.tiles
-            blank = replace(tiles, values=np.zeros_like(tiles.values))
-            senses = replace(senses, readings=replace(senses.readings, tiles=blank))
+            blank = np.zeros_like(senses.readings["tiles.values"])
+            senses = replace(senses, readings=senses.readings.having({"tiles.values": blank}))
         return self._inner.say(senses, maps)
 
     def taken(self, senses: Senses, inbox: Inbox):
