@@ -220,8 +220,8 @@ class RandomWalk:
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
         """On along the way or, once there, delayed or barred, along another one."""
-        pose, maps = senses.pose[robot], knowledge
-        assert isinstance(maps, Maps)  # as `check_maps` has made sure
+        pose = senses.pose[robot]
+        maps: Maps = knowledge  # type: ignore[assignment]  # as `check_maps` has made sure
         here = self._lattice.cells(pose[:2])
         if robot in self._walks:
             decision, left = self._walks[robot]

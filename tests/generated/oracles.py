@@ -98,7 +98,7 @@ class _Senses:
     """Keeps what the sensor gives, before anybody believes anything, and who walked about then."""
 
     def __init__(self, parts: Any) -> None:
-        self._inner, self._building = parts.sensor, parts.building
+        self._inner, self._building, self.channels = parts.sensor, parts.building, parts.sensor.channels
 
     def sense(self, state: Any) -> Any:
         self.people = self._building.walkers().copy()
@@ -353,7 +353,7 @@ class _Ledger:
 
     def __init__(self, run: Run, says: _Says) -> None:
         self._says, self._under_way = says, set[tuple[int, int, int, int]]()
-        self._layers = list(_stack(run.scenario.network.channel))
+        self._layers = list(_stack(run.scenario.network.channel.table))
         late = any(fault.says("failure", "") == "delay" for fault in run.scenario.faults)
         self._at_once = {layer["use"] for layer in self._layers} <= AT_ONCE and not late
         fixed = all(layer["use"] in AT_ONCE or layer.get("law") == "fixed" for layer in self._layers)

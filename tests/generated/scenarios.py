@@ -72,6 +72,9 @@ def scenario(number: int) -> Scenario:
     return _Draw(number).scenario()
 
 
+BESIDE = ("neighbours", "ground", "bump")  # sensors that robots have besides their beams
+
+
 class _Draw:
     """Draws one scenario, part by part."""
 
@@ -125,6 +128,16 @@ class _Draw:
         if dice.random() < 0.3:
             uses = dice.sample(sorted(registry.known("probe")), dice.randint(1, 2))
             table["probes"] = [{"use": use, "name": f"of_{use}", "every": dice.randint(1, 4)} for use in uses]
+        if not isinstance(robots, list) and dice.random() < 0.3:
+            table.setdefault("sensor", {"use": "ir-ring"})
+            table["sensors"] = [self._part("sensor", use) for use in dice.sample(BESIDE, dice.randint(1, 2))]
+            for one in table["sensors"] if dice.random() < 0.5 else []:
+                name = f"{one['name']}_{one['use']}" if "name" in one else one["use"]
+                fails: Table = {"failure": "noisy", "sigma": 0.1} if one["use"] == "neighbours" else {"failure": "off"}
+                fault = {"use": "sensor", "at": dice.randint(0, 5), "keep": 0, "channels": [name], **fails}
+                table["faults"] = [*table.get("faults", []), fault]
+            if dice.random() < 0.2:
+                table["sensors"].append({**self._ring(ranges=False), "name": "rear"})
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _any(self, seam: str) -> Table:
@@ -148,6 +161,7 @@ class _Draw:
         corners = {"corners": lambda: [[0.6, 0.6], [1.8, 0.6], [1.8, 1.6], [0.6, 1.6]]}
         offsets = {"places": lambda: [[0.4 * i, 0.1 * i * i] for i in range(count)]}
         pace = {"speed": lambda: self._maybe(round(dice.uniform(0.02, 0.1), 3))}
+        called = {"name": lambda: self._maybe(f"my_{use}")}
         noise = {"noise": lambda: self._maybe(0.05)}
         asked: dict[str, Own] = {
             **dict.fromkeys(("knn", "farthest-k", "k-random"), degree),
@@ -185,6 +199,13 @@ class _Draw:
                 "turn": lambda: self._maybe(1.0),
             },
             "field-estimate": {"spacing": lambda: 1.0, "half_life": lambda: self._maybe(8.0)},
+            "neighbours": {**called, "most": lambda: self._maybe(dice.randint(1, 4))},
+            "ground": {
+                **called, "error": lambda: self._maybe(0.05),
+                "floors": lambda: [{"use": "formula", "formula": one} for one in ("x", "y * y")[: dice.randint(1, 2)]],
+                "steps": lambda: self._maybe([0.5, 1.5]),
+            },
+            "bump": called,
             "formula": {**noise, "formula": lambda: dice.choice(("sin(x) + y / 2", "exp(-hypot(x, y))", "x * t"))},
             "picture": {
                 **noise, "low": lambda: self._maybe(-1.0),

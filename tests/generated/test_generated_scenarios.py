@@ -77,6 +77,7 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         yield "channel", channel
         channel = channel.get("over")
     yield from (("fault", fault) for fault in table.get("faults", []))
+    yield from (("sensor", sensor) for sensor in table.get("sensors", []))
     yield from (("probe", probe) for probe in table.get("probes", []))
 
 
