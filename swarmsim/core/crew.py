@@ -27,7 +27,8 @@ class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Crew(Body, frozen=True, kw_only=True, eq=False):
     """The bodies of the robots that a part serves; how many these are is what `Setting.ids` and `Setting.swarm` say.
 
-    Of a swarm of several kinds, radius and speed are those of the largest and the fastest, whoever is served.
+    Of a swarm of several kinds, radius and speed are those of its largest and its fastest robot, even if a part serves
+    others alone.
     """
 
     kinds: tuple[Body, ...]  # of the whole swarm

@@ -21,7 +21,7 @@ _EMPTY: Final[Mapping[str, Any]] = {}
 
 
 class Buildable(Protocol[P]):
-    """Parameters of which a part is made."""
+    """The parameters that a part is built from."""
 
     def build(self, setting: Any) -> P:
         """The part, for a run or, of a building, for a site. Raises InputError, which starts with the key at fault."""
@@ -40,7 +40,7 @@ class Part(Nested, Generic[P]):
     __slots__ = ("_completed", "_given", "_parameters", "_use", "seam")
 
     def __init__(self, seam: str, table: Mapping[str, Any] = _EMPTY) -> None:
-        """`table` is `use` and the part's own keys, none of which is looked at yet."""
+        """`table` is `use` and the part's own keys; they are looked at later."""
         self.seam: Final = seam
         self._given = {key: value for key, value in table.items() if key != "use"}
         self._use: str | None = table.get("use", None)

@@ -23,7 +23,7 @@ Word = Annotated[str, Meta(max_length=200)]
 Side = Annotated[int, Meta(ge=0, le=LONGEST)]
 
 
-#: (n, ...): what a channel gives, of its type: whoever reads one by name knows of which.
+#: (n, ...): what a channel gives. Its type is the one declared.
 Column = NDArray[Any]
 
 

@@ -130,6 +130,3 @@ class Exhaustion:
         new = out[~self._reported[out]]
         self._reported[out] = True
         return (Begins(now.iteration, self._number, tuple(new.tolist())),) if len(new) else ()
-
-
-# TODO
