@@ -13,7 +13,8 @@ import pytest
 from conftest import ROOT
 from typer.testing import CliRunner
 
-from swarmsim.cli import app, skeletons
+from swarmsim.api import skeletons
+from swarmsim.cli import app
 from swarmsim.core import describe, distributions, registry, scenario, schema
 from swarmsim.core.errors import InputError
 from swarmsim.core.forms import FunctionForm
@@ -54,7 +55,7 @@ def test_every_seam_has_a_skeleton_or_a_reason_why_not() -> None:
     assert kinds | set(skeletons.WITHOUT) == set(SEAMS)
     assert not kinds & set(skeletons.WITHOUT)
     with pytest.raises(InputError, match=r"new physics: .*start from swarmsim/robots/particles\.py"):
-        skeletons.written("physics", "mine", Path())
+        skeletons.new("physics", "mine")
     check_files_in(skeletons.WITHOUT)
 
 

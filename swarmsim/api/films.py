@@ -1,0 +1,46 @@
+"""Films of recorded runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from swarmsim.api.recorded import Run
+from swarmsim.core.errors import InputError
+from swarmsim.engine.build import build
+from swarmsim.view.gathering import Gathering
+from swarmsim.view.look import Look
+from swarmsim.view.scene import Scene
+from swarmsim.view.video import Film, check_film, write_film, write_pictures
+
+
+def filmed(
+    run: Run, out: Path, film: Film, beside: Run | None, frames: bool, progress: Callable[[int, int], None]
+) -> Path:
+    """Write a film, or one of how robots find each other's frames of reference; gives its path. Raises InputError."""
+    check_film(out, film)
+    if frames:
+        if beside is not None or film.look != Look(film.look.theme):
+            raise InputError("--frames: such a film has a look of its own; expected --fps, --speed, --size or --theme")
+        _of_frames(run, out, film, progress)
+    else:
+        write_film(run.recording, out, film, None if beside is None else beside.recording, progress)
+    return out
+
+
+def _of_frames(run: Run, out: Path, film: Film, progress: Callable[[int, int], None]) -> None:
+    recording = run.recording
+    if not recording.scenario.mind.computation.says("merges", False):
+        raise InputError(
+            f"--frames: the robots of {run.path} have one frame of reference; "
+            "expected mind.computation.share.use = merge"
+        )
+    made = build(recording.scenario, str(run.path), recording.world)
+    gathering = Gathering(Scene(recording), made.setting.start, film)
+
+    def tick() -> bool:
+        if not made.simulation.over:
+            made.simulation.tick([gathering])
+        return not made.simulation.over
+
+    write_pictures(out, film, lambda taken: gathering.pictures(tick, progress, taken))
