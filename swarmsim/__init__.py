@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from swarmsim.api.skeletons import new
     from swarmsim.api.studies import StudyRun, open_study, study, study_worst
     from swarmsim.api.worlds import world_check, world_convert, world_generate, world_preview
-    from swarmsim.core.describe import parts
     from swarmsim.core.errors import InputError, PartError, StorageError
-    from swarmsim.core.schema import schema
-    from swarmsim.core.shipped import copy as examples_copy
-    from swarmsim.core.shipped import example, examples
+    from swarmsim.core.scenario.describe import parts
+    from swarmsim.core.scenario.schema import schema
+    from swarmsim.core.scenario.shipped import copy as examples_copy
+    from swarmsim.core.scenario.shipped import example, examples
 
 __version__ = "0.1.0"
 __all__ = [

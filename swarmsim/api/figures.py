@@ -12,7 +12,7 @@ from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.state import UNKNOWN
 from swarmsim.engine.build import build
 from swarmsim.network.report import Graph, NetworkReport
-from swarmsim.operations.mapping.provenance import MapProvenance
+from swarmsim.operations.mapping.measures.provenance import MapProvenance
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.view import plots
@@ -61,7 +61,7 @@ def provenance(recording: Recording, name: str, robot: int, at: int | None, out:
     _check_iteration(recording, "--at", last)
     _check_robots(recording, [robot])
     made = build(recording.scenario, name, recording.world)
-    probe = MapProvenance(recording.scenario.robots.count, made.setting.lattice)
+    probe = MapProvenance(recording.scenario.robots.count, made.context.lattice)
     while made.simulation.state.iteration <= last and not made.simulation.over:
         made.simulation.tick([probe])
     title = f"What robot {robot} knows: {_titled(recording)}, iteration {last}"

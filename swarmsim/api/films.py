@@ -8,9 +8,9 @@ from pathlib import Path
 from swarmsim.api.recorded import Run
 from swarmsim.core.errors import InputError
 from swarmsim.engine.build import build
-from swarmsim.view.gathering import Gathering
-from swarmsim.view.look import Look
+from swarmsim.view.frames_film import Gathering
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
 from swarmsim.view.video import Film, check_film, write_film, write_pictures
 
 
@@ -20,7 +20,7 @@ def filmed(
     """Write a film, or one of how robots find each other's frames of reference; gives its path. Raises InputError."""
     check_film(out, film)
     if frames:
-        if beside is not None or film.look != Look(film.look.theme):
+        if beside is not None or film.look != Style(film.look.theme):
             raise InputError("--frames: such a film has a look of its own; expected --fps, --speed, --size or --theme")
         _of_frames(run, out, film, progress)
     else:
@@ -30,13 +30,13 @@ def filmed(
 
 def _of_frames(run: Run, out: Path, film: Film, progress: Callable[[int, int], None]) -> None:
     recording = run.recording
-    if not recording.scenario.mind.computation.says("merges", False):
+    if not recording.scenario.mind.computation.declares("merges", False):
         raise InputError(
             f"--frames: the robots of {run.path} have one frame of reference; "
             "expected mind.computation.share.use = merge"
         )
     made = build(recording.scenario, str(run.path), recording.world)
-    gathering = Gathering(Scene(recording), made.setting.start, film)
+    gathering = Gathering(Scene(recording), made.context.start, film)
 
     def tick() -> bool:
         if not made.simulation.over:

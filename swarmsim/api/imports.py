@@ -14,10 +14,10 @@ import tomli_w
 
 from swarmsim.api.bare import CELL, bare
 from swarmsim.api.figures import save_picture
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import write_whole
-from swarmsim.core.scenario import World, decode
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World, decode
+from swarmsim.core.scenario.files import write_whole
 from swarmsim.engine.inspection import Inspection, inspect
 from swarmsim.view import plots
 from swarmsim.world import advice, rosmap

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import msgspec
 
-from swarmsim.core import distributions
+from swarmsim.core.code import distributions
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import write_whole
+from swarmsim.core.scenario.files import write_whole
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import versions
 from swarmsim.recording.reader import Recording

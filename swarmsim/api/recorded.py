@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.api import frames as tables
-from swarmsim.core import registry
+from swarmsim.core.scenario import registry
 from swarmsim.recording.reader import Recording, Summary
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from swarmsim.api.verification import Verification
     from swarmsim.network.report import NetworkReport
-    from swarmsim.view.look import LookKeys
+    from swarmsim.view.style import LookKeys
 
 Progress = Callable[[int, int], None]  # is called with what is done, and how much there is
 
@@ -192,14 +192,14 @@ class Run:
         It has `fps` frames a second, `speed` simulated seconds in one, and a `size` of width and height in pixels.
         `cards` begin it with the scenario and end it with the result; `beside` is a second run to show in step;
         `frames` simulates the run again and shows how robots that share by merge find each other's frames; `progress`
-        is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.look.Look`: theme,
+        is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.style.Look`: theme,
         layers, focus, robots. Raises InputError for what cannot work, StorageError for a full disk.
         """
         from swarmsim.api.films import filmed
-        from swarmsim.view.look import Look
+        from swarmsim.view.style import Style
         from swarmsim.view.video import Film
 
-        how = Film(fps, speed, size, Look(**look), cards)
+        how = Film(fps, speed, size, Style(**look), cards)
         return filmed(self, Path(path), how, beside, frames, progress)
 
     def picture(
@@ -209,10 +209,10 @@ class Run:
 
         `size` and `look` are those of `film`. Raises InputError for a moment outside of the run.
         """
-        from swarmsim.view.look import Look
+        from swarmsim.view.style import Style
         from swarmsim.view.video import frame
 
-        return frame(self.recording, self.iterations if iteration is None else iteration, size, Look(**look))
+        return frame(self.recording, self.iterations if iteration is None else iteration, size, Style(**look))
 
     def __repr__(self) -> str:
         curve, status = self.recording.curve, self.summary["status"]

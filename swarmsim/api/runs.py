@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from swarmsim.api.recorded import Run
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
-from swarmsim.core.files import write_whole
 from swarmsim.core.parts import Observer
-from swarmsim.core.scenario import Scenario, load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario, load
+from swarmsim.core.scenario.files import write_whole
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
 from swarmsim.faults.in_words import fault_in_words

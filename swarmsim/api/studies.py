@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from swarmsim.api.frames import framed
 from swarmsim.api.runs import Overrides, prepared
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.scenario import registry
 from swarmsim.engine.build import build
 from swarmsim.studies import methods, selection
 from swarmsim.studies import plan as plans

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from swarmsim.core.code import differences
+from swarmsim.core.scenario.identity import differences
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.reader import Recording

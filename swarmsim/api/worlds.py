@@ -11,8 +11,8 @@ from swarmsim.api.bare import CELL, bare
 from swarmsim.api.figures import save_picture
 from swarmsim.api.runs import Overrides, scenario_of, told_apart
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table
-from swarmsim.core.scenario import Scenario, World, assign, decode, set_key
+from swarmsim.core.scenario.file import Scenario, World, assign, decode, set_key
+from swarmsim.core.scenario.files import Table
 from swarmsim.engine.inspection import Inspection, inspect
 from swarmsim.view import plots
 from swarmsim.world import drawing, geojson, rosmap

@@ -54,7 +54,7 @@ def video(
     With --frames the run is simulated again.
     """
     from swarmsim.api.runs import open as open_run
-    from swarmsim.view.look import look
+    from swarmsim.view.style import look
     from swarmsim.view.video import Film
 
     how = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from swarmsim.core.state import Knowledge, Moment
     from swarmsim.engine.build import Run
-    from swarmsim.studies.engine import Task
+    from swarmsim.studies.engine import Job
     from swarmsim.studies.store import Store
 
 
@@ -161,9 +161,9 @@ def study_bar(quiet: bool) -> Iterator[StudyBar]:
         bar.stop()
 
 
-def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
+def perform_all(tasks: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
     """Do all tasks and keep each row as it comes, with a bar."""
-    from swarmsim.api.studies import perform
+    from swarmsim.api.studies import run_jobs
 
     with study_bar(quiet) as bar:
-        perform(tasks, store, workers, scheduler, bar)
+        run_jobs(tasks, store, workers, scheduler, bar)

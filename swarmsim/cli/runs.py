@@ -45,7 +45,7 @@ def run(
     Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
     """
     from swarmsim.api.runs import new_folder, prepared, record
-    from swarmsim.core.scenario import files_outside
+    from swarmsim.core.scenario.file import files_outside
 
     if video is not None:
         from swarmsim.view.video import check_film
@@ -123,7 +123,7 @@ def schema() -> None:
 
     Example: swarmsim schema > scenario.schema.json
     """
-    from swarmsim.core.schema import schema as scenario_schema
+    from swarmsim.core.scenario.schema import schema as scenario_schema
 
     print(json.dumps(scenario_schema(), indent=2))
 
@@ -132,7 +132,7 @@ def _table(run: Run) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    from swarmsim.view.occurrences import noted
+    from swarmsim.view.timeline import noted
 
     summary, recording = run.summary, run.recording
     table = Table(title=summary["title"], show_header=False)

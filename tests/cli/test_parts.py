@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from swarmsim.api import skeletons
 from swarmsim.cli import app
-from swarmsim.core import describe, registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import describe, registry
 from swarmsim.core.seams import SEAMS
 
 
