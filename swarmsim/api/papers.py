@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from swarmsim.api.studies import Progress, perform, untold
+from swarmsim.api.studies import Progress, run_jobs, untold
 from swarmsim.core.errors import InputError
 from swarmsim.studies import report, reproduction
 from swarmsim.studies.reproduction import Reproduction
@@ -40,8 +40,8 @@ def reproduce(
     with Store(Path(out) / "results.sqlite") as kept:
         # A run that two tables or readings share is done once.
         every = [plan for of_reading in plans for plan in of_reading.values()]
-        tasks = {task.identity: task for plan in every for task in missing(plan, kept)}
-        perform(list(tasks.values()), kept, workers, scheduler, progress)
+        jobs = {job.identity: job for plan in every for job in missing(plan, kept)}
+        run_jobs(list(jobs.values()), kept, workers, scheduler, progress)
         found = [reproduction.evaluate(one, of, kept) for one, of in zip(read, plans, strict=True)]
     report.write(found, Path(out))
     return found

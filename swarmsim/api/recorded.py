@@ -192,7 +192,7 @@ class Run:
         It has `fps` frames a second, `speed` simulated seconds in one, and a `size` of width and height in pixels.
         `cards` begin it with the scenario and end it with the result; `beside` is a second run to show in step;
         `frames` simulates the run again and shows how robots that share by merge find each other's frames; `progress`
-        is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.style.Look`: theme,
+        is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.style.Style`: theme,
         layers, focus, robots. Raises InputError for what cannot work, StorageError for a full disk.
         """
         from swarmsim.api.films import filmed

@@ -24,7 +24,7 @@ from swarmsim.studies import plan as plans
 from swarmsim.studies import report as reports
 from swarmsim.studies import results as found
 from swarmsim.studies import worst as search
-from swarmsim.studies.engine import Task, crew, execute
+from swarmsim.studies.engine import Job, execute, worker_pool
 from swarmsim.studies.likeness import Side, notices
 from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result
@@ -180,7 +180,7 @@ class StudyRun:
         Raises InputError for a scheduler that does not answer, StorageError for a full disk.
         """
         with registry.own_code(self._allow_code), Store(self.store) as kept:
-            perform(found.missing(self.plan, kept, retry), kept, workers, scheduler, progress)
+            run_jobs(found.missing(self.plan, kept, retry), kept, workers, scheduler, progress)
         self.results = self._gathered()
         return self
 
@@ -286,7 +286,7 @@ class StudyRun:
         best, since too few runs finish.
         """
         with registry.own_code(self._allow_code), Store(self.store) as kept:
-            more = partial(perform, store=kept, workers=workers, scheduler=scheduler, progress=progress)
+            more = partial(run_jobs, store=kept, workers=workers, scheduler=scheduler, progress=progress)
             answer = selection.best(self.plan, kept, more, confidence, budget, tolerance)
         self.results = self._gathered()
         return answer
@@ -338,10 +338,10 @@ def study_worst(
         raise InputError(f"{out}: is there already; expected the name of a new file")
     with registry.own_code(allow_code):
         made = prepared(scenario, None, overrides, ())
-    with registry.own_code(allow_code), crew(workers or os.cpu_count() or 1, scheduler) as perform_all:
+    with registry.own_code(allow_code), worker_pool(workers or os.cpu_count() or 1, scheduler) as run_all:
 
-        def performed(tasks: Sequence[Task]) -> Iterator[Row]:
-            for row in perform_all(tasks):
+        def performed(jobs: Sequence[Job]) -> Iterator[Row]:
+            for row in run_all(jobs):
                 progress(look.timelines)
                 yield row
             progress(look.timelines)
@@ -353,15 +353,13 @@ def study_worst(
     return answer
 
 
-def perform(
-    tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, progress: Progress
-) -> None:
-    """Do all tasks and keep each row as it comes; `progress` is called before the first and after each."""
-    if not tasks:
+def run_jobs(jobs: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, progress: Progress) -> None:
+    """Do all jobs and keep each row as it comes; `progress` is called before the first and after each."""
+    if not jobs:
         return
     failed = 0
-    progress(0, len(tasks), failed)
-    for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
+    progress(0, len(jobs), failed)
+    for count, row in enumerate(execute(jobs, workers or os.cpu_count() or 1, scheduler), 1):
         store.add(row)
         failed += row.status == "failed"
-        progress(count, len(tasks), failed)
+        progress(count, len(jobs), failed)
