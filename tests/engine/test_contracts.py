@@ -212,7 +212,7 @@ from dataclasses import replace
 
 import numpy as np
 from msgspec import Struct
-from swarmsim.operations.mapping.sharing.policies.policies import CurrentTile
+from swarmsim.operations.mapping.sharing.policies import CurrentTile
 from swarmsim.robots.motion import PurePursuit
 from swarmsim.robots.particles import Particles, PointBodies
 
@@ -274,7 +274,7 @@ class Sharing:
 
     def __init__(self, inner, wrong):
         self.inner, self.wrong = inner, wrong
-        self.taken = inner.taken
+        self.accepted = inner.accepted
 
     def say(self, senses, maps):
         said = self.inner.say(senses, maps)
