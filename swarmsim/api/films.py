@@ -33,7 +33,7 @@ def _of_frames(run: Run, out: Path, film: Film, progress: Callable[[int, int], N
     if not recording.scenario.mind.computation.declares("merges", False):
         raise InputError(
             f"--frames: the robots of {run.path} have one frame of reference; "
-            "expected mind.computation.share.use = merge"
+            "expected mind.computation.sharing.use = merge"
         )
     made = build(recording.scenario, str(run.path), recording.world)
     gathering = Gathering(Scene(recording), made.context.start, film)

@@ -42,7 +42,7 @@ def run(
 
     A table replaces the whole table: --set 'network.topology={use="ring"}'
 
-    Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
+    Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 fraction=0.2"
     """
     from swarmsim.api.runs import new_folder, prepared, record
     from swarmsim.core.scenario.file import files_outside
