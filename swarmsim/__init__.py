@@ -16,7 +16,7 @@ Every verb of the command line is a function here. One about a recorded run is a
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from swarmsim.api.doctor import doctor
@@ -69,10 +69,11 @@ _PLACES = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name in _PLACES:
         place, _, attribute = _PLACES[name].partition(":")
-        return getattr(import_module(f"swarmsim.{place}"), attribute)
+        found: object = getattr(import_module(f"swarmsim.{place}"), attribute)
+        return found
     raise AttributeError(f"module 'swarmsim' has no attribute {name!r}")
 
 

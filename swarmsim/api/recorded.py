@@ -200,7 +200,8 @@ class Run:
         from swarmsim.view.video import Film
 
         how = Film(fps, speed, size, Style(**look), cards)
-        return filmed(self, Path(path), how, beside, frames, progress)
+        other = None if beside is None else beside.recording
+        return filmed(self.recording, str(self.path), Path(path), how, other, frames, progress)
 
     def picture(
         self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Unpack[LookKeys]

@@ -71,7 +71,9 @@ def film(
     from swarmsim.api.films import filmed
     from swarmsim.view.video import Film
 
-    filmed(run, out, how or Film(), beside, frames, Counted(progress, "filming", "frame {} of {}"))
+    other = None if beside is None else beside.recording
+    told = Counted(progress, "filming", "frame {} of {}")
+    filmed(run.recording, str(run.path), out, how or Film(), other, frames, told)
     progress.console.print(f"film: {out}")
 
 
