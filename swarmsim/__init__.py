@@ -25,8 +25,9 @@ if TYPE_CHECKING:
     from swarmsim.api.recorded import Run
     from swarmsim.api.runs import compare, open, run, simulate  # noqa: A004
     from swarmsim.api.skeletons import new
-    from swarmsim.api.studies import StudyRun, open_study, study, study_worst
+    from swarmsim.api.studies import StudyRun, open_study, study
     from swarmsim.api.worlds import world_check, world_convert, world_generate, world_preview
+    from swarmsim.api.worst import study_worst
     from swarmsim.core.errors import InputError, PartError, StorageError
     from swarmsim.core.scenario.describe import parts
     from swarmsim.core.scenario.schema import schema
@@ -60,7 +61,7 @@ _PLACES = {
     "schema": "core.scenario.schema:schema",
     "simulate": "api.runs:simulate",
     "study": "api.studies:study",
-    "study_worst": "api.studies:study_worst",
+    "study_worst": "api.worst:study_worst",
     "world_check": "api.worlds:world_check",
     "world_convert": "api.worlds:world_convert",
     "world_generate": "api.worlds:world_generate",

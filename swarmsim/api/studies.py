@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import html
 import os
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,28 +14,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.api.frames import framed
-from swarmsim.api.runs import Overrides, prepared
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
-from swarmsim.engine.build import build
 from swarmsim.studies import methods, selection
 from swarmsim.studies import plan as plans
 from swarmsim.studies import report as reports
 from swarmsim.studies import results as found
-from swarmsim.studies import worst as search
-from swarmsim.studies.engine import Job, execute, worker_pool
+from swarmsim.studies.engine import Job, execute
 from swarmsim.studies.likeness import Side, notices
 from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result
 from swarmsim.studies.statistics import Description
-from swarmsim.studies.store import Row, Store
+from swarmsim.studies.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Progress = Callable[[int, int, int], None]  # is called with the runs done, all runs, and how many have failed
-TRIED = 100  # iterations of each condition that are timed
-USUAL = 700  # iterations that a run takes, unless its limit is lower
 
 
 def untold(done: int, of: int, failed: int) -> None:
@@ -148,22 +142,9 @@ class StudyRun:
         """
         seconds = [row.seconds for result in self.results.values() for row in result.rows]
         missing = sum(result.missing for result in self.results.values())
-        each = sum(seconds) / len(seconds) if seconds else self._tried()
+        with registry.own_code(self._allow_code):
+            each = sum(seconds) / len(seconds) if seconds else plans.trial(self.plan)
         return Estimate(len(self.plan.runs), missing, each)
-
-    def _tried(self) -> float:
-        """Seconds that one run takes here, on average over the conditions' first iterations."""
-        seconds = []
-        for one in self.plan.conditions:
-            with registry.own_code(self._allow_code):
-                simulation = build(one.scenario, one.name, self.plan.world_of(one)).simulation
-            simulation.tick()
-            begun = time.perf_counter()
-            while not simulation.over and simulation.state.iteration < TRIED:
-                simulation.tick()
-            each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
-            seconds.append(each * min(one.scenario.stop.iterations, USUAL))
-        return sum(seconds) / len(seconds)
 
     def run(
         self,
@@ -308,49 +289,6 @@ class StudyRun:
 
     def _repr_html_(self) -> str:
         return Table(self.plan.study.title, found.HEAD, found.lines(self.results))._repr_html_()
-
-
-def study_worst(
-    scenario: str | Path,
-    out: str | Path | None = None,
-    *,
-    overrides: Overrides | None = None,
-    budget: int = 300,
-    entries: int = 3,
-    factor: float = 2.0,
-    seeds: int = 3,
-    seed: int = 1,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    allow_code: bool = False,
-    progress: Callable[[int], None] = lambda timelines: None,
-    tell: Callable[[str], None] = lambda words: None,
-) -> search.Answer:
-    """Look for the smallest timeline of faults that makes the swarm fail: `swarmsim study worst`.
-
-    It fails if it is not done in `factor` times the iterations of the run without faults, with each of so many `seeds`.
-    At least `budget` timelines of at most `entries` faults are tried, drawn by `seed`. What is found is written as the
-    new scenario `out`. `workers` and `scheduler` are those of `StudyRun.run`; `progress` is called with the timelines
-    tried, `tell` with what was found on the way. Raises InputError for a scenario that does not finish without faults,
-    and for a file that is there already.
-    """
-    if out is not None and Path(out).exists():
-        raise InputError(f"{out}: is there already; expected the name of a new file")
-    with registry.own_code(allow_code):
-        made = prepared(scenario, None, overrides, ())
-    with registry.own_code(allow_code), worker_pool(workers or os.cpu_count() or 1, scheduler) as run_all:
-
-        def performed(jobs: Sequence[Job]) -> Iterator[Row]:
-            for row in run_all(jobs):
-                progress(look.timelines)
-                yield row
-            progress(look.timelines)
-
-        look = search.Search(made.scenario, made.world, performed, seeds, factor, tell)
-        answer = look.run(budget, entries, seed)
-        if out is not None and answer.smallest is not None:
-            search.write(made.scenario, answer.smallest.timeline, answer.limit[0], Path(out))
-    return answer
 
 
 def run_jobs(jobs: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, progress: Progress) -> None:

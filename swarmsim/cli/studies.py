@@ -253,7 +253,7 @@ def worst(
 
     Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
     """
-    from swarmsim.api.studies import study_worst
+    from swarmsim.api.worst import study_worst
     from swarmsim.studies.worst import HEAD, lines
 
     with progress_bar(quiet) as progress:
