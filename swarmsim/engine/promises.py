@@ -73,13 +73,16 @@ class _Form:
 #: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
 CHECKS: Final[Mapping[str, Callable[[Any, Setting], Checks]]] = {
     "sensor": lambda part, setting: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
+    "actuator": lambda part, setting: {
+        "act": lambda found, told, state: contracts.readings(found, state, part.channels, "act")
+    },
     "field": lambda part, setting: {
         "value": lambda found, time, points: contracts.array("value", found, np.float64, len(points))
     },
     "localisation": lambda part, setting: {"locate": contracts.located},
     "computation": _of_computation,
     "strategy": lambda part, setting: {
-        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, setting.lattice)
+        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, setting.lattice, setting.actuators)
     },
     "topology": lambda part, setting: {"links": contracts.links},
     "channel": lambda part, setting: {

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.part import Part
+from swarmsim.core.readings import COLOUR
 from swarmsim.core.state import UNKNOWN
 from swarmsim.network.analysis import groups
 from swarmsim.operations.fields.replay import FieldReplay, holds_estimates
@@ -64,6 +65,7 @@ class Shot:
     messages: int  # heard so far
     believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
     people: NDArray[np.float64]  # (p, 3): x, y, radius in m
+    lights: NDArray[np.uint8] | None = None  # (n, 3): the colour in which each robot shines, black for none
 
 
 class Told(NamedTuple):
@@ -226,6 +228,7 @@ class Scene:
             messages=int(self._messages[row]),
             believed=recording["believed"][row][:, :2] if self.has_beliefs else None,
             people=self._people(row, min(iteration - row, 1.0)),
+            lights=None if (shining := lights(recording)) is None else shining[row],
         )
 
     def _told(self, row: int) -> Told:
@@ -305,6 +308,13 @@ class Scene:
         apart = [_apart(place, *leg) for leg in pairwise(bends)]
         passed = apart.index(min(apart)) + 1 if apart else 0
         return np.array([place, *bends[passed:]])
+
+
+def lights(recording: Recording) -> NDArray[np.uint8] | None:
+    """The colours (t, n, 3) of the first actuator that shines in some, as recorded; None without one."""
+    form = "u1", (3,), COLOUR
+    tables = [one.recorded_as for one in recording.actuators if (one.dtype, one.shape, one.unit) == form]
+    return recording[tables[0]] if tables and tables[0] else None
 
 
 def _names(notes: list[Note]) -> dict[int, str]:

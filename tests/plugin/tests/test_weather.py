@@ -36,6 +36,7 @@ PARTS = {
     "greenhouse": "",
     "wind": '[physics]\nuse = "wind"\n',
     "fog": '[sensor]\nuse = "fog"\nx = 2.0\n',
+    "horn": '[[actuators]]\nuse = "horn"\n',
     "rounded": '[localisation]\nuse = "rounded"\n',
     "sharing": '[mind.computation]\nshare = {use = "now-and-then"}\n',
     "showers": '[network.channel]\nuse = "showers"\n',
