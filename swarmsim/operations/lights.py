@@ -10,13 +10,13 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox
-from swarmsim.core.part import Part
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyStrategy, Curve, Summary
 from swarmsim.core.readings import COLOUR, Name
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
 
 Byte = Annotated[int, Meta(ge=0, le=255)]
@@ -35,32 +35,32 @@ class Mimic(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     colour: tuple[Byte, Byte, Byte] = (255, 0, 255)  # red, green and blue
     light: Name = "led"  # the channel of the actuator
 
-    def build(self, setting: Setting) -> Mimicry:
+    def build(self, context: BuildContext) -> Mimicry:
         """The strategy. Raises InputError for a light or a robot that there is not."""
-        _check_light(self.light, setting)
+        _check_light(self.light, context)
         for robot in self.first:
-            if robot >= setting.swarm:
-                raise InputError(f"first: there is no robot {robot}; expected ids from 0 to {setting.swarm - 1}")
-        return Mimicry(self, setting)
+            if robot >= context.swarm:
+                raise InputError(f"first: there is no robot {robot}; expected ids from 0 to {context.swarm - 1}")
+        return Mimicry(self, context)
 
 
 class Mimicry:
     """Another strategy's ways and velocities, and colours."""
 
-    def __init__(self, parameters: Mimic, setting: Setting) -> None:
-        self._drive = parameters.drive.build(setting, "drive")
+    def __init__(self, parameters: Mimic, context: BuildContext) -> None:
+        self._drive = parameters.drive.build(context, "drive")
         self._light, self._sees = parameters.light, f"neighbours_{parameters.light}"
-        self._first = np.zeros((len(setting.ids), 3), np.uint8)
-        self._first[np.isin(setting.ids, parameters.first)] = parameters.colour
+        self._first = np.zeros((len(context.ids), 3), np.uint8)
+        self._first[np.isin(context.ids, parameters.first)] = parameters.colour
         #: The channels of sensors that it cannot do without.
         self.requires = (self._sees, *getattr(self._drive, "requires", ()))
 
     @property
-    def reads(self) -> type[Knowledge]:
+    def requires_knowledge(self) -> type[Knowledge]:
         """What the strategy that drives needs."""
-        return self._drive.reads
+        return self._drive.requires_knowledge
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """What that one decides, with the colour that each robot has, or has just seen."""
         shown = (self._first if senses.decided is None else senses.decided.commands[self._light]).copy()
         seen = senses.readings[self._sees]  # (n, most, 3), the nearest first
@@ -77,16 +77,16 @@ class Lit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the live
     light: Name = "led"  # the channel of the actuator
 
-    def build(self, setting: Setting) -> LitTask:
+    def build(self, context: BuildContext) -> LitTask:
         """The task. Raises InputError for a light that there is not."""
-        _check_light(self.light, setting)
+        _check_light(self.light, context)
         return LitTask(self)
 
 
 class LitTask:
     """Counts lights that are on."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve = CURVE
 
     def __init__(self, parameters: Lit) -> None:
@@ -103,9 +103,9 @@ class LitTask:
         return (Last(),)
 
 
-def _check_light(name: str, setting: Setting) -> None:
+def _check_light(name: str, context: BuildContext) -> None:
     """Raise InputError unless an actuator of the robots shines in colours under this name."""
-    lights = {one.name: one for one in setting.actuators if (one.dtype, one.shape, one.unit) == ("u1", (3,), COLOUR)}
+    lights = {one.name: one for one in context.actuators if (one.dtype, one.shape, one.unit) == ("u1", (3,), COLOUR)}
     if name not in lights:
         raise InputError(
             f"light: no actuator of these robots shines as {name!r}; {nearest(name, lights)}; "

@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.readings import COLOUR, Called, Channel, Channels, Readings
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 
@@ -18,7 +18,7 @@ class Led(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_led
     levels: Annotated[int, Meta(ge=2, le=256)] = 256  # of brightness that each of the three has, off included
 
-    def build(self, setting: Setting) -> LedLight:
+    def build(self, context: BuildContext) -> LedLight:
         """The actuator."""
         return LedLight(self.levels)
 

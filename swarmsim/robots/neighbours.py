@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.readings import Called, Channels, Name, Readings, ragged
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
@@ -40,29 +40,29 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     walls: bool = True  # whether they hide what is behind them
     sees: tuple[Name, ...] = ()  # channels of actuators, such as led: what each robot told is gives neighbours_led
 
-    def build(self, setting: Setting) -> NeighbourSensor:
+    def build(self, context: BuildContext) -> NeighbourSensor:
         """The sensor. Raises InputError for an actuator that robots do not have."""
         for name in self.sees:
-            if name not in setting.actuators:
+            if name not in context.actuators:
                 raise InputError(
-                    f"sees: no actuator of these robots is {name!r}; {nearest(name, setting.actuators.places)}"
+                    f"sees: no actuator of these robots is {name!r}; {nearest(name, context.actuators.places)}"
                 )
-        return NeighbourSensor(self, setting)
+        return NeighbourSensor(self, context)
 
 
 class NeighbourSensor:
     """Distance, bearing and heading of others."""
 
-    def __init__(self, parameters: Neighbours, setting: Setting) -> None:
+    def __init__(self, parameters: Neighbours, context: BuildContext) -> None:
         self._parameters = parameters
-        self._most = parameters.most or min(max(setting.swarm - 1, 1), 8)
+        self._most = parameters.most or min(max(context.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
         own = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
-        told = [setting.actuators[name].seen_of("neighbours", self._most) for name in dict.fromkeys(parameters.sees)]
+        told = [context.actuators[name].seen_of("neighbours", self._most) for name in dict.fromkeys(parameters.sees)]
         self.channels = Channels(*own, *told)
-        self._sight = Sight(setting.building) if parameters.walls else None
-        self._salt = int(setting.streams.open(f"neighbours {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        self._sight = Sight(context.building) if parameters.walls else None
+        self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
 
     def sense(self, state: State) -> Readings:
         """The nearest robots of each; none for the dead, which nobody sees either."""

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from conftest import ROOT, made, moments_of, setting_of
 
-from swarmsim.core import registry
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.readings import Channel, Channels, Readings
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.state import Moment, State
 from swarmsim.engine import contracts
 from swarmsim.recording.columns import columns_of
@@ -41,8 +41,8 @@ def shining(pose: Sequence[Sequence[float]], colours: Sequence[Sequence[int]], a
 
 
 def seen(state: State, walls: Sequence[Sequence[float]] = (), **keys: object) -> Readings:
-    setting = replace(setting_of(state.robots, walls=walls), actuators=LED)
-    return convert({"reach": 5.0, "sees": ["led"], **keys}, Neighbours).build(setting).sense(state)
+    context = replace(setting_of(state.robots, walls=walls), actuators=LED)
+    return convert({"reach": 5.0, "sees": ["led"], **keys}, Neighbours).build(context).sense(state)
 
 
 # What it is, and who sees it
@@ -146,7 +146,7 @@ def test_a_mind_of_ones_own_tells_its_light_and_sees_those_of_others(tmp_path: P
         tmp_path,
         """
 class Mine:
-    shows = ("green", "rows")
+    recorded = ("green", "rows")
     green = rows = 0.0
 
     def step(self, me):
@@ -304,7 +304,7 @@ from msgspec import Struct
 from swarmsim.core.readings import Channel, Channels, Readings
 
 class Mine(Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return Made()
 
 class Made:
