@@ -156,8 +156,11 @@ class _Draw:
             sensors.append(near)
         near["sees"] = [light]
         if dice.random() < 0.8:
-            told = {"drive": lambda: mind["strategy"], "light": lambda: light, "first": lambda: self._maybe([0])}
-            mind["strategy"] = self._part("strategy", "mimic", **told)
+            drive, colour = mind["strategy"], [dice.randint(0, 255) for _ in range(3)]
+            mind["strategy"] = self._part(
+                "strategy", "mimic", drive=lambda: drive, light=lambda: light, first=lambda: self._maybe([0]),
+                colour=lambda: self._maybe(colour),
+            )  # fmt: skip
         if dice.random() < 0.5:
             table["task"] = self._part("task", "lit", light=lambda: light)
 
