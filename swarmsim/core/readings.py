@@ -21,6 +21,7 @@ LONGEST: Final = 100_000  # of a side of what a channel gives for one robot, and
 Name = Annotated[str, Meta(pattern=NAME)]
 Called = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,19}$")]  # the name of a sensor
 Word = Annotated[str, Meta(max_length=200)]
+COLOUR: Final = "sRGB"  # the unit of colours
 Side = Annotated[int, Meta(ge=0, le=LONGEST)]
 
 
@@ -71,6 +72,11 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     def is_number(self) -> bool:
         """Whether it can be somewhat larger: what robots read themselves, and no choice between a few values."""
         return self.dtype in ("i4", "f4", "f8") and not (self.structure or self.group)
+
+    @property
+    def is_colour(self) -> bool:
+        """Whether it is red, green and blue, 0 to 255 each: pictures show it, of an actuator."""
+        return (self.dtype, self.shape, self.unit) == ("u1", (3,), COLOUR)
 
     def called(self, name: str, **changes: Any) -> Channel:
         """The same under another name, with its table."""
@@ -130,8 +136,6 @@ def range_channel(bearings: NDArray[np.float64], reach: float) -> Channel:
     )  # fmt: skip
 
 
-#: The unit of a channel (3,) of type u1 that is red, green and blue: pictures show it, of an actuator.
-COLOUR: Final = "sRGB"
 FIELD: Final = Channel("field", table="samples", unit="as the field")
 
 

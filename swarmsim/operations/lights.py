@@ -15,7 +15,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyStrategy, Curve, Summary
-from swarmsim.core.readings import COLOUR, Name
+from swarmsim.core.readings import Name
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
 
@@ -105,7 +105,7 @@ class LitTask:
 
 def _check_light(name: str, context: BuildContext) -> None:
     """Raise InputError unless an actuator of the robots shines in colours under this name."""
-    lights = {one.name: one for one in context.actuators if (one.dtype, one.shape, one.unit) == ("u1", (3,), COLOUR)}
+    lights = {one.name: one for one in context.actuators if one.is_colour}
     if name not in lights:
         raise InputError(
             f"light: no actuator of these robots shines as {name!r}; {nearest(name, lights)}; "

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.readings import COLOUR
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import UNKNOWN
 from swarmsim.network.analysis import groups
@@ -312,9 +311,8 @@ class Scene:
 
 def lights(recording: Recording) -> NDArray[np.uint8] | None:
     """The colours (t, n, 3) of the first actuator that shines in some, as recorded; None without one."""
-    form = "u1", (3,), COLOUR
-    tables = [one.recorded_as for one in recording.actuators if (one.dtype, one.shape, one.unit) == form]
-    return recording[tables[0]] if tables and tables[0] else None
+    tables = [one.recorded_as for one in recording.actuators if one.is_colour and one.recorded_as]
+    return recording[tables[0]] if tables else None
 
 
 def _names(notes: list[Note]) -> dict[int, str]:
