@@ -71,8 +71,8 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     yield from (("computation", mind["computation"]), ("strategy", mind["strategy"]))
     if "drive" in mind["strategy"]:
         yield "strategy", mind["strategy"]["drive"]
-    if "share" in mind["computation"]:
-        yield "sharing", mind["computation"]["share"]
+    if "sharing" in mind["computation"]:
+        yield "sharing", mind["computation"]["sharing"]
     yield "topology", table["network"]["topology"]
     channel = table["network"]["channel"]
     while channel:

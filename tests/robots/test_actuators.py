@@ -325,7 +325,7 @@ def test_a_frozen_mind_keeps_its_light_and_one_that_starts_again_rests(tmp_path:
     blinks = mind("me.drive(0.0).also(led=(1 + me.iteration, 0, 0))")
     lights = {}
     for failure in ("frozen", "reboot"):
-        fault = f'faults=[{{use="mind", failure="{failure}", at=2, lasts=2, robots=[1]}}]'
+        fault = f'faults=[{{use="mind", failure="{failure}", at=2, duration=2, robots=[1]}}]'
         lights[failure] = [moment.state.actuators["led"][:, 0].tolist() for moment in run_of(tmp_path, blinks, fault)]
     plain = [0, 1, 2, 3, 4]
     assert [row[1] for row in lights["frozen"]] == [0, 1, 2, 2, 2]
