@@ -38,7 +38,7 @@ PARTS = {
     "fog": '[sensor]\nuse = "fog"\nx = 2.0\n',
     "horn": '[[actuators]]\nuse = "horn"\n',
     "rounded": '[localisation]\nuse = "rounded"\n',
-    "sharing": '[mind.computation]\nshare = {use = "now-and-then"}\n',
+    "sharing": '[mind.computation]\nsharing = {use = "now-and-then"}\n',
     "showers": '[network.channel]\nuse = "showers"\n',
     "ice": '[motion]\nuse = "against-ice"\n',
     "lightning": '[[faults]]\nuse = "lightning"\nat = 5\n',
