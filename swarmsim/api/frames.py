@@ -31,7 +31,8 @@ def columns(recording: Recording, name: str | None) -> Mapping[str, object]:
     """The columns of the iterations or, by name, of a channel or a probe. Raises InputError for an unknown name."""
     if name is None:
         return _iterations(recording)
-    return columns_of(recording, name) if name in recording.channels else _sampled(recording, name)
+    of_robots = name in recording.channels or name in recording.actuators
+    return columns_of(recording, name) if of_robots else _sampled(recording, name)
 
 
 def _iterations(recording: Recording) -> dict[str, object]:

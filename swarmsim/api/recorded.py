@@ -71,8 +71,8 @@ class Run:
         """One row for each iteration; columns are named with their units. Needs pandas.
 
         With the name of a probe, as in the scenario, one row for each sample and robot. With that of a channel of the
-        robots' sensors, such as `neighbours`, one for each iteration and robot and, where there are several of
-        something, for each of them. Raises InputError for what is neither.
+        robots' sensors or actuators, such as `neighbours` or `led`, one for each iteration and robot and, where there
+        are several of something, for each of them. Raises InputError for what is neither.
         """
         return tables.framed(tables.columns(self.recording, name))
 
