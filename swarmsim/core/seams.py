@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import dataclass
 from typing import Final
 
 from swarmsim.core import parts
+from swarmsim.core.capabilities import lacking, verbs_of
 from swarmsim.core.forms import (
     FunctionComputation,
     FunctionStrategy,
@@ -17,8 +17,6 @@ from swarmsim.core.forms import (
 )
 from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.setting import Field, Setting, Site
-
-_ABSENT: Final = object()
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,20 +48,11 @@ class Seam:
     @property
     def verbs(self) -> tuple[str, ...]:
         """The methods and properties of its Protocol, in their order."""
-        found: dict[str, None] = {}
-        for kind in reversed(self.protocol.__mro__):
-            if getattr(kind, "_is_protocol", False):
-                names = (*inspect.get_annotations(kind), *vars(kind))
-                found |= dict.fromkeys(name for name in names if not name.startswith("_"))
-        return tuple(found)
+        return verbs_of(self.protocol)
 
     def missing(self, part: object) -> list[str]:
-        """The verbs that a part lacks. Properties are not asked for their values, which may not be there yet."""
-        return [
-            verb
-            for verb in self.verbs
-            if inspect.getattr_static(part, verb, _ABSENT) is _ABSENT and getattr(part, verb, _ABSENT) is _ABSENT
-        ]
+        """The verbs that a part lacks."""
+        return lacking(self.protocol, part)
 
 
 #: All seams by name, in the order in which they are listed.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import budget, registry
 from swarmsim.core.building import Building, Survey
+from swarmsim.core.capabilities import LackingError
 from swarmsim.core.code import Code, code_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
@@ -225,6 +226,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         try:
             parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
             parts = replace(parts, localisation=tracked(parts.localisation, setting))
+        except LackingError as problem:
+            raise InputError(f"faults[{number}].{problem.of(repr(mind.computation.use))}") from problem
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
     probes = watching(scenario, setting, parts, clock)

@@ -28,10 +28,11 @@ class WrappedComputation:
         """That of the computation inside."""
         return self._inner.codec
 
-    @property
-    def maps(self) -> Any:
-        """The maps of robots that map; None if they do not."""
-        return getattr(self._inner, "maps", None)
+    def __getattr__(self, name: str) -> Any:
+        """What else the computation inside offers."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._inner, name)
 
     def say(self, senses: Senses) -> Said[Columns]:
         """What the computation inside says."""

@@ -24,6 +24,7 @@ from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
+from swarmsim.operations.mapping.lies import LIES
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import TileItems
 from swarmsim.operations.mapping.sharing import Sharing, tiles_of
@@ -91,6 +92,7 @@ class MapComputation:
 
     requires = ("tiles",)
     knows: type[Knowledge] = Maps
+    lies = LIES
 
     def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing[TileItems]) -> None:
         count, lattice = len(setting.ids), setting.lattice
@@ -158,6 +160,10 @@ class MapComputation:
         """Give robots (r,) the map of another one."""
         self._grids.adopt(robots, source)
         self._rewritten = True
+
+    def amounts(self) -> NDArray[np.int64]:
+        """How many cells each robot's map holds (n,)."""
+        return np.asarray(np.count_nonzero(self._observed, axis=(1, 2)))
 
     def _maps(self, changes: NDArray[np.int32], news: NDArray[np.int32], taken: Inbox[TileItems]) -> Maps:
         frames = getattr(self._sharing, "frames", None)  # of most policies robots need none

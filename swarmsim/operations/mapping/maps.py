@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Auditor, Knowledge, Record, Senses
+from swarmsim.core.state import FREE, OCCUPIED, Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
 from swarmsim.operations.mapping.message import TileItems
 
@@ -50,6 +50,11 @@ class Maps(Knowledge):
         """A robot's map: `observed` and `log_odds` (rows, columns), and the `news` in it."""
         observed, log_odds = self.observed[robot], self.log_odds[robot]
         return SimpleNamespace(observed=observed, log_odds=log_odds, news=int(self.news[robot]))
+
+    def terrain(self, robot: int) -> NDArray[np.uint8]:
+        """A robot's map (rows, columns): UNKNOWN, FREE where it is more likely free than not, else OCCUPIED."""
+        known = np.where(self.log_odds[robot] < 0.0, np.uint8(FREE), np.uint8(OCCUPIED))
+        return np.asarray(known * self.observed[robot], np.uint8)
 
     @classmethod
     def auditor(cls, setting: Setting) -> MapAuditor:

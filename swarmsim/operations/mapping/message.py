@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,10 @@ GOAL: Final = struct.Struct(">hhH")
 class TileItems(Columns):
     """The tiles in messages."""
 
+    PROVENANCE: ClassVar[tuple[str, ...]] = ("sources", "sensed")
+    SOURCE: ClassVar = "sources"
+    SILENT: ClassVar = {"values": UNKNOWN}
+
     values: NDArray[np.uint8]  # (t, rows, columns)
     origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
     sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
@@ -42,6 +46,8 @@ class TileItems(Columns):
 @dataclass(frozen=True, slots=True, eq=False)
 class RelayedItems(TileItems):
     """Tiles that come over several links."""
+
+    PROVENANCE: ClassVar[tuple[str, ...]] = ("sources", "sensed", "hops")
 
     hops: NDArray[np.uint8]  # (t,): links between the robot that sensed it and the one that tells it now
 
