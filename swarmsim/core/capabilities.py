@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import C, Columns
+from swarmsim.core.messages import C, MessageBatch
 
 _ABSENT: Final = object()
 
@@ -91,7 +91,9 @@ class Capability(Generic[T]):
         return not lacking(self.protocol, part)
 
 
-FALSIFIABLE: Final[Capability[Falsifiable[Columns]]] = Capability(Falsifiable, "says how its messages can be false")
+FALSIFIABLE: Final[Capability[Falsifiable[MessageBatch]]] = Capability(
+    Falsifiable, "says how its messages can be false"
+)
 QUANTIFIED: Final[Capability[Quantified]] = Capability(Quantified, "tells how much each robot knows")
 CHARTED: Final[Capability[Charted]] = Capability(Charted, "tells robots which cells are free")
 

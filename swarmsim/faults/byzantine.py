@@ -11,13 +11,13 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core.capabilities import FALSIFIABLE
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
-from swarmsim.core.messages import C, Columns, Inbox, Said
+from swarmsim.core.messages import Broadcast, C, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Senses
-from swarmsim.faults.disguise import WrappedComputation
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.delegate import ComputationDelegate
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
 
 Shift = Annotated[int, Meta(ge=-10_000, le=10_000)]
@@ -39,14 +39,14 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
     id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: whom it pretends to be; default: anybody, anew each time
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have, or lacks."""
         for failure, key in OF_ANY.items():
             if getattr(self, key) is not None and self.failure != failure:
                 raise self._has_none(key, f"failure = {failure!r}")
         if self.offset is not None and self.failure in OF_ANY:
             raise self._has_none("offset", "it left out")
-        others = setting.swarm - 1
+        others = context.swarm - 1
         if self.id is not None and self.id > others:
             raise InputError(f"id: there is no robot {self.id}; expected one from 0 to {others}")
         if self.failure == "spoof" and others == 0:
@@ -55,7 +55,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             )
         if self.failure == "replay" and self.age is None:
             raise InputError("age: required key is missing; expected iterations for failure = 'replay'")
-        return TimedFault(Timeline(self, setting), Lying(self, setting), setting.number)
+        return TimedFault(Timeline(self, context), Lying(self, context), context.number)
 
     def lie(self, computation: AnyComputation) -> Telling | None:
         """What happens to what is said, if anything does. Raises InputError for a lie that there is not."""
@@ -83,7 +83,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Telling(Protocol):
     """Turns the truth into something else."""
 
-    def __call__(self, said: Said[Columns], rows: NDArray[np.bool_], /) -> Said[Columns]:
+    def __call__(self, said: Broadcast[MessageBatch], rows: NDArray[np.bool_], /) -> Broadcast[MessageBatch]:
         """What is said, but for some items, `rows` (t,), that are lies; asked in every iteration."""
         ...
 
@@ -92,9 +92,9 @@ class Replayed:
     """Says what was true some iterations ago: the first item of that message for the first of this, and so on."""
 
     def __init__(self, age: int) -> None:
-        self._past: deque[Said[Columns]] = deque(maxlen=age + 1)
+        self._past: deque[Broadcast[MessageBatch]] = deque(maxlen=age + 1)
 
-    def __call__(self, said: Said[C], rows: NDArray[np.bool_], /) -> Said[C]:
+    def __call__(self, said: Broadcast[C], rows: NDArray[np.bool_], /) -> Broadcast[C]:
         """Put old items in the place of new ones; where the old message had fewer, items say nothing.
 
         Items are told as if they were of now.
@@ -121,11 +121,11 @@ class Replayed:
 class FalseNames:
     """Under whose name each liar's message goes, remembered while messages are under way."""
 
-    def __init__(self, setting: Setting, name: int | None, purpose: str) -> None:
+    def __init__(self, context: BuildContext, name: int | None, purpose: str) -> None:
         """`name` is the one robot that all pass themselves off as; without it they draw from streams of `purpose`."""
-        robots = setting.swarm
+        robots = context.swarm
         self._name, self._ids = name, np.arange(robots, dtype=np.int32)
-        self._streams = [setting.streams.open(purpose, robot) for robot in range(robots)]
+        self._streams = [context.streams.open(purpose, robot) for robot in range(robots)]
         self._given: dict[int, NDArray[np.int32]] = {}  # (n,) by iteration
 
     def give(self, iteration: int, liars: NDArray[np.bool_]) -> None:
@@ -139,7 +139,7 @@ class FalseNames:
                 names[robot] = self._name
         self._given[iteration] = names
 
-    def signed(self, inbox: Inbox[Columns]) -> Inbox[Columns]:
+    def signed(self, inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
         """The inbox as its receivers believe it to be."""
         names = inbox.senders.copy()
         for iteration in np.unique(inbox.sent).tolist():
@@ -157,13 +157,13 @@ class FalseNames:
         return believed.take(np.lexsort([names, inbox.receivers]))
 
 
-class Lying(Lasting):
+class Lying(StatelessEffect):
     """Wraps the computation."""
 
-    def __init__(self, fault: Byzantine, setting: Setting) -> None:
+    def __init__(self, fault: Byzantine, context: BuildContext) -> None:
         self._fault = fault
         spoofs = fault.failure == "spoof"
-        self._names = FalseNames(setting, fault.id, f"fault byzantine {setting.number}") if spoofs else None
+        self._names = FalseNames(context, fault.id, f"fault byzantine {context.number}") if spoofs else None
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the computation wrapped. Raises InputError for a lie that their messages cannot hold."""
@@ -171,7 +171,7 @@ class Lying(Lasting):
         return replace(parts, computation=LyingComputation(parts.computation, active, lie, self._names))
 
 
-class LyingComputation(WrappedComputation):
+class LyingComputation(ComputationDelegate):
     """A computation of which some robots do not say what they know, or not who they are."""
 
     def __init__(
@@ -180,7 +180,7 @@ class LyingComputation(WrappedComputation):
         super().__init__(inner)
         self._active, self._lie, self._names = active, lie, names
 
-    def say(self, senses: Senses) -> Said[Columns]:
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """The message of every robot, with lies in those of the liars, who know the truth themselves."""
         said = self._inner.say(senses)
         if self._lie is not None:
@@ -189,6 +189,6 @@ class LyingComputation(WrappedComputation):
             self._names.give(senses.iteration, self._active & senses.alive)
         return said
 
-    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
         """What robots know by what they heard of those who seem to have said it."""
         return self._inner.hear(senses, inbox if self._names is None else self._names.signed(inbox))

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 from swarmsim.core.capabilities import CHARTED, FALSIFIABLE, QUANTIFIED, LackingError, Lie
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, Said
-from swarmsim.core.registry import own_code
+from swarmsim.core.messages import Broadcast, MessageBatch
+from swarmsim.core.scenario.registry import own_code
 from swarmsim.core.state import Estimates
 from swarmsim.engine.guard import Clock, held
 from swarmsim.faults.byzantine import Replayed
-from swarmsim.faults.disguise import WrappedComputation
+from swarmsim.faults.delegate import ComputationDelegate
 
 POSITIONS = 'mind={computation={use="positions"}, strategy={use="wander"}}'
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Numbers(Columns):
+class Numbers(MessageBatch):
     """Numbers, with who said them first."""
 
     PROVENANCE: ClassVar[tuple[str, ...]] = ("said_by",)
@@ -39,7 +39,7 @@ class Numbers(Columns):
 class Telling:
     """A computation that nothing but its capabilities is known of."""
 
-    knows = Estimates
+    knowledge_type = Estimates
     lies: ClassVar = {"larger": Lie(lambda items, rows, offset: items)}
 
     def amounts(self) -> NDArray[np.int64]:
@@ -49,14 +49,14 @@ class Telling:
 
     def hear(self, senses: object, inbox: object) -> None: ...
 
-    def forget(self, robots: object) -> None: ...
+    def reset(self, robots: object) -> None: ...
 
-    def adopt(self, robots: object, source: object) -> None: ...
+    def copy_from(self, robots: object, source: object) -> None: ...
 
 
 @pytest.mark.parametrize(
     "around",
-    [lambda one: one, WrappedComputation, lambda one: held("computation", one, setting_of(2), Clock())],
+    [lambda one: one, ComputationDelegate, lambda one: held("computation", one, setting_of(2), Clock())],
     ids=["itself", "wrapped", "held to its contract"],
 )
 def test_a_capability_is_found_through_whatever_wraps_a_computation(around) -> None:
@@ -101,8 +101,8 @@ def farther(items, rows, offset):
 
 
 class Megaphone(Struct, frozen=True):
-    def build(self, setting):
-        return Voice(TellPositions().build(setting))
+    def build(self, context):
+        return Voice(TellPositions().build(context))
 
 
 class Voice:
@@ -110,7 +110,7 @@ class Voice:
 
     def __init__(self, inner):
         self.inner, self.knows, self.codec = inner, inner.knows, inner.codec
-        self.say, self.hear, self.forget, self.adopt = inner.say, inner.hear, inner.forget, inner.adopt
+        self.say, self.hear, self.reset, self.copy_from = inner.say, inner.hear, inner.reset, inner.copy_from
 """
 
 
@@ -129,9 +129,9 @@ def test_a_computation_of_ones_own_can_have_lies_of_its_own(tmp_path: Path) -> N
 
 
 def test_a_replay_keeps_where_items_come_from_and_says_nothing_where_there_was_less() -> None:
-    def said(numbers: list[float], by: int) -> Said[Numbers]:
+    def said(numbers: list[float], by: int) -> Broadcast[Numbers]:
         items = Numbers(np.array(numbers), np.full(len(numbers), by, np.int32))
-        return Said(items, np.array([len(numbers)]), np.array([9], np.int32))
+        return Broadcast(items, np.array([len(numbers)]), np.array([9], np.int32))
 
     replayed = Replayed(1)
     replayed(said([1.0, 2.0], 5), np.zeros(2, np.bool_))
