@@ -109,7 +109,7 @@ class Voice:
     lies = {"farther": Lie(farther, "[metres, 0]")}
 
     def __init__(self, inner):
-        self.inner, self.knows, self.codec = inner, inner.knows, inner.codec
+        self.inner, self.knowledge_type, self.codec = inner, inner.knowledge_type, inner.codec
         self.say, self.hear, self.reset, self.copy_from = inner.say, inner.hear, inner.reset, inner.copy_from
 """
 
