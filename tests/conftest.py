@@ -51,7 +51,8 @@ def building(walls=()) -> Building:
     """These walls (s, 4), and nothing that could be explored."""
     segments = np.asarray(walls, float).reshape(-1, 4)
     nothing = np.zeros((0, 0), bool)
-    return Building(segments, nothing, nothing, np.zeros((0, 2)), lambda boxes: Survey(segments, nothing, nothing))
+    found = Survey(segments, nothing, np.zeros((0, 2)), lambda: nothing)
+    return Building(found, lambda boxes: found)
 
 
 def setting_of(

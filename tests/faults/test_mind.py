@@ -270,7 +270,7 @@ def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
 
 
 def test_a_reboot_empties_the_map_and_the_robot_stands_until_it_is_up_again(rebooted) -> None:
-    assert rebooted.moments[ONSET - 1].measured.robots["covered"][ROBOT] * rebooted.run.domain.sum() > 50
+    assert rebooted.moments[ONSET - 1].measured.robots["covered"][ROBOT] * rebooted.run.explorable.sum() > 50
     for iteration in range(ONSET, END):
         observed, log_odds = rebooted.maps[iteration]
         assert not observed.any()

@@ -350,7 +350,7 @@ def test_latecomers_have_the_map_they_are_given(memory: str) -> None:
     if memory == "copied":
         assert entry[3] >= before[:3].max()
     else:
-        seen = (watch.moments[15].readings.tiles.values[3] != 0).sum() / watch.run.domain.sum()
+        seen = (watch.moments[15].readings.tiles.values[3] != 0).sum() / watch.run.explorable.sum()
         assert entry[3] <= seen < before[:3].max()
 
 

@@ -76,7 +76,7 @@ def cell_that_nobody_saw(update: Any, grids: Any, alive: Any, tiles: Any, inbox:
 def one_more(measure: Any, task: Any, moment: Any) -> Any:
     """One cell too many is counted."""
     measured = measure(task, moment)
-    share = min(1.0, measured.values["coverage"] + 1.0 / np.count_nonzero(moment.building.domain))
+    share = min(1.0, measured.values["coverage"] + 1.0 / np.count_nonzero(moment.building.explorable))
     return replace(measured, values={"coverage": share})
 
 

@@ -196,7 +196,7 @@ def deceived(trust: str, *, liars: int = 1, failure: str = "occupied", seed: int
     )
     run.simulation.run()
     parts = run.simulation.parts
-    known = parts.computation.maps.observed[liars:] & parts.building.domain
+    known = parts.computation.maps.observed[liars:] & parts.building.explorable
     false = known & (parts.computation.maps.log_odds[liars:] > 0.0) & ~parts.building.occupied
     return float(false.sum() / known.sum())
 
@@ -224,4 +224,4 @@ def test_a_quorum_of_names_is_no_defence_against_one_robot_that_invents_them() -
     run.simulation.run()
     parts = run.simulation.parts
     false = parts.computation.maps.observed[1:] & (parts.computation.maps.log_odds[1:] > 0.0) & ~parts.building.occupied
-    assert (false & parts.building.domain).any()
+    assert (false & parts.building.explorable).any()

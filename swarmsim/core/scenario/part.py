@@ -136,7 +136,7 @@ class Part(Nested, Generic[P]):
             parameters: Any = self.parameters
             built: P = parameters.build(context)
         except InputError as problem:
-            raise InputError(f"{key}.{problem}" if key else str(problem)) from problem
+            raise (problem.inside(key) if key else problem) from problem
         return built
 
     def _identity(self) -> object:

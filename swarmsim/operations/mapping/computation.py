@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, PlacedError
 from swarmsim.core.lending import lent
 from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.readings import Tiles
@@ -29,6 +29,8 @@ from swarmsim.operations.mapping.lies import LIES
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.codecs import TileItems
 from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
+
+MOST: Final = 20_000_000_000  # cells of all maps together
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
@@ -75,6 +77,12 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     def build(self, context: BuildContext) -> MapComputation:
         """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
+        cells = context.lattice.rows * context.lattice.columns
+        if context.swarm * cells > MOST:
+            raise PlacedError(
+                f"grid.cell: {context.swarm} robots with maps of {cells} cells each would have more than {MOST} cells; "
+                f"expected fewer robots or larger cells"
+            )
         if not self.lowest < self.miss < 0.5 < self.hit < self.highest:
             raise InputError(
                 f"hit: expected lowest < miss < 0.5 < hit < highest, got "

@@ -179,7 +179,7 @@ def test_a_message_packs_to_its_bytes_with_all_its_parts() -> None:
 
 def test_robots_find_each_others_frames_and_finish() -> None:
     run = made(scenario="merging")
-    probe = FrameMeasures(run.domain)
+    probe = FrameMeasures(run.explorable)
     assert run.simulate([probe])
     summary = probe.summary()
     assert summary["frames_found"] == 42
@@ -198,7 +198,7 @@ def test_robots_that_never_meet_know_what_they_sensed_alone() -> None:
 
 def test_other_policies_have_no_frames_to_measure(room) -> None:
     run = made("seed=1", "stop.iterations=5")
-    probe = FrameMeasures(run.domain)
+    probe = FrameMeasures(run.explorable)
     run.simulation.run([probe])
     assert probe.summary() == {}
 

@@ -300,7 +300,7 @@ def heard(recording: Recording) -> tuple[int, int, int]:
 
 def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     run = made("network.topology.k=2")
-    domain, truth, robots, parts = run.domain, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
+    domain, truth, robots, parts = run.explorable, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
     probes = [RunMeasures(run.scenario.robots, run.scenario.period, parts.task.curve), *parts.task.summaries()]
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:
