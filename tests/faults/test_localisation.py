@@ -200,9 +200,9 @@ def test_places_to_land_have_room_and_a_way_from_the_entrance() -> None:
     hall = {(row, column) for row in range(3) for column in range(5)} - {(0, 1), (1, 4)}
     assert cells(0.05) == cells(0.1) == hall
     assert cells(0.11) == hall - {(2, 0), (2, 1), (2, 2)}
-    building.entrance = np.empty((0, 2))
+    building.found = replace(building.found, entrance=np.empty((0, 2)))
     assert cells(0.05) == set()
-    building.walls, building.entrance = np.empty((0, 4)), np.array([[7.5, 0.5]])
+    building.found = replace(building.found, walls=np.empty((0, 4)), entrance=np.array([[7.5, 0.5]]))
     assert cells(0.4) == {(row, column) for row in range(3) for column in (6, 7)}
 
 

@@ -34,9 +34,9 @@ def wrapped(kind: type, name: str, changed: Callable[..., Any]) -> Plant:
 def without_a_wall(prepare: Any, part: Any) -> None:
     """Walls are put up but for the first one."""
     building = part._building
-    walls, building.walls = building.walls, building.walls[1:]
+    found, building.found = building.found, replace(building.found, walls=building.walls[1:])
     prepare(part)
-    building.walls = walls
+    building.found = found
 
 
 def heard_after_its_loss(deliver: Any, *given: Any) -> Delivery:
