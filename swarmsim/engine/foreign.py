@@ -42,9 +42,6 @@ def built(asked: Part[P], context: BuildContext) -> P:
         if not is_failure(problem):
             raise
         raise InputError(f"use: {asked.use!r} cannot be built: {told(problem)}") from problem
-    if missing := SEAMS[asked.seam].missing(part):
-        kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
-        raise InputError(f"use: what {asked.use!r} builds, {kind}, lacks {', '.join(missing)}; expected a {asked.seam}")
     _check_arguments(asked.seam, part, f"use: what {asked.use!r} builds")
     return part
 

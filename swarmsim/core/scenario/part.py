@@ -137,6 +137,15 @@ class Part(Nested, Generic[P]):
             built: P = parameters.build(context)
         except InputError as problem:
             raise (problem.inside(key) if key else problem) from problem
+        missing = [] if registry.is_ours(parameters) else SEAMS[self.seam].missing(built)
+        if missing:
+            kind, at = (
+                f"{type(built).__module__.rpartition('.')[2]}.{type(built).__qualname__}",
+                f"{key}." if key else "",
+            )
+            raise InputError(
+                f"{at}use: what {self.use!r} builds, {kind}, lacks {', '.join(missing)}; expected a {self.seam}"
+            )
         return built
 
     def _identity(self) -> object:

@@ -28,7 +28,8 @@ from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 from swarmsim.operations.mapping.lies import LIES
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.codecs import TileItems
-from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
+from swarmsim.operations.mapping.sharing.policies import tiles_of
+from swarmsim.operations.mapping.sharing.seam import Sharing
 
 MOST: Final = 20_000_000_000  # cells of all maps together
 

@@ -110,7 +110,7 @@ class MapAuditor(Auditor):
             inbox = knowledge.accepted
             for pair in zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True):
                 if pair not in heard:
-                    return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
+                    return f"accepted: robot {pair[0]} took in what robot {pair[1]} has not told it"
         content: Any = inbox.content  # other people's have the columns of TileItems that are needed
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(
