@@ -24,7 +24,7 @@ class ComputationDelegate:
         return self._inner.knowledge_type
 
     @property
-    def codec(self) -> Codec[Any]:
+    def codec(self) -> Codec[MessageBatch]:
         """That of the computation inside."""
         return self._inner.codec
 

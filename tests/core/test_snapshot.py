@@ -265,7 +265,7 @@ def test_a_part_that_a_session_has_made_runs_but_is_in_no_study(tmp_path: Path) 
     (tmp_path / "study.toml").write_text('title = "T"\nscenario = "room.toml"\n')
     session = f"""
 import swarmsim
-from swarmsim.core.scenario.file.registry import own_code
+from swarmsim.core.scenario.registry import own_code
 from swarmsim.studies.plan import open_study
 {MINE}
 print(swarmsim.run("room.toml", overrides={{"stop.iterations": 2}}, allow_code=True).recording.code["__main__"])

@@ -32,9 +32,9 @@ from swarmsim.core.lending import copied
 from swarmsim.network.channel import Perfect
 from swarmsim.network.topology import NearestNeighbours
 from swarmsim.operations.mapping.computation import OccupancyGrid
-from swarmsim.operations.mapping.measures.quality.coverage import Coverage
+from swarmsim.operations.mapping.measures.coverage import Coverage
 from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
-from swarmsim.operations.mapping.sharing.policies.policies import CurrentTile
+from swarmsim.operations.mapping.sharing.policies import CurrentTile
 from swarmsim.robots.localisation import Perfect as Placed
 from swarmsim.robots.motion import PurePursuit
 from swarmsim.robots.sensors import IrRing
@@ -134,7 +134,7 @@ class Hearing(Base, frozen=True):
 
 class Sharing(Base, frozen=True):
     def build(self, context):
-        return Wrapped(CurrentTile().build(context), self.how, "say", "taken")
+        return Wrapped(CurrentTile().build(context), self.how, "say", "accepted")
 
 
 class Strategy(Base, frozen=True):
@@ -197,7 +197,7 @@ PLACES = {
     "Localisation": "localisation",
     "Computation": "mind.computation",
     "Hearing": "mind.computation",
-    "Sharing": "mind.computation.share",
+    "Sharing": "mind.computation.sharing",
     "Strategy": "mind.strategy",
     "Topology": "network.topology",
     "Channel": "network.channel",

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.capabilities import Lie
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import TileItems
 
 _SWAPPED: Final = np.array([UNKNOWN, OCCUPIED, FREE], np.uint8)  # what a tile's values turn into
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,22 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Inbox, MessageBatch
-from swarmsim.core.state import FREE, OCCUPIED, Auditor, Knowledge, Record, Senses
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TileItems(MessageBatch):
+    """The tiles in messages."""
+
+    PROVENANCE: ClassVar[tuple[str, ...]] = ("sources", "sensed")
+    SOURCE: ClassVar = "sources"
+    SILENT: ClassVar = {"values": UNKNOWN}
+
+    values: NDArray[np.uint8]  # (t, rows, columns)
+    origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
+    sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
+    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.seams import Seam
 from swarmsim.core.state import Senses
-from swarmsim.operations.mapping.sharing.codecs import TileItems
 
 if TYPE_CHECKING:  # who asks for seams needs no kernels
-    from swarmsim.operations.mapping.maps import Maps
+    from swarmsim.operations.mapping.maps import Maps, TileItems
 
-I = TypeVar("I", bound=TileItems)  # noqa: E741 (of items)
+I = TypeVar("I", bound="TileItems")  # noqa: E741 (of items)
 
 
 class Sharing(Protocol[I]):
