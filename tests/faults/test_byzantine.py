@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import Grids, made, moments_of, seen_as, setting_of, worded_of
+from conftest import made, moments_of, seen_as, setting_of, worded_of
+from mappers import Grids
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.context import BuildContext

@@ -7,9 +7,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import Mapper, made, seen_as, setting_of, worded_of
+from conftest import made, seen_as, setting_of, worded_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.errors import InputError

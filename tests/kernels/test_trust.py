@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import Mapper, inbox_of, items, made, setting_of
+from conftest import made, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper, inbox_of, items
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError

@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import Mapper, inbox_of, made, seen_as, setting_of
+from conftest import made, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper, inbox_of
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.lattice import Lattice

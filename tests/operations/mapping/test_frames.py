@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Grids, called, made, moments_of, seen_as, setting_of
+from conftest import called, made, moments_of, seen_as, setting_of
+from mappers import Grids
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.lattice import Lattice
