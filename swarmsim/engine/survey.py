@@ -39,7 +39,7 @@ TINY: Final = 3.0  # m: smaller pages are often drawn at a scale
 
 @contextmanager
 def told_to_scale(plan: FloorPlan, world: World) -> Iterator[None]:
-    """What is wrong with a tiny floor plan may be its scale: then its InputError says how to tell."""
+    """Adds a hint about scale to errors from very small floor plans."""
     try:
         yield
     except InputError as problem:
@@ -99,7 +99,7 @@ def opened(case: Case) -> Ground:
 
 @lru_cache(maxsize=16)
 def surveyed(case: Case, boxes: tuple[Box, ...]) -> Survey:
-    """The building with boxes standing in it; a room that they cut off is left out. Raises InputError."""
+    """The building with these boxes in place, without rooms that they cut off. Raises InputError."""
     ground, robots = opened(case), case.robots
     arena, reachable = ground.arena, ground.reachable
     home = arena.spawn_cells(robots.spawn)

@@ -34,7 +34,7 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     `occupied` ones, whether seen or not, or give them another `origin`, `offset` cells from where they were sensed.
     """
 
-    failure: str
+    failure: str  # replay, spoof or, of robots that map, inverted, free, occupied, origin; else what they know besides
     offset: tuple[Shift, Shift] | None = None  # for lies that have one, such as origin: rows (up) and columns (right)
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
     id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: whom it pretends to be; default: anybody, anew each time
