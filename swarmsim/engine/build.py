@@ -27,7 +27,7 @@ from swarmsim.core.scenario.identity import Code, code_of
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.core.streams import Streams
 from swarmsim.engine import fitting
-from swarmsim.engine.equipment import sensors
+from swarmsim.engine.equipment import actuators, sensors
 from swarmsim.engine.foreign import blamed, foreign, installed, make
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.placement import start_poses
@@ -69,7 +69,7 @@ class Run:
         parts = self.simulation.parts
         return Recorder(
             path, self.scenario, self.world, arena.lattice, self.explorable, arena.occupied, curve,
-            not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes,
+            not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes, parts.actuator.channels,
         )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
@@ -178,12 +178,15 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
         context = replace(
             context, scalar_field=field if registry.is_ours(field) else held("field", field, context, clock)
         )
+    actuator = actuators(scenario.actuators, context, strict, clock)
+    context = replace(context, actuators=actuator.channels)
     sensor = with_field(
         sensors(scenario, context, strict, clock), context, float(scenario.field.declares("noise", 0.0))
     )
     context = replace(context, channels=sensor.channels)
     bodies = make(scenario.physics, context)
     parts = Parts(
+        actuator=actuator,
         sensor=sensor,
         localisation=tracked(make(scenario.localisation, context), context),
         computation=make(mind.computation, context),
@@ -199,7 +202,8 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
     )
     fitting.check(parts, asked)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    return guarded(parts, context, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock), context  # that is held
+    unheld = {*(HELD if strict else theirs)} - {"sensor", "actuator"}
+    return guarded(parts, context, unheld, theirs, clock), context
 
 
 def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> Parts:

@@ -1,4 +1,4 @@
-"""What robots are equipped with: the sensors of a swarm, or of its groups, as one."""
+"""What robots are equipped with: the sensors of a swarm, or of its groups, as one, and their actuators."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import numpy as np
 from swarmsim.core.adapters.minds import OF_ME
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Sensor
+from swarmsim.core.parts import Actuator, Sensor
 from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario, Sensors, fitted
+from swarmsim.core.scenario.part import Part
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
 from swarmsim.recording import layout
-from swarmsim.robots.suites import MixedSensor, Suite, TwiceError
+from swarmsim.robots.suites import MixedSensor, Rig, Suite, TwiceError
 
 
 def sensors(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock) -> Sensor:
@@ -50,14 +51,32 @@ def _suite(sensors: Sensors, context: BuildContext, strict: bool, clock: Clock) 
         raise InputError(problem.told([place for place, _ in sensors])) from problem
 
 
-def _wrong_names(channels: Channels) -> str | None:
-    """Why a channel of a sensor cannot be called so, or None: minds find it under that name, and recordings a table."""
+def actuators(listed: tuple[Part[Actuator], ...], context: BuildContext, strict: bool, clock: Clock) -> Rig:
+    """The actuators of all robots as one. Raises InputError that starts with the place in the scenario."""
+    made: list[Actuator] = []
+    places = [f"actuators[{number}]" for number in range(len(listed))]
+    for number, (place, one) in enumerate(zip(places, listed, strict=True)):
+        part = make(one, replace(context, number=number), place)
+        wrong = contracts.acting(part.channels, context.swarm) or _wrong_names(part.channels, "actuator")
+        if wrong is not None:
+            raise InputError(f"{place}.use: {one.use!r} declares {wrong}")
+        if strict or not registry.is_ours(part):
+            part = held("actuator", part, context, clock, not registry.is_ours(part))
+        made.append(part)
+    try:
+        return Rig(made, [str(one.declares("name", None) or "") for one in listed])
+    except TwiceError as problem:
+        raise InputError(problem.told(places)) from problem
+
+
+def _wrong_names(channels: Channels, seam: str = "sensor") -> str | None:
+    """Why a channel cannot be called so, or None: minds find a sensor's under that name, and recordings a table."""
     for channel in channels:
-        if channel.name in OF_ME:
+        if channel.name in OF_ME and seam == "sensor":
             return f"{channel.name!r}: a mind finds something else as me.{channel.name}; expected 'my_{channel.name}'"
         table = channel.recorded_as
         wrong = table and (
-            layout.wrong_name(table, "sensor")
+            layout.wrong_name(table, seam)
             or layout.wrong_form(table, np.empty((1, *channel.shape), channel.dtype), layout.EACH, 1)
         )
         if wrong:

@@ -57,6 +57,10 @@ def _check_knowledge(place: str, part: AnyStrategy | AnyTask, computation: AnyCo
 def _check_names(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
+    for one in parts.actuator.channels:
+        if one.recorded_as in used:
+            raise InputError(f"actuators: {one.recorded_as!r} is what a sensor gives already; expected another name")
+        used |= {one.recorded_as: "actuator"} if one.recorded_as else {}
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
         place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
         for name, says, at in announced(seam, part):

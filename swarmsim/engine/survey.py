@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from typing import Final, NoReturn, Self
 
@@ -18,13 +18,15 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, PlacedError
 from swarmsim.core.events import Box
 from swarmsim.core.lending import lent
-from swarmsim.core.parts import Sensor
+from swarmsim.core.parts import Actuator, Sensor
+from swarmsim.core.readings import Readings
 from swarmsim.core.scenario import budget, registry
 from swarmsim.core.scenario.file import Scenario, Sensors, World, sensors_of
 from swarmsim.core.scenario.part import Buildable, Part
 from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
+from swarmsim.engine.equipment import actuators
 from swarmsim.engine.foreign import make, margin_of
 from swarmsim.engine.guard import Clock, held
 from swarmsim.kernels import occupancy
@@ -60,6 +62,7 @@ class Case:
     cell: float  # m
     robots: Robots  # one of each kind: what can be reached and observed depends on no more
     sensors: Sensors
+    actuators: tuple[Part[Actuator], ...]
 
     @classmethod
     def of(cls, text: str, scenario: Scenario) -> Self:
@@ -67,7 +70,7 @@ class Case:
         robots = scenario.robots
         groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
         alone = msgspec.structs.replace(robots, count=1, groups=groups)
-        return cls(text, scenario.world, scenario.grid.cell, alone, sensors_of(scenario))
+        return cls(text, scenario.world, scenario.grid.cell, alone, sensors_of(scenario), scenario.actuators)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +119,11 @@ def surveyed(case: Case, boxes: tuple[Box, ...]) -> Survey:
 def _explorable(case: Case, arena: Arena, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """What robots that get to the `reachable` cells can find out about; without tiles, those are all."""
     found = reachable
+    alone = msgspec.structs.replace(case.robots, groups=(), count=1)
+    context = BuildContext.of(alone, arena.lattice, 1.0, Streams(0), _walls_alone(arena))
     try:
-        seen = [_observable(place, one, arena, case.robots, reachable) for place, one in case.sensors]
+        context = replace(context, actuators=actuators(case.actuators, context, False, Clock()).channels)
+        seen = [_observable(place, one, context, reachable) for place, one in case.sensors]
         observed = [one for one in seen if one is not None]
         if observed:
             found = arena.explorable(reachable, np.asarray(np.logical_or.reduce(observed)))
@@ -147,12 +153,10 @@ def _surveying(sensor: Buildable[Sensor], context: BuildContext, place: str) -> 
 
 
 def _observable(
-    place: str, part: Part[Sensor], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
+    place: str, part: Part[Sensor], context: BuildContext, reachable: NDArray[np.bool_]
 ) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
-    lattice = arena.lattice
-    alone = msgspec.structs.replace(robots, groups=(), count=1)
-    context = BuildContext.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    lattice = context.lattice
     # What robots can see in the end does not depend on gaps between their beams.
     surveying: Buildable[Sensor] | None = part.declares("surveying", None)
     sensor = make(part, context, place) if surveying is None else _surveying(surveying, context, place)
@@ -166,8 +170,9 @@ def _observable(
     for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
-        none = np.zeros((len(cells), 2))
-        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiled
+        none, alive = np.zeros((len(cells), 2)), np.ones(len(cells), np.bool_)
+        rest = Readings.filled(context.actuators, {}, alive)
+        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, alive, rest)).tiled
         occupancy.note_observed(tiles.values, tiles.origins, observed)
     return observed
 
