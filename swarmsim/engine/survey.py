@@ -138,10 +138,11 @@ def _explorable(case: Case, arena: Arena, reachable: NDArray[np.bool_]) -> NDArr
 def _walls_alone(arena: Arena) -> Building:
     """The building before anybody has found out what can be explored in it."""
 
-    def survey(*boxes: object) -> NoReturn:
-        raise RuntimeError("a building that is being surveyed neither changes nor is known")
+    def survey(boxes: tuple[Box, ...]) -> NoReturn:
+        raise RuntimeError("a building that is being surveyed does not change")
 
-    return Building(Survey(arena.segments, arena.occupied, np.empty((0, 2)), survey), survey)
+    nothing = np.zeros_like(arena.occupied)
+    return Building(Survey(arena.segments, arena.occupied, np.empty((0, 2)), lambda: nothing), survey)
 
 
 def _surveying(sensor: Buildable[Sensor], context: BuildContext, place: str) -> Sensor:

@@ -48,3 +48,8 @@ def test_a_change_of_the_building_is_explored_anew_for_those_who_ask() -> None:
     assert 0 < np.count_nonzero(building.explorable & ~building.occupied) < np.count_nonzero(before)
     building.rebuild(())
     assert np.array_equal(building.explorable, before)
+
+
+def test_sensors_that_ask_what_can_be_explored_are_surveyed_with_as_well() -> None:
+    floor = 'sensors=[{use="ground", floors=[{use="formula", formula="x"}]}]'
+    assert made('sensor={use="ir-ring"}', floor).explorable.any()
