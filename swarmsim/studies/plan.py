@@ -17,7 +17,7 @@ from msgspec import Meta, Struct
 
 from swarmsim.core import budget
 from swarmsim.core.code import Code, known
-from swarmsim.core.decoding import convert
+from swarmsim.core.decoding import read_struct
 from swarmsim.core.errors import InputError
 from swarmsim.core.files import Table
 from swarmsim.core.part import plain
@@ -142,6 +142,11 @@ def _world_key(scenario: Scenario) -> bytes:
     return msgspec.json.encode([scenario.world, scenario.grid.cell], enc_hook=plain, order="deterministic")
 
 
+def read_study(path: Path) -> Study:
+    """What a study file says, without a look at its scenario. Raises InputError."""
+    return read_struct(path, "a study file", Study)
+
+
 def open_study(
     path: Path, seeds: int | None = None, changes: dict[str, object] | None = None, keep_old: bool = False
 ) -> Plan:
@@ -152,11 +157,7 @@ def open_study(
 
     Raises InputError that names the file, the condition and the key.
     """
-    try:
-        study = convert(read_toml(path, "a study file"), Study)
-    except InputError as problem:
-        text = str(problem)
-        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from problem
+    study = read_study(path)
     study = msgspec.structs.replace(study, set={**study.set, **(changes or {})})
     chosen = study.seeds if seeds is None else seeds
     numbers = tuple(range(1, chosen + 1)) if isinstance(chosen, int) else tuple(chosen)
