@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import plain
+from swarmsim.core.scenario.part import plain
 from swarmsim.studies.paper import Paper, Published, Reading
 from swarmsim.studies.plan import Condition, Plan, open_study
 from swarmsim.studies.results import gather

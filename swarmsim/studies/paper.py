@@ -11,10 +11,10 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta, Struct
 
-from swarmsim.core import shipped
-from swarmsim.core.decoding import read_struct
 from swarmsim.core.errors import InputError, nearest
-from swarmsim.core.files import text_lines
+from swarmsim.core.scenario import shipped
+from swarmsim.core.scenario.decoding import read_struct
+from swarmsim.core.scenario.files import text_lines
 from swarmsim.studies.claims import Check
 from swarmsim.studies.plan import Plan, changes_of, open_study, read_study
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markdown_it import MarkdownIt
 
-from swarmsim.core import shipped
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import write_whole
+from swarmsim.core.scenario import shipped
+from swarmsim.core.scenario.files import write_whole
 from swarmsim.recording.digests import versions
 from swarmsim.studies import reproduction as rep
 from swarmsim.studies.paper import Figure

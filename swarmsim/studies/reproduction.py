@@ -12,7 +12,7 @@ from scipy import stats
 
 from swarmsim.core.errors import InputError
 from swarmsim.studies.claims import Runs, judge
-from swarmsim.studies.engine import Task
+from swarmsim.studies.engine import Job
 from swarmsim.studies.paper import Claim, Listing, Paper, Reading
 from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result, digest, gather, missing
@@ -141,7 +141,7 @@ def agreement(numbers: Sequence[Number], most: int = 100) -> Agreement:
 def reproduce(
     paper: Paper,
     store: Store,
-    perform: Callable[[Sequence[Task]], None],
+    run_jobs: Callable[[Sequence[Job]], None],
     seeds: int | None = None,
     readings: Sequence[str] = (),
 ) -> list[Reproduction]:
@@ -154,7 +154,7 @@ def reproduce(
     plans = [paper.plans(one, seeds) for one in read]
     # A run that two tables or readings share is done once.
     opened = [plan for of_reading in plans for plan in of_reading.values()]
-    perform(list({task.identity: task for plan in opened for task in missing(plan, store)}.values()))
+    run_jobs(list({task.identity: task for plan in opened for task in missing(plan, store)}.values()))
     return [evaluate(paper, one, of, store) for one, of in zip(read, plans, strict=True)]
 
 

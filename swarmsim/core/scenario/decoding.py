@@ -1,0 +1,160 @@
+"""Makes typed values of tables: structs of their keys, and parts inside them of the tables of parts."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar, get_origin
+
+import msgspec
+from msgspec import inspect as types
+
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.own import not_ending
+from swarmsim.core.scenario.toml import read_toml
+
+T = TypeVar("T", bound=msgspec.Struct)
+
+
+class Nested(ABC):
+    """What the field of a struct holds that is made of a table in a way of its own."""
+
+    __slots__ = ()
+
+    @classmethod
+    @abstractmethod
+    def of_table(cls, kind: object, given: Any, take: Take | None) -> Nested:
+        """That of a field of this type, from a table or as it was made already, with `take` done with it.
+
+        Raises InputError, which starts with the key at fault.
+        """
+
+
+Take = Callable[[Any], Nested]  # what is done with each nested value that a table holds
+
+
+class _WrongKindError(ValueError):
+    """What is no table, in msgspec's words."""
+
+
+class _InsideError(ValueError):
+    """What is wrong inside of a nested table: starts with a key of it, and not with a reason."""
+
+
+def convert(given: Mapping[str, Any], kind: type[T], take: Take | None = None) -> T:
+    """The struct that a table describes; `take` is what is done with parts in it, which are decoded by default.
+
+    Raises InputError that starts with the key, or all missing keys, at fault.
+    """
+
+    def hook(wanted: Any, value: Any) -> Any:
+        nested = get_origin(wanted) or wanted
+        if not issubclass(nested, Nested):
+            return value
+        if not isinstance(value, dict | nested):
+            raise _WrongKindError(f"Expected `object`, got `{called(value)}`")
+        try:
+            return nested.of_table(wanted, value, take)
+        except InputError as problem:
+            raise _InsideError(str(problem)) from problem
+
+    missing = _faults_of(given, kind)
+    if missing:
+        choices = _choices(kind, missing[0]) if len(missing) == 1 else ""
+        raise InputError(f"{', '.join(missing)}: required key{'s are' if len(missing) > 1 else ' is'} missing{choices}")
+    try:
+        with not_ending():
+            return msgspec.convert(given, kind, dec_hook=hook)
+    except msgspec.ValidationError as problem:
+        what, _, where = str(problem).rpartition(" - at `$")
+        what, key = (what, where.strip(".`")) if what else (where, "")
+        if isinstance(problem.__cause__, _InsideError):
+            raise InputError(f"{key}.{what}") from problem
+        text = what[:1].lower() + what[1:] + (_choices(kind, key) if what.startswith("Invalid enum value") else "")
+        raise InputError(f"{key}: {text}" if key else text) from problem
+
+
+def read_struct(path: Path, expected: str, kind: type[T]) -> T:
+    """The struct that a TOML file describes. Raises InputError, which names the file, and the key at fault."""
+    table = read_toml(path, expected)
+    try:
+        return convert(table, kind)
+    except InputError as problem:
+        raise InputError(f"{path}: {problem}") from problem
+
+
+def called(value: object) -> str:
+    """What a value of a TOML file is called in messages, as msgspec calls it."""
+    names = {list: "array", tuple: "array", dict: "object", type(None): "null"}
+    return names.get(type(value), type(value).__name__)
+
+
+def _choices(kind: type[msgspec.Struct], key: str) -> str:
+    """A clause that lists what may stand for a key, if that is one of few words."""
+    known = [choice for one in _at(types.type_info(kind), key.replace("[", ".[").split(".")) for choice in _words(one)]
+    return f"; expected {' or '.join(map(repr, known))}" if known else ""
+
+
+def _at(kind: types.Type, keys: list[str]) -> Iterator[types.Type]:
+    """What types stand at a place in one, of keys and of [0] for what is in a list."""
+    match kind:
+        case types.Metadata():
+            yield from _at(kind.type, keys)
+        case types.UnionType():
+            for one in kind.types:
+                yield from _at(one, keys)
+        case types.StructType() if keys:
+            for field in kind.fields:
+                if field.encode_name == keys[0]:
+                    yield from _at(field.type, keys[1:])
+        case types.ListType() | types.VarTupleType() if keys:
+            yield from _at(kind.item_type, keys[1:])
+        case types.TupleType() if keys:
+            for one in kind.item_types:
+                yield from _at(one, keys[1:])
+        case types.DictType() if keys:
+            yield from _at(kind.value_type, keys[1:])
+        case _ if not keys:
+            yield kind
+
+
+def _words(kind: types.Type) -> list[Any]:
+    return list(kind.values) if isinstance(kind, types.LiteralType) else []
+
+
+def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> list[str]:
+    """The dotted required keys that are missing, at any depth.
+
+    Raises InputError for the first key that the struct lacks or that is not finite.
+    """
+    fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
+    for key in given:
+        if key not in fields:
+            raise InputError(f"{place}{key}: unknown key; {nearest(key, fields)}")
+    missing = []
+    for key, field in fields.items():
+        inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)
+        value = given.get(key, {} if field.required and inner is not None and key not in given else None)
+        if (wrong := _infinite(value)) is not None:
+            raise InputError(f"{place}{key}: {wrong} is not a number to compute with; expected a finite one")
+        if inner is not None and isinstance(value, dict):
+            missing += _faults_of(value, inner, f"{place}{key}.")
+        elif inner is not None and isinstance(value, list):
+            for i, one in enumerate(value):
+                missing += _faults_of(one, inner, f"{place}{key}[{i}].") if isinstance(one, dict) else []
+        elif field.required and key not in given:
+            missing.append(f"{place}{key}")
+    return missing
+
+
+def _infinite(value: object) -> float | None:
+    """The first number in a value, or in a list, that is not finite."""
+    if isinstance(value, list | tuple):
+        return next((wrong for one in value if (wrong := _infinite(one)) is not None), None)
+    return value if isinstance(value, float) and not math.isfinite(value) else None
+
+
+def _is_struct(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
