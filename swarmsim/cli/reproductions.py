@@ -16,7 +16,7 @@ from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from swarmsim.studies.engine import Task
+    from swarmsim.studies.engine import Job
     from swarmsim.studies.paper import Paper, Reading
     from swarmsim.studies.reproduction import Reproduction
 
@@ -58,10 +58,10 @@ def reproduce(
     begun, done = time.perf_counter(), 0
     with opened_store(out / "results.sqlite", out) as results:
 
-        def perform(tasks: Sequence[Task]) -> None:
+        def perform(jobs: Sequence[Job]) -> None:
             nonlocal done
-            done = len(tasks)
-            perform_all(tasks, results, workers, scheduler, quiet)
+            done = len(jobs)
+            perform_all(jobs, results, workers, scheduler, quiet)
 
         found = reproduction.reproduce(opened, results, perform, seeds, [one.name for one in read])
     if not quiet:

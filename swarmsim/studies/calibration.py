@@ -12,12 +12,11 @@ import msgspec
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.part import plain
+from swarmsim.studies.claims import Runs
 from swarmsim.studies.paper import Paper, Published, Reading
 from swarmsim.studies.plan import Condition, Plan, open_study
 from swarmsim.studies.results import gather
 from swarmsim.studies.store import Store
-
-Row = str  # what a published number is called
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +24,15 @@ class Candidate:
     """One choice of what the paper leaves open, and how it fares."""
 
     choice: dict[str, object]  # dotted key: value
-    means: dict[Row, float | None]  # iterations; None if a run did not finish
-    published: Mapping[Row, float]
+    means: dict[str, float | None]  # by the published number's row; None if a run did not finish
+    published: Mapping[str, float]
 
-    def log_ratio(self, row: Row) -> float:
+    def log_ratio(self, row: str) -> float:
         """The logarithm of its mean over the published number; infinite where a mean is missing."""
         mean = self.means[row]
         return math.log(mean / self.published[row]) if mean else math.inf
 
-    def error(self, without: Row | None = None) -> float:
+    def error(self, without: str | None = None) -> float:
         """Root mean square of the logarithms of its ratios, of all rows or of all but one."""
         logs = [self.log_ratio(row) for row in self.means if row != without]
         return math.sqrt(sum(log * log for log in logs) / len(logs))
@@ -42,8 +41,9 @@ class Candidate:
 class Held(NamedTuple):
     """Which published number each condition of a calibration is held to."""
 
-    row_of: Mapping[str, Row]  # by the condition's name
-    published: Mapping[Row, float]
+    row_of: Mapping[str, str]  # by the condition's name
+    published: Mapping[str, float]
+    measure: str  # that they are of
     keys: tuple[str, ...]  # of a scenario, that say which number it is
 
 
@@ -72,7 +72,7 @@ def held(paper: Paper, reading: Reading, plan: Plan) -> Held:
             what = f"no published number has its values of {', '.join(keys) or 'rows'}"
             raise InputError(f"{plan.path}: {condition.name}: {what}; expected those of one in {paper.folder}")
         row_of[condition.name] = number_of.row
-    return Held(row_of, {number.row: number.value for number in known.values()}, keys)
+    return Held(row_of, {number.row: number.value for number in known.values()}, paper.about.published, keys)
 
 
 def _values(condition: Condition, keys: Sequence[str]) -> bytes:
@@ -88,22 +88,22 @@ def _values(condition: Condition, keys: Sequence[str]) -> bytes:
 
 def candidates(plan: Plan, store: Store, numbers: Held) -> list[Candidate]:
     """All candidates of a calibration study, the best first."""
-    means: dict[str, dict[Row, float | None]] = {}
+    means: dict[str, dict[str, float | None]] = {}
     rows = tuple(f"{key}." for key in numbers.keys)
-    for result in gather(plan, store).values():
+    runs = Runs(gather(plan, store), {})
+    for name, result in runs.results.items():
         changes = result.condition.changes.items()
         choice = {key: value for key, value in changes if not f"{key}.".startswith(rows)}
-        mean = result.describe().mean if not result.missing else None
-        means.setdefault(json.dumps(choice), {})[numbers.row_of[result.condition.name]] = mean
+        mean = runs.describe(name, numbers.measure).mean if not result.missing else None
+        means.setdefault(json.dumps(choice), {})[numbers.row_of[name]] = mean
     found = [Candidate(json.loads(choice), of, numbers.published) for choice, of in means.items()]
     return sorted(found, key=Candidate.error)
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOut:
+class LeftOut(NamedTuple):
     """A published number, and what the candidate says of it that is best by all the others."""
 
-    row: Row
+    row: str
     published: float
     predicted: float | None
     choice: dict[str, object]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.studies.results import Result
-from swarmsim.studies.statistics import RESAMPLES, compare, ranked, trend
+from swarmsim.studies.statistics import RESAMPLES, Description, compare, describe, ranked, trend
 
 ALPHA: Final = 0.05
 Reals = NDArray[np.float64]
@@ -82,6 +82,10 @@ class Runs:
         if not np.isfinite(values).all():
             raise InputError(f"{measure!r} is not defined in every run of {name!r}; expected a measure that is")
         return values
+
+    def describe(self, name: str, measure: str) -> Description:
+        """The statistics of a measure of a condition's runs. Raises InputError as `values`."""
+        return self.of(name).describe() if measure == "iterations" else describe(self.values(name, measure))
 
     def curve(self, name: str, iteration: int) -> Reals:
         """What the task of each run measured after an iteration (n,), or at its end if that came before."""

@@ -48,7 +48,7 @@ def _title(found: Sequence[Reproduction]) -> str:
 def _figures(found: Reproduction, folder: Path) -> dict[str, str]:
     """Draw the figures; gives their captions by file name."""
     captions, reading = {}, found.reading
-    if found.numbers:
+    if found.numbers and found.paper.about.published == "iterations":
         name = f"{reading.name}-comparison"
         plots.save(_comparison(found), folder / name)
         captions[name] = "Means, their 95 % intervals, 95 % of single runs, published numbers"
@@ -81,8 +81,9 @@ def _drawn(found: Reproduction, figure: Figure) -> Drawing:
         return plots.curves(curves, title, figure.marks, next(iter(results.values())).condition.curve)
     if figure.kind == "sweep":
         return sweep_figure(found.plans[figure.study].study, results, title, figure.measure)
-    published = {found.reading.conditions.get(one.condition, one.condition): one.published
-                 for one in found.numbers if one.study == figure.study}  # fmt: skip
+    numbers = found.numbers if found.paper.about.published == "iterations" else ()
+    names = found.reading.conditions
+    published = {names.get(n.condition, n.condition): n.published for n in numbers if n.study == figure.study}
     if figure.kind == "scaling":
         return _scaling(results, published, title)
     return plots.distributions(
@@ -145,10 +146,14 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
         parts += [
             f"{found.error_sentence[:1].upper()}{found.error_sentence[1:]}.",
             _table((*rep.HEAD[:-1], "kind"), rep.lines(found)),
-            "`calibrated` marks the numbers by which the choices that the paper leaves open were made, with other "
-            "seeds than these; the others are predicted.",
-            _image(name, figures),
         ]
+    if reading.calibrated:
+        parts.append(
+            "`calibrated` marks the numbers by which the choices that the paper leaves open were made, with other "
+            "seeds than these; the others are predicted."
+        )
+    if name in figures:
+        parts.append(_image(name, figures))
     for listing in found.paper.about.table:
         parts += [f"{listing.title}:", _table(rep.LISTED, rep.listed(found, listing))]
     parts.append(
@@ -175,7 +180,7 @@ def _shown(path: Path) -> str:
     """A path from where the shipped scenarios are, if it is there; else as it was given."""
     home = shipped.root()
     whole = Path(os.path.normpath(Path.cwd() / path))
-    return (whole.relative_to(home) if whole.is_relative_to(home) else path).as_posix()
+    return (whole.relative_to(home) if whole.is_relative_to(home) else Path(os.path.normpath(path))).as_posix()
 
 
 def _image(name: str, figures: dict[str, str]) -> str:

@@ -16,7 +16,7 @@ from swarmsim.studies.engine import Job
 from swarmsim.studies.paper import Claim, Listing, Paper, Reading
 from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result, digest, gather, missing
-from swarmsim.studies.statistics import Description, describe, fit_scaling, speed_up
+from swarmsim.studies.statistics import Description, fit_scaling, speed_up
 from swarmsim.studies.store import Store
 from swarmsim.studies.survival import Interval
 
@@ -147,14 +147,14 @@ def reproduce(
 ) -> list[Reproduction]:
     """Do the runs of a paper's studies that the store lacks, and compare: one reproduction for each reading.
 
-    `perform` does tasks and keeps their rows in the store. `seeds` replaces the studies' numbers of seeds; `readings`
+    `run_jobs` does jobs and keeps their rows in the store. `seeds` replaces the studies' numbers of seeds; `readings`
     are names, by default all. Raises InputError for what is wrong in the folder, and for runs that failed.
     """
     read = paper.read(readings)
     plans = [paper.plans(one, seeds) for one in read]
     # A run that two tables or readings share is done once.
     opened = [plan for of_reading in plans for plan in of_reading.values()]
-    run_jobs(list({task.identity: task for plan in opened for task in missing(plan, store)}.values()))
+    run_jobs(list({job.identity: job for plan in opened for job in missing(plan, store)}.values()))
     return [evaluate(paper, one, of, store) for one, of in zip(read, plans, strict=True)]
 
 
@@ -169,7 +169,7 @@ def evaluate(paper: Paper, reading: Reading, plans: dict[str, Plan], store: Stor
     runs = {name: Runs(of, reading.conditions) for name, of in results.items()}
     numbers = []
     for number in paper.published:
-        ours = _described(runs[number.study], number.condition, paper.about.published)
+        ours = runs[number.study].describe(number.condition, paper.about.published)
         known = number.condition in reading.calibrated or "all" in reading.calibrated
         values = runs[number.study].values(number.condition, paper.about.published)
         spread = float(np.log(values).std(ddof=1)) if ours.mean is not None and ours.n > 1 else math.inf
@@ -188,10 +188,6 @@ def decide(claim: Claim, runs: Mapping[str, Runs]) -> Decided:
     return Decided(
         claim, "holds" if all(one.holds for one in judged) else fails, "; ".join(one.words for one in judged)
     )
-
-
-def _described(runs: Runs, name: str, measure: str) -> Description:
-    return runs.of(name).describe() if measure == "iterations" else describe(runs.values(name, measure))
 
 
 HEAD: Final = ("condition", "published", "ours", "95 % interval", "sd", "n", "ratio", "one run: 95 %", "inside", "")
@@ -227,7 +223,7 @@ def side_by_side(found: Sequence[Reproduction]) -> list[tuple[str, ...]]:
 def listed(found: Reproduction, listing: Listing) -> list[tuple[str, ...]]:
     """A paper's table of one measure, one line for each condition, under LISTED."""
     runs = Runs(found.results[listing.study], {})
-    described = {name: _described(runs, name, listing.measure) for name in runs.results}
+    described = {name: runs.describe(name, listing.measure) for name in runs.results}
     return [(name, _one(d.mean, ".4g"), _between(d.interval, ".4g"), _count(d)) for name, d in described.items()]
 
 
