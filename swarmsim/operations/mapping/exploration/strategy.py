@@ -61,7 +61,7 @@ class Candidates:
         if others.goals is None or others.left is None:
             raise InputError(
                 "mind.strategy.use: this strategy needs to hear where others go; expected "
-                "mind.computation.share.use = 'tile-and-goal'"
+                "mind.computation.sharing.use = 'tile-and-goal'"
             )
         has = others.goals[:, 0] >= 0
         apart = others.goals[has, None, :] - self.goals[None]
