@@ -316,12 +316,12 @@ def test_boxes_that_leave_no_place_to_stand_are_refused() -> None:
 
 
 @pytest.mark.parametrize(("every", "duration"), [(None, None), (None, 4), (5, 2), (3, None), (2, 7)])
-def test_the_strikes_that_last_are_those_a_loop_finds(every, lasts) -> None:
-    change = Door(at=3, every=every, duration=lasts, box=DOORWAY)
+def test_the_strikes_that_last_are_those_a_loop_finds(every, duration) -> None:
+    change = Door(at=3, every=every, duration=duration, box=DOORWAY)
     schedule = Schedule(change, again=True)
     for now in range(40):
         starts = [3] if every is None else range(3, 40, every)
-        lasting = [k for k, s in enumerate(starts) if s <= now and (lasts is None or now < s + lasts)]
+        lasting = [k for k, s in enumerate(starts) if s <= now and (duration is None or now < s + duration)]
         assert list(schedule.strikes(now, 0.0)) == lasting
 
 

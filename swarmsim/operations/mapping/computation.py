@@ -25,8 +25,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
-from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]

@@ -29,7 +29,8 @@ from swarmsim.operations.mapping.exploration.rules import (
     UtilityFrontier,
 )
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, _latest_tiles
-from swarmsim.operations.mapping.sharing.codecs import GOAL, TileItems
+from swarmsim.operations.mapping.maps import TileItems
+from swarmsim.operations.mapping.sharing.codecs import GOAL
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
 
 FAR = math.inf
