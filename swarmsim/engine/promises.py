@@ -73,13 +73,16 @@ class _Form:
 #: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
 CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     "sensor": lambda part, context: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
+    "actuator": lambda part, context: {
+        "act": lambda found, told, state: contracts.readings(found, state, part.channels, "act")
+    },
     "field": lambda part, context: {
         "value": lambda found, time, points: contracts.array("value", found, np.float64, len(points))
     },
     "localisation": lambda part, context: {"locate": contracts.located},
     "computation": _of_computation,
     "strategy": lambda part, context: {
-        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice)
+        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice, context.actuators)
     },
     "topology": lambda part, context: {"links": contracts.links},
     "channel": lambda part, context: {
@@ -91,11 +94,10 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     },
     "task": _of_task,
 }
-#: Why the parts of some seams have no checks here.
+#: Why the parts of some seams have no checks here. Those of seams without a place work inside parts that are checked.
 WITHOUT: Final = {
     "generator": "it draws before there is a run, and its text is read as any floor plan is",
     "physics": "it gives the state by which all others are judged; the end of a run looks for bodies in walls",
-    "sharing": "it works inside a computation, which is checked for what it says and knows",
     "fault": "it may break what other parts promise; swarmsim/engine/guard.py keeps it from writing to what they get",
     "probe": "each declares tables of its own, to which swarmsim/engine/probing.py holds it",
 }
