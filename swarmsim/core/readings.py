@@ -83,6 +83,12 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         group, count = (f"{name}_{one}" if one else "" for one in (self.group, self.count))
         return self.called(f"{name}_{self.name}", group=group, count=count)
 
+    def of_all(self) -> Channel:
+        """The same for robots that all have it, without the number of their group in its name."""
+        suffix = f".{self.name.rpartition('.')[2]}"
+        names = {key: getattr(self, key).removesuffix(suffix) for key in ("name", "table", "count")}
+        return msgspec.structs.replace(self, robots=None, **names)
+
     def blanks(self, robots: int) -> Column:
         """The column (n, ...) of robots that measure nothing."""
         return np.full((robots, *self.shape), self.empty, self.dtype)
@@ -176,6 +182,22 @@ class Channels:
         if name not in self._axes:
             self._axes[name] = np.array(self[name].axis)
         return self._axes[name]
+
+    def of(self, robots: NDArray[np.int64]) -> tuple[Channels, tuple[int, ...]]:
+        """What robots of these numbers (r,) have, and which column each of that is.
+
+        What other robots alone have is left out; what a group has whose robots all of these are, is called as if
+        everybody had it.
+        """
+        mine: list[Channel] = []
+        places: list[int] = []
+        for place, channel in enumerate(self):
+            first, end = channel.robots or (0, robots.max(initial=0) + 1)
+            theirs: NDArray[np.bool_] = (robots >= first) & (robots < end)
+            if theirs.any():
+                mine.append(channel.of_all() if channel.robots and theirs.all() else channel)
+                places.append(place)
+        return Channels(*mine), tuple(places)
 
     def chosen(self, name: str) -> tuple[int, ...]:
         """The columns of a channel or a group."""

@@ -13,6 +13,7 @@ from typing import TypeVar
 import msgspec
 import numpy as np
 import shapely
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from swarmsim.core import budget, registry
@@ -25,25 +26,16 @@ from swarmsim.core.lending import lent
 from swarmsim.core.minds import OF_ME
 from swarmsim.core.own import not_ending
 from swarmsim.core.part import Buildable, Part
-from swarmsim.core.parts import (
-    AnyComputation,
-    AnyStrategy,
-    AnyTask,
-    Calendar,
-    Observer,
-    Parts,
-    Sensor,
-)
+from swarmsim.core.parts import Calendar, Observer, Parts, Sensor
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
-from swarmsim.core.seams import SEAMS
+from swarmsim.core.scenario import HALVES, Scenario, Sensors, World, all_parts, fitted, sensors_of
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
-from swarmsim.engine import contracts
-from swarmsim.engine.foreign import announced, blamed, built, foreign, installed, margin_of
+from swarmsim.engine import contracts, fitting, minds
+from swarmsim.engine.foreign import blamed, foreign, installed, make, margin_of
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
@@ -61,7 +53,6 @@ from swarmsim.world.source import floor_plan, read_world
 from swarmsim.world.unreached import unreached
 
 P = TypeVar("P")
-Asked = dict[str, Part[object]]  # the parts of a scenario, by seam
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -168,7 +159,7 @@ def build(
 
 
 def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
-    robots, stop, asked, sensors = scenario.robots, scenario.stop, parts_of(scenario), sensors_of(scenario)
+    robots, stop, sensors = scenario.robots, scenario.stop, sensors_of(scenario)
     key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), sensors
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
@@ -191,37 +182,36 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
     clock = Clock()
     if scenario.field:
-        field = _make(scenario.field, setting)
+        field = make(scenario.field, setting)
         setting = replace(
             setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
         )
     sensor = with_field(_sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0)))
     setting = replace(setting, channels=sensor.channels)
-    mind, network = scenario.mind, scenario.network
-    bodies = _make(scenario.physics, setting)
+    found, network = minds.built_for(scenario, setting), scenario.network
+    computation, strategy = minds.together(found, scenario, clock, strict)
+    bodies = make(scenario.physics, setting)
     parts = Parts(
         sensor=sensor,
-        localisation=tracked(_make(scenario.localisation, setting), setting),
-        computation=_make(mind.computation, setting),
-        strategy=_make(mind.strategy, setting),
-        topology=_make(network.topology, setting),
-        channel=_make(network.channel, setting),
-        motion=_make(scenario.motion, setting),
+        localisation=tracked(make(scenario.localisation, setting), setting),
+        computation=computation,
+        strategy=strategy,
+        topology=make(network.topology, setting),
+        channel=make(network.channel, setting),
+        motion=make(scenario.motion, setting),
         bodies=bodies,
-        task=_make(scenario.task, setting),
+        task=make(scenario.task, setting),
         building=building,
         calendar=Calendar(bodies.state()),
         lattice=arena.lattice,
     )
-    for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
-    _check_channels(parts, asked)
-    _check_names(parts, asked)
+    fitting.check(parts, found, scenario.task)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    parts = guarded(parts, setting, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock)  # those are held
+    inside = {"sensor"} if len(found) == 1 else {"sensor", *HALVES}  # those in these are held
+    parts = guarded(parts, setting, {*(HELD if strict else theirs)} - inside, theirs, clock)
     parts = parts if watch is None else watch(parts)
     for number, one in enumerate(scenario.faults):
-        fault = _make(one, replace(setting, number=number), f"faults[{number}]")
+        fault = make(one, replace(setting, number=number), f"faults[{number}]")
         try:
             parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
             parts = replace(parts, localisation=tracked(parts.localisation, setting))
@@ -257,7 +247,7 @@ def _suite(sensors: Sensors, setting: Setting, strict: bool, clock: Clock) -> Se
     """The sensors of the same robots as one. Raises InputError that starts with the place in the scenario."""
     made: list[Sensor] = []
     for number, (place, one) in enumerate(sensors):
-        part = _make(one, replace(setting, number=number), place)
+        part = make(one, replace(setting, number=number), place)
         wrong = contracts.declared(part.channels, setting.swarm) or _wrong_names(part.channels)
         if wrong is not None:
             raise InputError(f"{place}.use: {one.use!r} declares {wrong}")
@@ -284,53 +274,6 @@ def _wrong_names(channels: Channels) -> str | None:
         if wrong:
             return f"{channel.name!r}: {wrong}"
     return None
-
-
-def _check_channels(parts: Parts, asked: Asked) -> None:
-    """Raise InputError for a part that needs a channel which no sensor of these robots gives."""
-    channels = parts.sensor.channels
-    for seam, part in (("computation", parts.computation), ("strategy", parts.strategy), ("task", parts.task)):
-        for name in getattr(part, "requires", ()):
-            if name in channels:
-                continue
-            parted = [one.name for one in channels if one.name.partition(".")[0] == name]
-            if parted:
-                why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
-            else:
-                why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
-            use = asked[seam].use
-            raise InputError(f"{SEAMS[seam].at}.use: {use!r} needs {name!r} from the sensors of robots: {why}")
-
-
-def _giving(name: str) -> str:
-    """The sensors that give a channel, as far as they tell before they are built."""
-    known = {use: getattr(kind, "gives", {}) for use, kind in registry.known("sensor").items()}
-    found = [f"{use!r}{gives[name] and f' with {gives[name]}'}" for use, gives in known.items() if name in gives]
-    return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
-
-
-def _check_knowledge(place: str, part: AnyStrategy | AnyTask, computation: AnyComputation, asked: Asked) -> None:
-    """Raise InputError unless the part reads what the computation gives."""
-    if not issubclass(computation.knows, part.reads):
-        raise InputError(
-            f"{place}.use: {asked[place.rpartition('.')[2]].use!r} reads {part.reads.__name__}, and "
-            f"{asked['computation'].use!r} gives {computation.knows.__name__}; expected a "
-            f"{place.rpartition('.')[2]} and a computation that go together"
-        )
-
-
-def _check_names(parts: Parts, asked: Asked) -> None:
-    """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
-    used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
-    for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
-        for name, says, at in announced(seam, part):
-            wrong = layout.wrong_name(name, seam)
-            if wrong is None and name in used:
-                wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
-            if wrong is not None:
-                raise InputError(f"{place} {says}: {wrong}{at}")
-            used[name] = seam
 
 
 @dataclass(frozen=True, slots=True)
@@ -394,7 +337,7 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
 
 def _of_each_kind(robots: Robots) -> Robots:
     """One robot of each kind: what can be reached and observed depends on no more."""
-    groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
+    groups = tuple(msgspec.structs.replace(group, count=1, mind=UNSET) for group in robots.groups)
     return msgspec.structs.replace(robots, count=1, groups=groups)
 
 
@@ -416,14 +359,6 @@ def _surveying(sensor: Buildable[Sensor], setting: Setting, place: str) -> Senso
         raise InputError(f"{place}.{problem}") from problem
 
 
-def _make(part: Part[P], setting: Setting, place: str = "") -> P:
-    """The part, built. Raises InputError that starts with its place in the scenario."""
-    try:
-        return built(part, setting)
-    except InputError as problem:
-        raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
-
-
 def _observed(sensors: Sensors, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot of any of these sensors can observe; None without tiles."""
     found = [_observable(place, one, arena, robots, reachable) for place, one in sensors]
@@ -440,7 +375,7 @@ def _observable(
     setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     # What robots can see in the end does not depend on gaps between their beams.
     surveying: Buildable[Sensor] | None = part.says("surveying", None)
-    sensor = _make(part, setting, place) if surveying is None else _surveying(surveying, setting, place)
+    sensor = make(part, setting, place) if surveying is None else _surveying(surveying, setting, place)
     if "tiles" not in sensor.channels:
         return None
     if not registry.is_ours(sensor):

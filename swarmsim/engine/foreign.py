@@ -49,6 +49,14 @@ def built(asked: Part[P], setting: Setting) -> P:
     return part
 
 
+def make(part: Part[P], setting: Setting, place: str = "") -> P:
+    """The part, built. Raises InputError that starts with its place in the scenario."""
+    try:
+        return built(part, setting)
+    except InputError as problem:
+        raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
+
+
 def _check_arguments(seam: str, part: object, what: str) -> None:
     """Raise InputError, with the line to write, for a verb that takes other arguments than it is given."""
     for verb in SEAMS[seam].verbs:

@@ -23,7 +23,7 @@ def nothing(found: object, *given: object) -> None:
 
 
 def _of_computation(part: AnyComputation, setting: Setting) -> Checks:
-    auditor, form, count = part.knows.auditor(setting), _Form("computation"), setting.swarm
+    auditor, form, count = part.knows.auditor(setting), _Form("computation"), len(setting.ids)
 
     def heard(found: object, senses: Senses, inbox: Inbox[Columns]) -> str | None:
         wrong = contracts.knowledge(found, part.knows)

@@ -15,8 +15,8 @@ from swarmsim.core.messages import Codec, Columns, Inbox, Said
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Senses
+from swarmsim.engine import minds
 from swarmsim.engine.build import Run
-from swarmsim.engine.foreign import built
 from swarmsim.faults.disguise import WrappedComputation
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
@@ -135,8 +135,7 @@ Mind = tuple[AnyComputation, AnyStrategy]
 
 def _mind(run: Run, setting: Setting) -> Mind:
     """A new mind, as built for a run."""
-    mind = run.scenario.mind
-    return built(mind.computation, setting), built(mind.strategy, setting)
+    return minds.together(minds.built_for(run.scenario, setting), run.scenario)
 
 
 def _repeated(
@@ -210,8 +209,11 @@ def _check_said(mine: Said[Columns], row: int, first: Said[Columns], robot: int,
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     assert here == there, wrong.format(f"says {here} bytes, not {there},")
     content, whole = mine.of(row), first.of(robot)
-    assert type(content).__match_args__ == type(whole).__match_args__, wrong.format("says other columns")
-    for name, one, other in zip(type(whole).__match_args__, content.arrays(), whole.arrays(), strict=True):
+    names, columns = type(whole).__match_args__, (content.arrays(), whole.arrays())
+    same = type(content).__match_args__ == names and len(columns[0]) == len(columns[1])
+    assert same, wrong.format("says other columns")
+    for number, (one, other) in enumerate(zip(*columns, strict=True)):
+        name = names[number] if len(names) == len(columns[0]) else "items"  # those of several kinds have no names
         same = (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
         assert same, wrong.format(f"says other {name}")
 

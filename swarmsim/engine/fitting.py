@@ -1,0 +1,105 @@
+"""Checks before a run that its parts go together: knowledge, channels of sensors, and names of what is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from swarmsim.core import registry
+from swarmsim.core.errors import InputError
+from swarmsim.core.part import Part
+from swarmsim.core.parts import AnyComputation, AnyStrategy, AnyTask, Parts
+from swarmsim.core.readings import Channels
+from swarmsim.core.seams import SEAMS
+from swarmsim.engine.foreign import announced
+from swarmsim.engine.minds import BuiltMind
+from swarmsim.recording import layout
+
+TASK = SEAMS["task"].at
+
+
+def check(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
+    """Raise InputError, which names the part at fault, unless the parts of a run go together."""
+    for one in minds:
+        _check_knowledge(one)
+    _check_task(parts, minds, task)
+    channels = parts.sensor.channels
+    for one in minds:
+        for seam, part in (("computation", one.computation), ("strategy", one.strategy)):
+            _check_channels(one.setting.channels, f"{one.minded.places[seam]}.use: {_use(one, seam)!r}", part)
+    _check_channels(channels, f"{TASK}.use: {task.use!r}", parts.task)
+    _check_names(parts, minds, task)
+
+
+def _use(one: BuiltMind, seam: str) -> str:
+    part: Part[object] = getattr(one.minded.mind, seam)
+    return part.use
+
+
+def _check_knowledge(one: BuiltMind) -> None:
+    """Raise InputError unless the strategy of a mind reads what its computation gives."""
+    knows, reads = one.computation.knows, one.strategy.reads
+    if not issubclass(knows, reads):
+        raise InputError(
+            f"{one.minded.places['strategy']}.use: {_use(one, 'strategy')!r} reads {reads.__name__}, and "
+            f"{_use(one, 'computation')!r} gives {knows.__name__}; expected a strategy and a computation that go "
+            "together"
+        )
+
+
+def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
+    """Raise InputError unless the task reads what robots know."""
+    knows, reads = parts.computation.knows, parts.task.reads
+    if issubclass(knows, reads):
+        return
+    if len(minds) == 1:
+        why = f"{_use(minds[0], 'computation')!r} gives {knows.__name__}; expected a task and a computation that go"
+        raise InputError(f"{TASK}.use: {task.use!r} reads {reads.__name__}, and {why} together")
+    fits = [one.names[0] for one in minds if issubclass(one.computation.knows, reads)]
+    how = f'{{use = "of-group", group = "{fits[0]}", over = {{use = "{task.use}"}}}}' if fits else "another task"
+    raise InputError(
+        f"{TASK}.use: {task.use!r} reads {reads.__name__}, and groups of robots have minds of their own; expected {how}"
+    )
+
+
+def _check_channels(channels: Channels, whose: str, part: AnyComputation | AnyStrategy | AnyTask) -> None:
+    """Raise InputError for a part that needs a channel which no sensor of its robots gives."""
+    for name in getattr(part, "requires", ()):
+        if name in channels:
+            continue
+        parted = [one.name for one in channels if one.name.partition(".")[0] == name]
+        if parted:
+            why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
+        else:
+            why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
+        raise InputError(f"{whose} needs {name!r} from the sensors of robots: {why}")
+
+
+def _giving(name: str) -> str:
+    """The sensors that give a channel, as far as they tell before they are built."""
+    known = {use: getattr(kind, "gives", {}) for use, kind in registry.known("sensor").items()}
+    found = [f"{use!r}{gives[name] and f' with {gives[name]}'}" for use, gives in known.items() if name in gives]
+    return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
+
+
+def _check_names(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
+    """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
+    sensors = {one.recorded_as for one in parts.sensor.channels if one.recorded_as}
+    computed: set[str] = set()  # minds may have the same names: their tables are put together
+    for one in minds:
+        place = f"{one.minded.places['computation']}.use: {_use(one, 'computation')!r}"
+        computed |= _free_names("computation", one.computation, place, dict.fromkeys(sensors, "sensor"))
+    used = dict.fromkeys(sensors, "sensor") | dict.fromkeys(computed, "computation")
+    _free_names("task", parts.task, f"{TASK}.use: {task.use!r}", used)
+
+
+def _free_names(seam: str, part: object, place: str, used: dict[str, str]) -> set[str]:
+    """The names that a part announces. Raises InputError for one that the part of another seam has `used`."""
+    found = set()
+    for name, says, at in announced(seam, part):
+        wrong = layout.wrong_name(name, seam)
+        if wrong is None and name in used:
+            wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
+        if wrong is not None:
+            raise InputError(f"{place} {says}: {wrong}{at}")
+        found.add(name)
+    return found
