@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, nearest
-from swarmsim.core.kinds import KindCodec, Share, sorted_out, together
+from swarmsim.core.kinds import KindCodec, Roster, Share, sorted_out, together
 from swarmsim.core.messages import Codec, Columns, Inbox, Said
 from swarmsim.core.parts import AnyComputation, AnyStrategy
-from swarmsim.core.readings import Channels, Readings
+from swarmsim.core.readings import Channels, Column, Readings
 from swarmsim.core.state import Intents, Knowledge, Record, Senses
 
-Array = NDArray[Any]
+Held = Column | Mapping[str, Column] | None  # what a field of intents holds
 T = TypeVar("T")
 
 
@@ -74,7 +74,7 @@ class GroupKnowledge(Knowledge):
         rows: dict[str, object] = {}
         for name, given in _by_name([record.rows for record in records]).items():
             rows |= self._rows(name, given)
-        lists: dict[str, Array] = {}
+        lists: dict[str, Column] = {}
         for name, tables in _by_name([record.lists for record in records]).items():
             lists |= self._lists(name, tables, all(name in records[number].of_robots for number in tables))
         return Record(rows, lists, tuple({name: None for one in records for name in one.of_robots}))
@@ -93,7 +93,7 @@ class GroupKnowledge(Knowledge):
             for number, row in found.items()
         }
 
-    def _spread(self, found: Mapping[int, Array]) -> Array:
+    def _spread(self, found: Mapping[int, Column]) -> Column:
         """Rows of some bands (r, ...), of one form, as those of all robots (n, ...)."""
         first = next(iter(found.values()))
         whole = np.full((self.robots, *first.shape[1:]), np.nan if first.dtype.kind == "f" else 0, first.dtype)
@@ -101,7 +101,7 @@ class GroupKnowledge(Knowledge):
             whole[self.bands[number].rows] = row
         return whole
 
-    def _lists(self, name: str, given: Mapping[int, Array], of_robots: bool) -> dict[str, Array]:
+    def _lists(self, name: str, given: Mapping[int, Column], of_robots: bool) -> dict[str, Column]:
         """One name's lists, by the name of their table; robots in them by their row among all."""
         tables = dict(given)
         for number, table in given.items() if of_robots else ():
@@ -129,11 +129,10 @@ def _by_name(tables: Sequence[Mapping[str, T]]) -> dict[str, dict[int, T]]:
 class Groups:
     """Robots of several minds, row by row."""
 
-    def __init__(self, bands: Sequence[Band], kinds: Sequence[str], kind: NDArray[np.uint8]) -> None:
-        """`kinds` are the names of all kinds of messages in the swarm, `kind` (N,) that of each of its robots."""
+    def __init__(self, bands: Sequence[Band], roster: Roster) -> None:
+        """The `roster` is that of the whole swarm, whose other robots may be served elsewhere."""
         self.bands: Final = tuple(bands)
-        self.kinds: Final = tuple(kinds)
-        self.kind: Final = kind
+        self.roster: Final = roster
         #: How many robots these are.
         self.robots = sum(len(band.rows) for band in bands)
         #: For each band, which of its rows each robot is (n,); -1 for those of others.
@@ -143,7 +142,7 @@ class Groups:
 
     def heard(self, inbox: Inbox[Columns]) -> list[Inbox[Columns]]:
         """What each band has heard: of its own kind, and of others."""
-        return [sorted_out(inbox, row, band.kind, self.kinds) for row, band in zip(self.rows, self.bands, strict=True)]
+        return [sorted_out(inbox, row, band.kind, self.roster) for row, band in zip(self.rows, self.bands, strict=True)]
 
     def of_band(self, number: int, robots: NDArray[np.int64]) -> NDArray[np.int64]:
         """Which rows of a band (k,) some robots (r,) are."""
@@ -160,17 +159,17 @@ class GroupComputation:
         self._groups = groups
 
     @property
-    def codec(self) -> Codec[Any]:
+    def codec(self) -> KindCodec | Codec[Columns]:
         """Of several kinds of messages with a byte for the kind; of one kind as it is."""
         groups = self._groups
         codecs = {band.kind: band.computation.codec for band in groups.bands}
-        return KindCodec(codecs, groups.kind) if len(groups.kinds) > 1 else next(iter(codecs.values()))
+        return KindCodec(codecs, groups.roster.kind) if groups.roster.several else next(iter(codecs.values()))
 
     def say(self, senses: Senses) -> Said[Columns]:
         """What everybody says."""
         groups = self._groups
         shares = [Share(band.rows, band.kind, band.computation.say(band.sensed(senses))) for band in groups.bands]
-        return together(shares, groups.robots, len(groups.kinds) > 1)
+        return together(shares, groups.robots, groups.roster.several)
 
     def hear(self, senses: Senses, inbox: Inbox[Columns]) -> GroupKnowledge:
         """What everybody knows."""
@@ -214,33 +213,43 @@ class GroupStrategy:
             for band, heard, known in zip(groups.bands, groups.heard(inbox), knowledge.known, strict=True)
         ]
         rows = [band.rows for band in groups.bands]
-        first = decided[0]
-        columns = {
+        columns: dict[str, Any] = {
             one.name: _whole(rows, [getattr(each, one.name) for each in decided], groups.robots)
-            for one in fields(first)
+            for one in fields(Intents)
         }
-        return replace(first, **columns)
+        return Intents(**columns)
 
 
-def _each(intents: Intents, change: Callable[[Array], Array]) -> Intents:
+def _each(intents: Intents, change: Callable[[Column], Column]) -> Intents:
     """The same intents with all columns changed."""
 
-    def changed(value: Any) -> Any:
+    def changed(value: Held) -> Held:
         if isinstance(value, Mapping):
-            return {name: changed(one) for name, one in value.items()}
+            return {name: change(one) for name, one in value.items()}
         return None if value is None else change(value)
 
-    return replace(intents, **{one.name: changed(getattr(intents, one.name)) for one in fields(intents)})
+    columns: dict[str, Any] = {one.name: changed(getattr(intents, one.name)) for one in fields(Intents)}
+    return Intents(**columns)
 
 
-def _whole(rows: Sequence[NDArray[np.int64]], given: Sequence[Any], robots: int) -> Any:
+def _whole(rows: Sequence[NDArray[np.int64]], given: Sequence[Held], robots: int) -> Held:
+    """Fields of some robots each as one of all."""
+    tables = [one for one in given if isinstance(one, Mapping)]
+    if not tables:
+        return _column(rows, [None if isinstance(one, Mapping) else one for one in given], robots)
+    names = dict.fromkeys(name for one in tables for name in one)
+    columns = {
+        name: _column(rows, [one.get(name) if isinstance(one, Mapping) else None for one in given], robots)
+        for name in names
+    }
+    return {name: column for name, column in columns.items() if column is not None}
+
+
+def _column(rows: Sequence[NDArray[np.int64]], given: Sequence[Column | None], robots: int) -> Column | None:
     """Columns of some robots each as one of all; shorter rows end with zeros, and without a column they are NaN."""
     there = [one for one in given if one is not None]
     if not there:
         return None
-    if isinstance(there[0], Mapping):
-        names = dict.fromkeys(name for one in there for name in one)
-        return {name: _whole(rows, [(one or {}).get(name) for one in given], robots) for name in names}
     tail = np.max([one.shape[1:] for one in there], axis=0).astype(int).tolist()
     whole = np.zeros((robots, *tail), there[0].dtype)
     for mine, one in zip(rows, given, strict=True):

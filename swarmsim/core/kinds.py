@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Self
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,7 @@ class Mixed(Columns):
 class KindCodec:
     """A byte for the kind, then the message as the codec of that kind packs it: no other codec ever unpacks it."""
 
-    def __init__(self, codecs: Mapping[int, Codec[Any]], kinds: NDArray[np.uint8]) -> None:
+    def __init__(self, codecs: Mapping[int, Codec[Columns]], kinds: NDArray[np.uint8]) -> None:
         """The `codecs` are by kind; `kinds` (N,) says of which kind the messages of each robot are."""
         self._codecs, self._kinds = codecs, kinds
 
@@ -74,6 +74,26 @@ class KindCodec:
             raise ValueError(f"a message of the kind {kind}; expected one of {sorted(self._codecs)}")
         sender, iteration, items = self._codecs[kind].unpack(data[1:])
         return sender, iteration, Mixed(np.full(len(items), kind, np.uint8), np.arange(len(items)), {kind: items})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Roster:
+    """The groups of a swarm, and of which kind the messages of each are."""
+
+    names: tuple[str, ...]  # of the groups
+    group: NDArray[np.int64]  # (N,): the number of each robot's group
+    kinds: tuple[int, ...]  # of the messages of each group
+    kind: NDArray[np.uint8]  # (N,): of each robot's messages
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], group: NDArray[np.int64], kinds: Sequence[int]) -> Self:
+        """That of these groups."""
+        return cls(names, group, tuple(kinds), np.array(kinds, np.uint8)[group])
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one kind."""
+        return len(set(self.kinds)) > 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,22 +139,25 @@ def _places(share: Share, starts: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(starts[share.rows][owner] + np.arange(len(owner)) - mine[owner])
 
 
-def sorted_out(inbox: Inbox[Columns], row: NDArray[np.int64], kind: int, names: Sequence[str]) -> Inbox[Columns]:
+def sorted_out(inbox: Inbox[Columns], row: NDArray[np.int64], kind: int, roster: Roster) -> Inbox[Columns]:
     """What the robots with a `row` of their own (n,), others having -1, have heard: of their own kind, and of others.
 
-    `names` are those of all kinds.
+    A message of a kind that its sender does not speak is nobody's: it is dropped.
     """
     mine: NDArray[np.bool_] = row[inbox.receivers] >= 0
-    heard = Inbox(row[inbox.receivers[mine]].astype(np.int32), inbox.senders[mine], inbox.sent[mine],
-                  inbox.content.take(mine), inbox.oldest)  # fmt: skip
-    content = heard.content
+    heard = inbox.take(mine)
+    receivers, senders, content = row[heard.receivers].astype(np.int32), heard.senders, heard.content
     if not isinstance(content, Mixed):
-        return heard
-    of_each: dict[int, Inbox[Columns]] = {}
-    for each in content.tables:
-        items: NDArray[np.bool_] = content.kind == each
-        columns = (heard.receivers[items], heard.senders[items], heard.sent[items], content.of(each))
-        of_each[each] = Inbox(*columns, heard.oldest)
-    others = {names[each]: found for each, found in of_each.items() if each != kind}
-    own = of_each[kind]
-    return Inbox(own.receivers, own.senders, own.sent, own.content, own.oldest, others)
+        return Inbox(receivers, senders, heard.sent, content, inbox.oldest)
+    mixed, spoken = content, content.kind == roster.kind[senders]
+
+    def some(items: NDArray[np.bool_], of: int) -> Inbox[Columns]:
+        columns = receivers[items], senders[items], heard.sent[items]
+        return Inbox(*columns, mixed.take(items).of(of), inbox.oldest)
+
+    others = {
+        name: some(spoken & (roster.group[senders] == number), each)
+        for number, (name, each) in enumerate(zip(roster.names, roster.kinds, strict=True))
+        if each != kind and each in mixed.tables
+    }
+    return replace(some(spoken & (mixed.kind == kind), kind), others=others)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, cast
+from typing import Annotated, Any, Final, Literal, TypeGuard, cast
 
 import msgspec
 from msgspec import UNSET, Meta, Struct
@@ -173,6 +173,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
+Tables = Table | list[Table]
 Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
 HALVES: Final = ("computation", "strategy")  # of a mind
 
@@ -453,7 +454,7 @@ def _kind(table: Table, path: str) -> types.Type | None:
     """What a dotted key of a scenario takes; None if that is not known, as of parts of one's own."""
     if path.strip() == "world":  # for which the name of its file may stand
         return types.StrType()
-    keys, inner = _places(table, path)[0], cast(Any, spelled_out(table))
+    keys, inner = _places(table, path)[0], cast(Tables, spelled_out(table))
     kind: types.Type = types.type_info(Scenario)
     place: tuple[str, ...] = ()  # in the scenario or, from there on, in a group of robots
     for depth, key in enumerate(keys):
@@ -487,16 +488,19 @@ def assign(table: Table, path: str, value: object) -> None:
     """
     table.update(spelled_out(table))
     for place in _places(table, path):
-        inner: Any = table
+        inner: Tables = table
         for depth, key in enumerate(place[:-1]):
             inner = _below(inner, key, place[:depth])
-        if isinstance(inner, list):
-            inner[_number(inner, place[-1], ".".join(place[:-1]))] = copy.deepcopy(value)
+        last, given = place[-1], copy.deepcopy(value)
+        if not isinstance(inner, list):
+            inner[last] = given
+        elif isinstance(given, dict):
+            inner[_number(inner, last, ".".join(place[:-1]))] = given
         else:
-            inner[place[-1]] = copy.deepcopy(value)
+            raise InputError(f"{path}: {given!r}, where a table stands; expected one, or a key of it")
 
 
-def _below(inner: Any, key: str, place: list[str]) -> Any:
+def _below(inner: Tables, key: str, place: list[str]) -> Tables:
     """The table, or list of tables, at a key of what stands at a place; made if there is none. Raises InputError."""
     if isinstance(inner, list):
         return inner[_number(inner, key, ".".join(place))]
@@ -506,7 +510,7 @@ def _below(inner: Any, key: str, place: list[str]) -> Any:
     return found
 
 
-def _are_tables(value: object) -> bool:
+def _are_tables(value: object) -> TypeGuard[list[Table]]:
     return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
 
 
@@ -530,9 +534,9 @@ def _places(table: Table, path: str) -> list[list[str]]:
     if "mind" not in keys[:4]:
         return [keys]
     at = keys.index("mind")
-    mind: Any = spelled_out(table)
+    mind: object = spelled_out(table)
     for depth, key in enumerate(keys[: at + 1]):
-        if isinstance(mind, list):
+        if _are_tables(mind):
             mind = mind[_number(mind, key, ".".join(keys[:depth]))]
         else:
             mind = mind.get(key) if isinstance(mind, dict) else None

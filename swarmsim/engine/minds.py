@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.groups import Band, GroupComputation, Groups, GroupStrategy
-from swarmsim.core.kinds import MOST
-from swarmsim.core.part import Part
+from swarmsim.core.kinds import MOST, Roster
 from swarmsim.core.parts import AnyComputation, AnyStrategy
 from swarmsim.core.scenario import Minded, Scenario, minds_of
 from swarmsim.core.setting import Setting
@@ -81,17 +80,13 @@ def together(
     minds = minds_of(scenario)
     if len(minds) == 1:
         return found[0].computation, found[0].strategy
-    names = scenario.robots.names
-    kinds: dict[Part[AnyComputation], str] = {}  # what each kind of message is called
-    for one in minds:
-        kinds.setdefault(one.mind.computation, names[one.groups[0]])
+    kinds = {part: kind for kind, part in enumerate(dict.fromkeys(one.mind.computation for one in minds))}
     if len(kinds) > MOST:
         raise InputError(f"robots: groups say messages of {len(kinds)} kinds; expected {MOST} at most")
-    number = {part: kind for kind, part in enumerate(kinds)}
-    of_groups = {group: number[one.mind.computation] for one in minds for group in one.groups}
-    kind = np.array([of_groups[group] for group in _groups(scenario).tolist()], np.uint8)
-    bands = [_band(one, number[one.minded.mind.computation], clock, strict) for one in found]
-    groups = Groups(bands, tuple(kinds.values()), kind)
+    of_groups = {group: kinds[one.mind.computation] for one in minds for group in one.groups}
+    roster = Roster.of(scenario.robots.names, _groups(scenario), [of_groups[group] for group in sorted(of_groups)])
+    bands = [_band(one, kinds[one.minded.mind.computation], clock, strict) for one in found]
+    groups = Groups(bands, roster)
     return GroupComputation(groups), GroupStrategy(groups)
 
 

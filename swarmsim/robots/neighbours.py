@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.readings import Called, Channels, Readings, ragged
+from swarmsim.core.errors import InputError
+from swarmsim.core.readings import Called, Channel, Channels, Readings, ragged
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
 
+NO_GROUP: Final = 255  # stands where no robot is seen
 Spread = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
@@ -23,10 +25,11 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How far off the nearest robots are, in which direction, and how they are turned against the robot's own heading.
 
     The nearest come first, ties by number; walls hide robots, robots do not. Errors are normal, and a robot is missed
-    with the probability `missed`, both drawn for each pair and iteration.
+    with the probability `missed`, both drawn for each pair and iteration. With `groups` they are told apart by the
+    number of their group of robots, from 0, without errors.
     """
 
-    gives: ClassVar[dict[str, str]] = {"neighbours": ""}
+    gives: ClassVar[dict[str, str]] = {"neighbours": "", "neighbours_group": "groups = true"}
     margin: ClassVar[int] = 0  # cells that it maps
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
@@ -37,9 +40,12 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     error_angle: Spread = 0.0  # rad, of bearings and headings
     missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
     walls: bool = True  # whether they hide what is behind them
+    groups: bool = False  # whether it tells of which group each is: a channel neighbours_group
 
     def build(self, setting: Setting) -> NeighbourSensor:
-        """The sensor."""
+        """The sensor. Raises InputError for more groups than it can tell apart."""
+        if self.groups and len(setting.robots.names) > NO_GROUP:
+            raise InputError(f"groups: {len(setting.robots.names)} cannot be told apart; expected {NO_GROUP} at most")
         return NeighbourSensor(self, setting)
 
 
@@ -51,7 +57,10 @@ class NeighbourSensor:
         self._most = parameters.most or min(max(setting.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
-        self.channels = Channels(*ragged("neighbours", self._most, names, "m, rad, rad", -far, far))
+        told = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
+        group = Channel("neighbours_group", "u1", (self._most,), "", 0, NO_GROUP - 1, NO_GROUP, count=told[1].name)
+        self.channels = Channels(*told, *([group] if parameters.groups else []))
+        self._group = setting.robots.kind.astype(np.uint8)
         self._sight = Sight(setting.building) if parameters.walls else None
         self._salt = int(setting.streams.open(f"neighbours {setting.number}").integers(0, 2**64, dtype=np.uint64))
 
@@ -76,10 +85,12 @@ class NeighbourSensor:
         ], axis=1)  # fmt: skip
         rank = np.arange(len(seer)) - np.searchsorted(seer, seer)
         kept = rank < self._most
-        column, count = (channel.blanks(state.robots) for channel in self.channels)
+        column, count, *groups = (channel.blanks(state.robots) for channel in self.channels)
         column[seer[kept], rank[kept]] = found[kept]
         count[:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
-        return Readings(self.channels, (column, count))
+        for group in groups:
+            group[seer[kept], rank[kept]] = self._group[seen[kept]]
+        return Readings(self.channels, (column, count, *groups))
 
 
 def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
