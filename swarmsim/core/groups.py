@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.kinds import KindCodec, Roster, Share, sorted_out, together
-from swarmsim.core.messages import Codec, Columns, Inbox, Said
+from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy
 from swarmsim.core.readings import Channels, Column, Readings
 from swarmsim.core.state import Intents, Knowledge, Record, Senses
@@ -140,7 +140,7 @@ class Groups:
         for row, band in zip(self.rows, bands, strict=True):
             row[band.rows] = np.arange(len(band.rows))
 
-    def heard(self, inbox: Inbox[Columns]) -> list[Inbox[Columns]]:
+    def heard(self, inbox: Inbox[MessageBatch]) -> list[Inbox[MessageBatch]]:
         """What each band has heard: of its own kind, and of others."""
         return [sorted_out(inbox, row, band.kind, self.roster) for row, band in zip(self.rows, self.bands, strict=True)]
 
@@ -153,25 +153,25 @@ class Groups:
 class GroupComputation:
     """What robots compute, each by the mind of its group."""
 
-    knows: type[Knowledge] = GroupKnowledge
+    knowledge_type: type[Knowledge] = GroupKnowledge
 
     def __init__(self, groups: Groups) -> None:
         self._groups = groups
 
     @property
-    def codec(self) -> KindCodec | Codec[Columns]:
+    def codec(self) -> KindCodec | Codec[MessageBatch]:
         """Of several kinds of messages with a byte for the kind; of one kind as it is."""
         groups = self._groups
         codecs = {band.kind: band.computation.codec for band in groups.bands}
         return KindCodec(codecs, groups.roster.kind) if groups.roster.several else next(iter(codecs.values()))
 
-    def say(self, senses: Senses) -> Said[Columns]:
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """What everybody says."""
         groups = self._groups
         shares = [Share(band.rows, band.kind, band.computation.say(band.sensed(senses))) for band in groups.bands]
         return together(shares, groups.robots, groups.roster.several)
 
-    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> GroupKnowledge:
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> GroupKnowledge:
         """What everybody knows."""
         groups = self._groups
         known = [
@@ -180,13 +180,13 @@ class GroupComputation:
         ]
         return GroupKnowledge(groups.bands, tuple(known), groups.robots)
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Let robots (r,) know nothing any more."""
         for number, band in enumerate(self._groups.bands):
             if len(theirs := self._groups.of_band(number, robots)):
-                band.computation.forget(theirs)
+                band.computation.reset(theirs)
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) what another one knows. Raises InputError if its mind is not theirs."""
         for number, band in enumerate(self._groups.bands):
             theirs = self._groups.of_band(number, robots)
@@ -194,18 +194,18 @@ class GroupComputation:
             if len(theirs) and not len(known):
                 raise InputError(f"robots {robots.tolist()} cannot know what robot {source} does: their minds differ")
             if len(theirs):
-                band.computation.adopt(theirs, int(known[0]))
+                band.computation.copy_from(theirs, int(known[0]))
 
 
 class GroupStrategy:
     """What robots do, each by the mind of its group."""
 
-    reads: type[Knowledge] = GroupKnowledge
+    requires_knowledge: type[Knowledge] = GroupKnowledge
 
     def __init__(self, groups: Groups) -> None:
         self._groups = groups
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: GroupKnowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: GroupKnowledge) -> Intents:
         """What everybody decides."""
         groups = self._groups
         decided = [

@@ -9,25 +9,25 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Codec, Columns, Inbox, Said
+from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 
 MOST: Final = 256  # kinds, which a byte tells apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Mixed(Columns):
+class Mixed(MessageBatch):
     """Items of several kinds, each in the table of its kind, whose columns are the kind's own."""
 
     kind: NDArray[np.uint8]  # (t,)
     row: NDArray[np.int64]  # (t,): of the item in the table of its kind
-    tables: Mapping[int, Columns]  # by kind
+    tables: Mapping[int, MessageBatch]  # by kind
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """The kinds, then all columns of the items of each kind."""
         kinds = np.unique(self.kind).tolist()
         return self.kind, *(column for kind in kinds for column in self.of(kind).arrays())
 
-    def of(self, kind: int) -> Columns:
+    def of(self, kind: int) -> MessageBatch:
         """The items of a kind."""
         return self.tables[kind].take(self.row[self.kind == kind])
 
@@ -39,7 +39,7 @@ class Mixed(Columns):
     def joined(cls, tables: Sequence[Self]) -> Self:
         """The items of several tables, one after the other; at least one table."""
         kinds = sorted({kind for one in tables for kind in one.tables})
-        rows, found = [one.row.copy() for one in tables], dict[int, Columns]()
+        rows, found = [one.row.copy() for one in tables], dict[int, MessageBatch]()
         for kind in kinds:
             theirs = [one.tables[kind] for one in tables if kind in one.tables]
             first = 0
@@ -56,7 +56,7 @@ class Mixed(Columns):
 class KindCodec:
     """A byte for the kind, then the message as the codec of that kind packs it: no other codec ever unpacks it."""
 
-    def __init__(self, codecs: Mapping[int, Codec[Columns]], kinds: NDArray[np.uint8]) -> None:
+    def __init__(self, codecs: Mapping[int, Codec[MessageBatch]], kinds: NDArray[np.uint8]) -> None:
         """The `codecs` are by kind; `kinds` (N,) says of which kind the messages of each robot are."""
         self._codecs, self._kinds = codecs, kinds
 
@@ -102,10 +102,10 @@ class Share:
 
     rows: NDArray[np.int64]  # (r,): of these robots
     kind: int  # of their messages
-    said: Said[Columns]
+    said: Broadcast[MessageBatch]
 
 
-def together(shares: Sequence[Share], robots: int, several: bool) -> Said[Columns]:
+def together(shares: Sequence[Share], robots: int, several: bool) -> Broadcast[MessageBatch]:
     """What all robots say, one of `shares` each: with a byte more for each message if there are `several` kinds.
 
     Items of one kind stay as they are.
@@ -125,11 +125,11 @@ def together(shares: Sequence[Share], robots: int, several: bool) -> Said[Column
     }
     one_each = all(one.said.one_each for one in shares)
     if not several:
-        return Said(tables[shares[0].kind].take(order), ends, sizes, one_each)
+        return Broadcast(tables[shares[0].kind].take(order), ends, sizes, one_each)
     row = np.empty(len(kind), np.int64)
     for each, table in tables.items():
         row[kind == each] = np.arange(len(table))
-    return Said(Mixed(kind[order].astype(np.uint8), row[order], tables), ends, sizes, one_each)
+    return Broadcast(Mixed(kind[order].astype(np.uint8), row[order], tables), ends, sizes, one_each)
 
 
 def _places(share: Share, starts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -139,7 +139,7 @@ def _places(share: Share, starts: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(starts[share.rows][owner] + np.arange(len(owner)) - mine[owner])
 
 
-def sorted_out(inbox: Inbox[Columns], row: NDArray[np.int64], kind: int, roster: Roster) -> Inbox[Columns]:
+def sorted_out(inbox: Inbox[MessageBatch], row: NDArray[np.int64], kind: int, roster: Roster) -> Inbox[MessageBatch]:
     """What the robots with a `row` of their own (n,), others having -1, have heard: of their own kind, and of others.
 
     A message of a kind that its sender does not speak is nobody's: it is dropped.
@@ -151,7 +151,7 @@ def sorted_out(inbox: Inbox[Columns], row: NDArray[np.int64], kind: int, roster:
         return Inbox(receivers, senders, heard.sent, content, inbox.oldest)
     mixed, spoken = content, content.kind == roster.kind[senders]
 
-    def some(items: NDArray[np.bool_], of: int) -> Inbox[Columns]:
+    def some(items: NDArray[np.bool_], of: int) -> Inbox[MessageBatch]:
         columns = receivers[items], senders[items], heard.sent[items]
         return Inbox(*columns, mixed.take(items).of(of), inbox.oldest)
 

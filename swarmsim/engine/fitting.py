@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import Part
 from swarmsim.core.parts import AnyComputation, AnyStrategy, AnyTask, Parts
 from swarmsim.core.readings import Channels
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.seams import SEAMS
 from swarmsim.engine.foreign import announced
 from swarmsim.engine.minds import BuiltMind
@@ -25,7 +25,7 @@ def check(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None
     channels = parts.sensor.channels
     for one in minds:
         for seam, part in (("computation", one.computation), ("strategy", one.strategy)):
-            _check_channels(one.setting.channels, f"{one.minded.places[seam]}.use: {_use(one, seam)!r}", part)
+            _check_channels(one.context.channels, f"{one.minded.places[seam]}.use: {_use(one, seam)!r}", part)
     _check_channels(channels, f"{TASK}.use: {task.use!r}", parts.task)
     _check_names(parts, minds, task)
 
@@ -37,27 +37,27 @@ def _use(one: BuiltMind, seam: str) -> str:
 
 def _check_knowledge(one: BuiltMind) -> None:
     """Raise InputError unless the strategy of a mind reads what its computation gives."""
-    knows, reads = one.computation.knows, one.strategy.reads
-    if not issubclass(knows, reads):
+    knowledge_type, requires_knowledge = one.computation.knowledge_type, one.strategy.requires_knowledge
+    if not issubclass(knowledge_type, requires_knowledge):
         raise InputError(
-            f"{one.minded.places['strategy']}.use: {_use(one, 'strategy')!r} reads {reads.__name__}, and "
-            f"{_use(one, 'computation')!r} gives {knows.__name__}; expected a strategy and a computation that go "
+            f"{one.minded.places['strategy']}.use: {_use(one, 'strategy')!r} reads {requires_knowledge.__name__}, and "
+            f"{_use(one, 'computation')!r} gives {knowledge_type.__name__}; expected a strategy and a computation that go "
             "together"
         )
 
 
 def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
     """Raise InputError unless the task reads what robots know."""
-    knows, reads = parts.computation.knows, parts.task.reads
-    if issubclass(knows, reads):
+    knowledge_type, requires_knowledge = parts.computation.knowledge_type, parts.task.requires_knowledge
+    if issubclass(knowledge_type, requires_knowledge):
         return
     if len(minds) == 1:
-        why = f"{_use(minds[0], 'computation')!r} gives {knows.__name__}; expected a task and a computation that go"
-        raise InputError(f"{TASK}.use: {task.use!r} reads {reads.__name__}, and {why} together")
-    fits = [one.names[0] for one in minds if issubclass(one.computation.knows, reads)]
+        why = f"{_use(minds[0], 'computation')!r} gives {knowledge_type.__name__}; expected a task and a computation that go"
+        raise InputError(f"{TASK}.use: {task.use!r} reads {requires_knowledge.__name__}, and {why} together")
+    fits = [one.names[0] for one in minds if issubclass(one.computation.knowledge_type, requires_knowledge)]
     how = f'{{use = "of-group", group = "{fits[0]}", over = {{use = "{task.use}"}}}}' if fits else "another task"
     raise InputError(
-        f"{TASK}.use: {task.use!r} reads {reads.__name__}, and groups of robots have minds of their own; expected {how}"
+        f"{TASK}.use: {task.use!r} reads {requires_knowledge.__name__}, and groups of robots have minds of their own; expected {how}"
     )
 
 

@@ -9,13 +9,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.groups import Band, GroupComputation, Groups, GroupStrategy
 from swarmsim.core.kinds import MOST, Roster
 from swarmsim.core.parts import AnyComputation, AnyStrategy
-from swarmsim.core.scenario import Minded, Scenario, minds_of
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Minded, Scenario, minds_of
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
 
@@ -30,25 +30,25 @@ class BuiltMind:
     names: tuple[str, ...]  # of the groups of its robots; none: it is that of all
     rows: NDArray[np.int64]  # (r,): which rows of the whole its robots are
     places: tuple[int, ...]  # which columns of all readings its robots have
-    setting: Setting
+    context: BuildContext
     computation: AnyComputation
     strategy: AnyStrategy
 
 
-def built_for(scenario: Scenario, setting: Setting) -> list[BuiltMind]:
+def built_for(scenario: Scenario, context: BuildContext) -> list[BuiltMind]:
     """The minds of the robots of a setting; those that none of these robots has are left out. Raises InputError."""
     found = minds_of(scenario)
     if len(found) == 1:
-        everybody, columns = np.arange(len(setting.ids)), tuple(range(len(setting.channels)))
-        return [_built(found[0], (), everybody, columns, setting)]
+        everybody, columns = np.arange(len(context.ids)), tuple(range(len(context.channels)))
+        return [_built(found[0], (), everybody, columns, context)]
     made = []
     for one in found:
         everybody = np.flatnonzero(np.isin(_groups(scenario), one.groups))
-        rows = np.flatnonzero(np.isin(setting.ids, everybody))
+        rows = np.flatnonzero(np.isin(context.ids, everybody))
         if len(rows):
-            channels, columns = setting.channels.of(everybody)
-            own = replace(setting, robots=setting.robots.of(rows), ids=setting.ids[rows], channels=channels)
-            names = tuple(setting.robots.names[number] for number in one.groups)
+            channels, columns = context.channels.of(everybody)
+            own = replace(context, robots=context.robots.of(rows), ids=context.ids[rows], channels=channels)
+            names = tuple(context.robots.names[number] for number in one.groups)
             made.append(_built(one, names, rows, columns, own))
     return made
 
@@ -60,12 +60,12 @@ def _groups(scenario: Scenario) -> NDArray[np.int64]:
 
 
 def _built(
-    minded: Minded, names: tuple[str, ...], rows: NDArray[np.int64], columns: tuple[int, ...], setting: Setting
+    minded: Minded, names: tuple[str, ...], rows: NDArray[np.int64], columns: tuple[int, ...], context: BuildContext
 ) -> BuiltMind:
     mind, places = minded.mind, minded.places
     return BuiltMind(
-        minded, names, rows, columns, setting,
-        make(mind.computation, setting, places["computation"]), make(mind.strategy, setting, places["strategy"]),
+        minded, names, rows, columns, context,
+        make(mind.computation, context, places["computation"]), make(mind.strategy, context, places["strategy"]),
     )  # fmt: skip
 
 
@@ -97,9 +97,9 @@ def _band(one: BuiltMind, kind: int, clock: Clock | None, strict: bool) -> Band:
         computation = _held("computation", computation, one, clock)
     if clock is not None and (strict or not registry.is_ours(strategy)):
         strategy = _held("strategy", strategy, one, clock)
-    return Band(one.names, one.rows, kind, one.setting.channels, one.places, computation, strategy)
+    return Band(one.names, one.rows, kind, one.context.channels, one.places, computation, strategy)
 
 
 def _held(seam: str, part: P, one: BuiltMind, clock: Clock) -> P:
-    found: P = held(seam, part, one.setting, clock, not registry.is_ours(part), f" of group {one.names[0]!r}")
+    found: P = held(seam, part, one.context, clock, not registry.is_ours(part), f" of group {one.names[0]!r}")
     return found

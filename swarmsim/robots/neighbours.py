@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.readings import Called, Channel, Channels, Readings, ragged
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
@@ -42,27 +42,27 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     walls: bool = True  # whether they hide what is behind them
     groups: bool = False  # whether it tells of which group each is: a channel neighbours_group
 
-    def build(self, setting: Setting) -> NeighbourSensor:
+    def build(self, context: BuildContext) -> NeighbourSensor:
         """The sensor. Raises InputError for more groups than it can tell apart."""
-        if self.groups and len(setting.robots.names) > NO_GROUP:
-            raise InputError(f"groups: {len(setting.robots.names)} cannot be told apart; expected {NO_GROUP} at most")
-        return NeighbourSensor(self, setting)
+        if self.groups and len(context.robots.names) > NO_GROUP:
+            raise InputError(f"groups: {len(context.robots.names)} cannot be told apart; expected {NO_GROUP} at most")
+        return NeighbourSensor(self, context)
 
 
 class NeighbourSensor:
     """Distance, bearing and heading of others."""
 
-    def __init__(self, parameters: Neighbours, setting: Setting) -> None:
+    def __init__(self, parameters: Neighbours, context: BuildContext) -> None:
         self._parameters = parameters
-        self._most = parameters.most or min(max(setting.swarm - 1, 1), 8)
+        self._most = parameters.most or min(max(context.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
         told = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
         group = Channel("neighbours_group", "u1", (self._most,), "", 0, NO_GROUP - 1, NO_GROUP, count=told[1].name)
         self.channels = Channels(*told, *([group] if parameters.groups else []))
-        self._group = setting.robots.kind.astype(np.uint8)
-        self._sight = Sight(setting.building) if parameters.walls else None
-        self._salt = int(setting.streams.open(f"neighbours {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        self._group = context.robots.kind.astype(np.uint8)
+        self._sight = Sight(context.building) if parameters.walls else None
+        self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
 
     def sense(self, state: State) -> Readings:
         """The nearest robots of each; none for the dead, which nobody sees either."""

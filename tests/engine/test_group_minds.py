@@ -10,12 +10,12 @@ from conftest import ROOT, moments_of
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim import testing
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.groups import GroupKnowledge
 from swarmsim.core.kinds import KindCodec, Mixed
 from swarmsim.core.messages import HEADER
-from swarmsim.core.scenario import load, minds_of
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load, minds_of
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import text_of
@@ -29,8 +29,8 @@ from swarmsim.operations.placement.positions import PositionComputation
 class Dog:
     """Says where it is; what it hears of dogs has that form, and of sheep another, of as many bytes."""
 
-    says = {"x": "f8", "y": "f8"}
-    shows = ("dogs", "sheep", "sum")
+    message_fields = {"x": "f8", "y": "f8"}
+    recorded = ("dogs", "sheep", "sum")
     dogs = sheep = sum = 0
 
     def __init__(self, speed: float = 0.05):
@@ -56,8 +56,8 @@ class Dog:
 class Sheep:
     """Says two whole numbers."""
 
-    says = {"wool": "i8", "name": "i8"}
-    shows = ("dogs",)
+    message_fields = {"wool": "i8", "name": "i8"}
+    recorded = ("dogs",)
     dogs = 0
 
     def say(self, me):
@@ -78,7 +78,7 @@ class Wrong(Sheep):
 
 
 class Crooked(Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return Bent()
 
 

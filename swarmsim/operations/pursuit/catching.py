@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from scipy.spatial import distance
 
-from swarmsim.core.forms import Last
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Knowledge, Measured
 
 
@@ -23,16 +23,16 @@ class Caught(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pursuers: str = "pursuers"  # a group of robots
     evaders: str = "evaders"  # another one
 
-    def build(self, setting: Setting) -> CatchingTask:
+    def build(self, context: BuildContext) -> CatchingTask:
         """The task. Raises InputError if there are no such groups."""
-        pursuers = setting.robots.group(self.pursuers, "pursuers")
-        return CatchingTask(self.within, pursuers, setting.robots.group(self.evaders, "evaders"))
+        pursuers = context.robots.group(self.pursuers, "pursuers")
+        return CatchingTask(self.within, pursuers, context.robots.group(self.evaders, "evaders"))
 
 
 class CatchingTask:
     """Keeps who has been caught."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("caught", "evaders caught, %", 100.0, high=100.0, format=".0f")
 
     def __init__(self, within: float, pursuers: NDArray[np.int64], evaders: NDArray[np.int64]) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
-from swarmsim.core.setting import Setting
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.state import Estimates, Intents, Knowledge, Senses
 from swarmsim.operations.pursuit.seen import NEEDS, seen
 from swarmsim.operations.steering import Steering
@@ -19,7 +19,7 @@ Positive = Annotated[float, Meta(gt=0.0)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Surrender(Columns):
+class Surrender(MessageBatch):
     """What evaders say: where they have given up; NaN as long as they have not."""
 
     x: NDArray[np.float64]  # (t,): m
@@ -42,25 +42,25 @@ class Flight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     within: Positive = 0.2  # m, centre to centre
     of: str = "pursuers"  # the group of robots that chase it
 
-    def build(self, setting: Setting) -> FlightComputation:
+    def build(self, context: BuildContext) -> FlightComputation:
         """The computation. Raises InputError if there is no such group."""
-        return FlightComputation(self.within, setting.robots.number_of(self.of, "of"), len(setting.ids))
+        return FlightComputation(self.within, context.robots.number_of(self.of, "of"), len(context.ids))
 
 
 class FlightComputation:
     """Remembers who has given up."""
 
     requires = NEEDS
-    knows: type[Knowledge] = Surrendered
+    knowledge_type: type[Knowledge] = Surrendered
 
     def __init__(self, within: float, group: int, robots: int) -> None:
         self._within, self._group, self._given_up = within, group, np.zeros(robots, np.bool_)
         self.codec = PlainCodec(Surrender(np.zeros(0), np.zeros(0)))
 
-    def say(self, senses: Senses) -> Said[Surrender]:
+    def say(self, senses: Senses) -> Broadcast[Surrender]:
         """Where each is that has given up."""
         place = np.where(self._given_up[:, None], senses.pose[:, :2], np.nan)
-        return Said.each(Surrender(place[:, 0].copy(), place[:, 1].copy()), self.codec.size)
+        return Broadcast.each(Surrender(place[:, 0].copy(), place[:, 1].copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Surrender]) -> Surrendered:
         """Whether a pursuer is within reach, or was."""
@@ -68,11 +68,11 @@ class FlightComputation:
         self._given_up[pursuers.seers[pursuers.distance <= self._within]] = True
         return Surrendered(self._given_up.copy())
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """They flee again."""
         self._given_up[robots] = False
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """They have given up if another has."""
         self._given_up[robots] = self._given_up[source]
 
@@ -84,21 +84,21 @@ class Evade(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Positive | None = None  # m/s; default: two thirds of what wheels can
     clearance: Annotated[float, Meta(ge=0.0)] = 0.3  # m, from walls
 
-    def build(self, setting: Setting) -> Evasion:
+    def build(self, context: BuildContext) -> Evasion:
         """The strategy. Raises InputError if there is no such group."""
-        return Evasion(Steering(setting, self.speed, self.clearance), setting.robots.number_of(self.of, "of"))
+        return Evasion(Steering(context, self.speed, self.clearance), context.robots.number_of(self.of, "of"))
 
 
 class Evasion:
     """Away from pursuers."""
 
     requires = NEEDS
-    reads: type[Knowledge] = Surrendered
+    requires_knowledge: type[Knowledge] = Surrendered
 
     def __init__(self, steering: Steering, group: int) -> None:
         self._steering, self._group = steering, group
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Surrendered) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Surrendered) -> Intents:
         """Away at full speed, unless it has given up."""
         place, pursuers = senses.pose[:, :2], seen(senses, self._group)
         gap = place[pursuers.seers] - pursuers.place

@@ -10,8 +10,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
-from swarmsim.core.setting import Setting
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.state import Estimates, Intents, Knowledge, Senses
 from swarmsim.operations.pursuit.evaders import Surrender
 from swarmsim.operations.pursuit.seen import NEEDS, seen
@@ -19,7 +19,7 @@ from swarmsim.operations.steering import Steering
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sighting(Columns):
+class Sighting(MessageBatch):
     """What pursuers say: where the nearest free evader is that they saw last; NaN if they saw none."""
 
     x: NDArray[np.float64]  # (t,): m
@@ -41,26 +41,26 @@ class Chase(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     of: str = "evaders"  # the group of robots to catch
 
-    def build(self, setting: Setting) -> ChaseComputation:
+    def build(self, context: BuildContext) -> ChaseComputation:
         """The computation. Raises InputError if there is no such group."""
-        return ChaseComputation(self.of, setting.robots.number_of(self.of, "of"), setting)
+        return ChaseComputation(self.of, context.robots.number_of(self.of, "of"), context)
 
 
 class ChaseComputation:
     """Remembers what was seen in the last iteration, to tell it."""
 
     requires = NEEDS
-    knows: type[Knowledge] = Quarry
+    knowledge_type: type[Knowledge] = Quarry
 
-    def __init__(self, of: str, group: int, setting: Setting) -> None:
+    def __init__(self, of: str, group: int, context: BuildContext) -> None:
         self._name, self._group = of, group
-        self._same = setting.robots.radius  # m: nearer to each other than that, two places are of one robot
-        self._seen = np.full((len(setting.ids), 2), np.nan)
+        self._same = context.robots.radius  # m: nearer to each other than that, two places are of one robot
+        self._seen = np.full((len(context.ids), 2), np.nan)
         self.codec = PlainCodec(Sighting(np.zeros(0), np.zeros(0)))
 
-    def say(self, senses: Senses) -> Said[Sighting]:
+    def say(self, senses: Senses) -> Broadcast[Sighting]:
         """What each saw last."""
-        return Said.each(Sighting(self._seen[:, 0].copy(), self._seen[:, 1].copy()), self.codec.size)
+        return Broadcast.each(Sighting(self._seen[:, 0].copy(), self._seen[:, 1].copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Sighting]) -> Quarry:
         """The nearest that is seen, else the nearest that is told; without those that have given up."""
@@ -86,11 +86,11 @@ class ChaseComputation:
             found |= (rows == row) & (np.hypot(place[:, 0] - x, place[:, 1] - y) < self._same)
         return found
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """They have seen none."""
         self._seen[robots] = np.nan
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """They have seen what another has."""
         self._seen[robots] = self._seen[source]
 
@@ -114,22 +114,22 @@ class Pursue(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Annotated[float, Meta(gt=0.0)] | None = None  # m/s; default: two thirds of what wheels can
     clearance: Annotated[float, Meta(ge=0.0)] = 0.2  # m, from walls
 
-    def build(self, setting: Setting) -> Pursuit:
+    def build(self, context: BuildContext) -> Pursuit:
         """The strategy."""
-        return Pursuit(Steering(setting, self.speed, self.clearance), self.bend, setting)
+        return Pursuit(Steering(context, self.speed, self.clearance), self.bend, context)
 
 
 class Pursuit:
     """Towards the quarry."""
 
-    reads: type[Knowledge] = Quarry
+    requires_knowledge: type[Knowledge] = Quarry
 
-    def __init__(self, steering: Steering, bend: float, setting: Setting) -> None:
-        self._steering, self._bend = steering, bend * float(np.sqrt(setting.period))
-        streams = setting.own_streams("pursue")
+    def __init__(self, steering: Steering, bend: float, context: BuildContext) -> None:
+        self._steering, self._bend = steering, bend * float(np.sqrt(context.period))
+        streams = context.own_streams("pursue")
         self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Quarry) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Quarry) -> Intents:
         """To it, or on."""
         place = senses.pose[:, :2]
         yaw = senses.pose[:, 2] + self._bend * chance.normal(0, self._salts, np.array(senses.iteration))
