@@ -37,28 +37,25 @@ def _use(one: BuiltMind, seam: str) -> str:
 
 def _check_knowledge(one: BuiltMind) -> None:
     """Raise InputError unless the strategy of a mind reads what its computation gives."""
-    knowledge_type, requires_knowledge = one.computation.knowledge_type, one.strategy.requires_knowledge
-    if not issubclass(knowledge_type, requires_knowledge):
+    known, wanted = one.computation.knowledge_type, one.strategy.requires_knowledge
+    if not issubclass(known, wanted):
         raise InputError(
-            f"{one.minded.places['strategy']}.use: {_use(one, 'strategy')!r} reads {requires_knowledge.__name__}, and "
-            f"{_use(one, 'computation')!r} gives {knowledge_type.__name__}; expected a strategy and a computation that go "
+            f"{one.minded.places['strategy']}.use: {_use(one, 'strategy')!r} reads {wanted.__name__}, and "
+            f"{_use(one, 'computation')!r} gives {known.__name__}; expected a strategy and a computation that go "
             "together"
         )
 
 
 def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
     """Raise InputError unless the task reads what robots know."""
-    knowledge_type, requires_knowledge = parts.computation.knowledge_type, parts.task.requires_knowledge
-    if issubclass(knowledge_type, requires_knowledge):
+    known, wanted = parts.computation.knowledge_type, parts.task.requires_knowledge
+    if issubclass(known, wanted):
         return
+    why, how = "groups of robots have minds of their own", "a task that reads any knowledge"
     if len(minds) == 1:
-        why = f"{_use(minds[0], 'computation')!r} gives {knowledge_type.__name__}; expected a task and a computation that go"
-        raise InputError(f"{TASK}.use: {task.use!r} reads {requires_knowledge.__name__}, and {why} together")
-    fits = [one.names[0] for one in minds if issubclass(one.computation.knowledge_type, requires_knowledge)]
-    how = f'{{use = "of-group", group = "{fits[0]}", over = {{use = "{task.use}"}}}}' if fits else "another task"
-    raise InputError(
-        f"{TASK}.use: {task.use!r} reads {requires_knowledge.__name__}, and groups of robots have minds of their own; expected {how}"
-    )
+        why = f"{_use(minds[0], 'computation')!r} gives {known.__name__}"
+        how = "a task and a computation that go together"
+    raise InputError(f"{TASK}.use: {task.use!r} reads {wanted.__name__}, and {why}; expected {how}")
 
 
 def _check_channels(channels: Channels, whose: str, part: AnyComputation | AnyStrategy | AnyTask) -> None:
