@@ -213,11 +213,7 @@ class GroupStrategy:
             for band, heard, known in zip(groups.bands, groups.heard(inbox), knowledge.known, strict=True)
         ]
         rows = [band.rows for band in groups.bands]
-        columns: dict[str, Any] = {
-            one.name: _whole(rows, [getattr(each, one.name) for each in decided], groups.robots)
-            for one in fields(Intents)
-        }
-        return Intents(**columns)
+        return _made(lambda name: _whole(rows, [getattr(each, name) for each in decided], groups.robots))
 
 
 def _each(intents: Intents, change: Callable[[Column], Column]) -> Intents:
@@ -228,7 +224,12 @@ def _each(intents: Intents, change: Callable[[Column], Column]) -> Intents:
             return {name: change(one) for name, one in value.items()}
         return None if value is None else change(value)
 
-    columns: dict[str, Any] = {one.name: changed(getattr(intents, one.name)) for one in fields(Intents)}
+    return _made(lambda name: changed(getattr(intents, name)))
+
+
+def _made(give: Callable[[str], Held]) -> Intents:
+    """The intents of which `give` gives each field by its name."""
+    columns: dict[str, Any] = {one.name: give(one.name) for one in fields(Intents)}
     return Intents(**columns)
 
 

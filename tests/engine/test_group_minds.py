@@ -109,7 +109,7 @@ def herd(tmp_path: Path):
 def overrides(*groups: str, keys: tuple[str, ...] = ()) -> tuple[str, ...]:
     """A short run of groups of robots that all hear each other."""
     of = (f"robots=[{', '.join(groups)}]", 'task={use="spacing"}', 'network.topology={use="full"}')
-    return *of, "stop.iterations=12", 'stop.when_done="go-on"', *keys
+    return *of, "stop.iterations=12", 'stop.when_done="continue"', *keys
 
 
 def test_messages_of_as_many_bytes_and_other_fields_are_never_misread(herd) -> None:
@@ -188,7 +188,7 @@ def test_the_order_of_groups_is_that_of_numbers_and_groups_with_equal_minds_shar
 
 
 def test_a_dead_group_is_silent_and_the_others_go_on(herd) -> None:
-    dead = 'faults=[{use="remove", at=5, robots=[0, 1], keep=0}]'
+    dead = 'faults=[{use="remove", at=5, robots=[0, 1], min_alive=0}]'
     run = herd(DOGS.format(2), SHEEP.format(3), keys=(dead,))
     moments = moments_of(run)
     assert [one.knowledge.of_group("sheep").dogs.tolist() for one in moments[4:6]] == [[2.0] * 3, [0.0] * 3]

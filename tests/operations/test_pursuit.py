@@ -87,7 +87,7 @@ def test_two_kinds_of_messages_share_one_network() -> None:
 @pytest.mark.parametrize("group", ["pursuers", "evaders"])
 def test_a_group_that_is_gone(group: str) -> None:
     robots = list(range(6)) if group == "pursuers" else list(range(6, 10))
-    gone = f'faults=[{{use="remove", at=3, robots={robots}, keep=0}}]'
+    gone = f'faults=[{{use="remove", at=3, robots={robots}, min_alive=0}}]'
     run = made(gone, "stop.iterations=30", scenario=PURSUIT)
     moments = moments_of(run)
     assert run.simulation.finished == (group == "evaders")

@@ -392,7 +392,7 @@ def _scenario(table: Table, name: str, take: Take) -> Scenario:
         if table.get("sensors") and not table.get("sensor"):
             table = {**table, "sensor": NONE}
         for key, now in MOVED.items():
-            inner: Any = table
+            inner: object = table
             for step in key.split("."):
                 inner = inner.get(step) if isinstance(inner, dict) else None
             if inner is not None:
