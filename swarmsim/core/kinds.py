@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -30,6 +30,14 @@ class Mixed(MessageBatch):
     def of(self, kind: int) -> MessageBatch:
         """The items of a kind."""
         return self.tables[kind].take(self.row[self.kind == kind])
+
+    def each(self, change: Callable[[NDArray[np.bool_], MessageBatch], MessageBatch]) -> Mixed:
+        """The same with the items of each kind changed; `change` is told which items (t,) these are."""
+        row, tables = self.row.copy(), dict[int, MessageBatch]()
+        for kind in self.tables:
+            mine: NDArray[np.bool_] = self.kind == kind
+            row[mine], tables[kind] = np.arange(np.count_nonzero(mine)), change(mine, self.of(kind))
+        return Mixed(self.kind, row, tables)
 
     def take(self, rows: NDArray[np.generic]) -> Self:
         """The items at these indices, or those that a mask marks."""

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
+from swarmsim.core.groups import GroupKnowledge
+from swarmsim.core.kinds import Mixed
 from swarmsim.core.messages import Broadcast, C, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Senses
@@ -190,9 +192,17 @@ class FalseNames:
             del self._given[iteration]
         if (names == inbox.senders).all():
             return inbox
+
+        def renamed(items: NDArray[np.bool_], content: MessageBatch) -> MessageBatch:
+            if not isinstance(content, TileItems):
+                return content
+            said_by, mine = inbox.senders[items], names[items]
+            return replace(content, sources=np.where(content.sources == said_by, mine, content.sources))
+
         content = inbox.content
-        if isinstance(content, TileItems):
-            content = replace(content, sources=np.where(content.sources == inbox.senders, names, content.sources))
+        content = (
+            content.each(renamed) if isinstance(content, Mixed) else renamed(np.ones_like(names, np.bool_), content)
+        )
         believed = replace(inbox, senders=names, content=content)
         return believed.take(np.lexsort([names, inbox.receivers]))
 
@@ -209,6 +219,10 @@ class Lying(StatelessEffect):
             raise InputError(
                 f"failure: {self._failure!r} is a lie about tiles, and these robots tell none; expected 'replay' or "
                 "'spoof'"
+            )
+        if self._lie is not None and issubclass(parts.computation.knowledge_type, GroupKnowledge):
+            raise InputError(
+                f"failure: {self._failure!r} is for robots of one mind; expected 'spoof' for groups of several"
             )
         return replace(parts, computation=LyingComputation(parts.computation, active, self._lie, self._names))
 

@@ -196,6 +196,23 @@ def test_a_dead_group_is_silent_and_the_others_go_on(herd) -> None:
     assert len(moments) == 12
 
 
+def test_a_fault_strikes_a_group_by_its_name(herd) -> None:
+    """A mind that forgets is one of its group's again."""
+    fault = 'faults=[{use="mind", failure="frozen", group="sheep", at=4}]'
+    run = herd(DOGS.format(2), SHEEP.format(3), keys=(fault,))
+    moments = moments_of(run)
+    twists = np.array([one.intents.twists for one in moments])
+    assert (twists[4:, 2:] == twists[3, 2:]).all()
+    assert (twists[3, 2:] != twists[2, 2:]).any()
+    reboot = 'faults=[{use="mind", failure="reboot", group="2", at=4}]'
+    run = herd(DOGS.format(1), SHEEP.format(1), BRED.format(2), keys=(reboot,))
+    knowledge = [one.knowledge for one in moments_of(run)]
+    assert knowledge[3].of_group("dogs").dogs.tolist() == [2.0, 2.0, 2.0]
+    assert knowledge[4].of_group("dogs").dogs.tolist() == [2.0, 0.0, 0.0]
+    assert knowledge[4].of(2) is not knowledge[3].of(2)
+    assert knowledge[4].of(0) is knowledge[3].of(0)
+
+
 def test_what_groups_show_is_one_table_and_what_one_alone_shows_is_nan_for_others(herd, tmp_path: Path) -> None:
     run = herd(DOGS.format(2), SHEEP.format(1))
     with run.recorder(tmp_path / "recording.h5") as recorder:
@@ -271,6 +288,18 @@ def test_what_breaks_its_contract_names_the_group(herd) -> None:
         (
             (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="mind", failure="random-walk", at=1}]',),
             r"faults\[0\]\.failure: these robots keep no maps",
+        ),
+        (
+            (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="byzantine", failure="replay", age=2, at=1}]',),
+            r"faults\[0\]\.failure: 'replay' is for robots of one mind",
+        ),
+        (
+            (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="remove", group="cats", at=1}]',),
+            r"faults\[0\]\.group: no group of robots is called 'cats'; known: dogs, sheep",
+        ),
+        (
+            (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="remove", group="dogs", robots=[0], at=1}]',),
+            r"faults\[0\]\.group: `robots` says whom already",
         ),
     ],
 )  # fmt: skip
