@@ -261,7 +261,7 @@ class Recording:
             if any(
                 not 0 <= robot <= self._sizes["last robot"] for event in found for robot in getattr(event, "robots", ())
             ):
-                raise ValueError("an event is about a robot that there is not")
+                raise ValueError("an event names a robot that does not exist")
         except (msgspec.MsgspecError, ValueError) as problem:
             raise self._damaged(problem) from problem
         return found
