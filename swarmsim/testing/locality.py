@@ -259,8 +259,9 @@ def check_locality(
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     """What one robot does, as something to compare."""
     way = intents.waypoints[robot, : intents.counts[robot]]
-    twist = None if intents.twists is None else intents.twists[robot].tobytes()
-    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist
+    twist = None if intents.twists is None else intents.twists[robot]
+    velocity = None if twist is None or np.isnan(twist).all() else twist.tobytes()  # NaN follows the way, as without
+    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), velocity
 
 
 def _scrambled(senses: Senses, robot: int) -> Senses:

@@ -250,6 +250,17 @@ def test_maps_of_one_group_are_recorded_by_the_numbers_of_its_robots(herd) -> No
     assert set(moments_of(twice)[0].knowledge.record().lists["changes"][:, 0]) == {0, 1, 2}
 
 
+@pytest.mark.parametrize("sharing", ["relay", "gossip", "merge"])
+def test_a_group_that_maps_beside_another_keeps_every_contract(sharing: str) -> None:
+    """Its maps are held against the tiles of its own robots, by their rows."""
+    given = (
+        'robots=[{count=1, mind={computation={use="positions"}, strategy={use="disperse"}}}, {count=3}]',
+        'task={use="spacing", apart=9.0}', 'network.topology={use="full"}', f"mind.computation.sharing.use={sharing}",
+    )  # fmt: skip
+    for check in (testing.check_strictly, testing.check_one_robot, testing.check_permutation, testing.check_locality):
+        check(ROOT / "scenarios" / "room.toml", given, 12)
+
+
 def test_what_breaks_its_contract_names_the_group(herd) -> None:
     wrong = SHEEP.format(2).replace("Sheep", "Wrong")
     with pytest.raises(PartError, match=r"strategy herd\.py:Wrong of group 'sheep', iteration 3: .*robot [12]"):
