@@ -89,6 +89,7 @@ def film(
 
 def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> None:
     from swarmsim.core.errors import InputError
+    from swarmsim.core.scenario.file import minds_of
     from swarmsim.engine.build import build
     from swarmsim.recording.reader import Recording
     from swarmsim.view.frames_film import Gathering
@@ -96,7 +97,8 @@ def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> Non
     from swarmsim.view.video import write_pictures
 
     opened = Recording(path)
-    if not opened.scenario.mind.computation.declares("merges", False):
+    minds = minds_of(opened.scenario)
+    if len(minds) > 1 or not minds[0].mind.computation.declares("merges", False):
         raise InputError(
             f"--frames: the robots of {path} have one frame of reference; expected mind.computation.sharing.use = merge"
         )
