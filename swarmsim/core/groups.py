@@ -129,10 +129,11 @@ def _by_name(tables: Sequence[Mapping[str, T]]) -> dict[str, dict[int, T]]:
 class Groups:
     """Robots of several minds, row by row."""
 
-    def __init__(self, bands: Sequence[Band], roster: Roster) -> None:
+    def __init__(self, bands: Sequence[Band], roster: Roster, actuators: Channels) -> None:
         """The `roster` is that of the whole swarm, whose other robots may be served elsewhere."""
         self.bands: Final = tuple(bands)
         self.roster: Final = roster
+        self.actuators: Final = actuators
         #: How many robots these are.
         self.robots = sum(len(band.rows) for band in bands)
         #: For each band, which of its rows each robot is (n,); -1 for those of others.
@@ -213,6 +214,10 @@ class GroupStrategy:
             for band, heard, known in zip(groups.bands, groups.heard(inbox), knowledge.known, strict=True)
         ]
         rows = [band.rows for band in groups.bands]
+        for number, one in enumerate(decided):  # what is not told to do anything rests
+            everybody = np.ones(len(one.counts), np.bool_)
+            commands = Readings.filled(groups.actuators, one.commands, everybody).named()
+            decided[number] = replace(one, commands=commands)
         return _made(lambda name: _whole(rows, [getattr(each, name) for each in decided], groups.robots))
 
 

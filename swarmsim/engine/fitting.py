@@ -80,12 +80,16 @@ def _giving(name: str) -> str:
 
 def _check_names(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
-    sensors = {one.recorded_as for one in parts.sensor.channels if one.recorded_as}
+    bodily = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
+    for one in parts.actuator.channels:
+        if one.recorded_as in bodily:
+            raise InputError(f"actuators: {one.recorded_as!r} is what a sensor gives already; expected another name")
+        bodily |= {one.recorded_as: "actuator"} if one.recorded_as else {}
     computed: set[str] = set()  # minds may have the same names: their tables are put together
-    for one in minds:
-        place = f"{one.minded.places['computation']}.use: {_use(one, 'computation')!r}"
-        computed |= _free_names("computation", one.computation, place, dict.fromkeys(sensors, "sensor"))
-    used = dict.fromkeys(sensors, "sensor") | dict.fromkeys(computed, "computation")
+    for mind in minds:
+        place = f"{mind.minded.places['computation']}.use: {_use(mind, 'computation')!r}"
+        computed |= _free_names("computation", mind.computation, place, bodily)
+    used = bodily | dict.fromkeys(computed, "computation")
     _free_names("task", parts.task, f"{TASK}.use: {task.use!r}", used)
 
 

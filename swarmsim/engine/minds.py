@@ -86,7 +86,7 @@ def together(
     of_groups = {group: kinds[one.mind.computation] for one in minds for group in one.groups}
     roster = Roster.of(scenario.robots.names, _groups(scenario), [of_groups[group] for group in sorted(of_groups)])
     bands = [_band(one, kinds[one.minded.mind.computation], clock, strict) for one in found]
-    groups = Groups(bands, roster)
+    groups = Groups(bands, roster, found[0].context.actuators)
     return GroupComputation(groups), GroupStrategy(groups)
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.context import BuildContext
-from swarmsim.core.errors import InputError
-from swarmsim.core.readings import Called, Channel, Channels, Readings, ragged
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.readings import Called, Channel, Channels, Name, Readings, ragged
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
@@ -29,7 +29,9 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     number of their group of robots, from 0, without errors.
     """
 
-    gives: ClassVar[dict[str, str]] = {"neighbours": "", "neighbours_group": "groups = true"}
+    gives: ClassVar[dict[str, str]] = {
+        "neighbours": "", "neighbours_group": "groups = true", "neighbours_led": "sees = ['led']",
+    }  # fmt: skip
     margin: ClassVar[int] = 0  # cells that it maps
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
@@ -40,12 +42,18 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     error_angle: Spread = 0.0  # rad, of bearings and headings
     missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
     walls: bool = True  # whether they hide what is behind them
-    groups: bool = False  # whether it tells of which group each is: a channel neighbours_group
+    groups: bool | None = None  # whether it tells of which group each is: a channel neighbours_group; default: no
+    sees: tuple[Name, ...] = ()  # channels of actuators, such as led: what each robot told is gives neighbours_led
 
     def build(self, context: BuildContext) -> NeighbourSensor:
-        """The sensor. Raises InputError for more groups than it can tell apart."""
+        """The sensor. Raises InputError for an actuator that robots do not have, and for groups that are too many."""
         if self.groups and len(context.robots.names) > NO_GROUP:
             raise InputError(f"groups: {len(context.robots.names)} cannot be told apart; expected {NO_GROUP} at most")
+        for name in self.sees:
+            if name not in context.actuators:
+                raise InputError(
+                    f"sees: no actuator of these robots is {name!r}; {nearest(name, context.actuators.places)}"
+                )
         return NeighbourSensor(self, context)
 
 
@@ -57,9 +65,10 @@ class NeighbourSensor:
         self._most = parameters.most or min(max(context.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
-        told = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
-        group = Channel("neighbours_group", "u1", (self._most,), "", 0, NO_GROUP - 1, NO_GROUP, count=told[1].name)
-        self.channels = Channels(*told, *([group] if parameters.groups else []))
+        own = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
+        told = [context.actuators[name].seen_of("neighbours", self._most) for name in dict.fromkeys(parameters.sees)]
+        group = Channel("neighbours_group", "u1", (self._most,), "", 0, NO_GROUP - 1, NO_GROUP, count=own[1].name)
+        self.channels = Channels(*own, *told, *([group] if parameters.groups else []))
         self._group = context.robots.kind.astype(np.uint8)
         self._sight = Sight(context.building) if parameters.walls else None
         self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
@@ -85,12 +94,13 @@ class NeighbourSensor:
         ], axis=1)  # fmt: skip
         rank = np.arange(len(seer)) - np.searchsorted(seer, seer)
         kept = rank < self._most
-        column, count, *groups = (channel.blanks(state.robots) for channel in self.channels)
-        column[seer[kept], rank[kept]] = found[kept]
-        count[:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
-        for group in groups:
-            group[seer[kept], rank[kept]] = self._group[seen[kept]]
-        return Readings(self.channels, (column, count, *groups))
+        columns = [channel.blanks(state.robots) for channel in self.channels]
+        columns[0][seer[kept], rank[kept]] = found[kept]
+        columns[1][:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
+        told_of = [state.actuators[name] for name in dict.fromkeys(given.sees)]
+        for column, of_each in zip(columns[2:], [*told_of, *([self._group] if given.groups else [])], strict=True):
+            column[seer[kept], rank[kept]] = of_each[seen[kept]]
+        return Readings(self.channels, tuple(columns))
 
 
 def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:

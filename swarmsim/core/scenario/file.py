@@ -18,6 +18,7 @@ from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import (
+    Actuator,
     AnyComputation,
     AnyStrategy,
     AnyTask,
@@ -161,6 +162,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     physics: Part[Bodies] = Part("physics")
     sensor: Part[Sensor] = Part("sensor")
     sensors: tuple[Part[Sensor], ...] = ()  # more of them or, without `sensor`, all
+    actuators: tuple[Part[Actuator], ...] = ()
     field: Part[Field] = NONE
     localisation: Part[Localisation] = Part("localisation")
     network: Network
@@ -178,7 +180,7 @@ Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the sce
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
-LATER: Final = ("probes", "sensors")
+LATER: Final = ("actuators", "probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
