@@ -72,6 +72,11 @@ class Sheep:
         return me.drive(0.02 * self.dogs, me.random.uniform(-0.5, 0.5))
 
 
+class Shining(Dog):
+    def step(self, me):
+        return me.drive(0.05).also(led=(me.id, 200, 0))
+
+
 class Wrong(Sheep):
     def step(self, me):
         return me.drive(1.0 / (me.iteration - 3), 0.0)
@@ -259,6 +264,17 @@ def test_a_group_that_maps_beside_another_keeps_every_contract(sharing: str) -> 
     )  # fmt: skip
     for check in (testing.check_strictly, testing.check_one_robot, testing.check_permutation, testing.check_locality):
         check(ROOT / "scenarios" / "room.toml", given, 12)
+
+
+def test_lights_of_a_group_that_does_not_use_them_are_dark(herd) -> None:
+    shining = DOGS.format(2).replace("Dog", "Shining")
+    run = herd(
+        shining,
+        "{count=2, mind={computation={use='reactive'}, strategy={use='stand'}}}",
+        keys=('actuators=[{use="led"}]',),
+    )
+    moments = moments_of(run)
+    assert moments[-1].intents.commands["led"].tolist() == [[0, 200, 0], [1, 200, 0], [0, 0, 0], [0, 0, 0]]
 
 
 def test_what_breaks_its_contract_names_the_group(herd) -> None:
