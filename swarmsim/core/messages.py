@@ -22,6 +22,13 @@ class MessageBatch:
 
     __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there
 
+    #: The columns that tell which robot an item comes from and how it got here, not what it says.
+    PROVENANCE: ClassVar[tuple[str, ...]] = ()
+    #: Which of these holds that robot's number, if any does.
+    SOURCE: ClassVar[str] = ""
+    #: What the columns of an item that says nothing hold, as far as there is something that says nothing.
+    SILENT: ClassVar[Mapping[str, int]] = {}
+
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns, in their order."""
         return tuple([getattr(self, name) for name in self.__match_args__])

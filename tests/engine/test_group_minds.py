@@ -310,11 +310,11 @@ def test_what_breaks_its_contract_names_the_group(herd) -> None:
         ((DOGS.format(1), SHEEP.format(1).replace('"sheep"', '"dogs"')), (), r"two groups have one name"),
         (
             (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="byzantine", failure="inverted", at=1}]',),
-            r"faults\[0\]\.failure: 'inverted' is a lie about tiles",
+            r"faults\[0\]\.failure: 'inverted' needs a computation .* groups with several minds does not",
         ),
         (
             (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="mind", failure="random-walk", at=1}]',),
-            r"faults\[0\]\.failure: these robots keep no maps",
+            r"faults\[0\]\.failure: 'random-walk' needs a computation .* groups with several minds does not",
         ),
         (
             (DOGS.format(1), SHEEP.format(1)), ('faults=[{use="byzantine", failure="replay", age=2, at=1}]',),

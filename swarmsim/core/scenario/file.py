@@ -41,7 +41,7 @@ from swarmsim.core.scenario.part import NONE, Part, plain
 from swarmsim.core.scenario.platforms import with_platforms
 from swarmsim.core.scenario.robots import Count, Group, GroupMind, Positive, Robots
 from swarmsim.core.scenario.toml import DEEPEST, TOO_DEEP, parsed, read_toml
-from swarmsim.core.seams import SEAMS, at_place
+from swarmsim.core.seams import PLACED, at_place
 
 _HOMES: Final = (Path(__file__).parents[2], Path(__file__).parents[3])  # of our own scenarios and worlds
 
@@ -193,7 +193,7 @@ MOVED: Final = {
 def parts_of(scenario: Scenario) -> dict[str, Part[object]]:
     """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
     found: dict[str, Part[object]] = {}
-    for seam in SEAMS.values():
+    for seam in PLACED.values():
         part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
         if part or seam.required:
             found[seam.name] = part
@@ -204,7 +204,7 @@ def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
     """Every part that a scenario has any number of, with its place: `faults[2]`."""
     return [
         (f"{seam.at}[{i}]", part)
-        for seam in SEAMS.values()
+        for seam in PLACED.values()
         if seam.many
         for i, part in enumerate(_at(scenario, seam.place))
     ]
