@@ -32,7 +32,7 @@ GROUP: Final = "seam"  # of entry points: swarmsim.seam
 
 @dataclass(frozen=True, slots=True)
 class Seam:
-    """One seam. Its checks are in `engine.promises`, and its skeleton is a file in `cli/skeletons`."""
+    """One seam. Its checks are in `engine.promises`, and its skeleton is a file in `api/skeletons`."""
 
     name: str  # entry points are of the group swarmsim.NAME
     place: tuple[str, ...]  # the keys of its table in a scenario; none for a part named in another part's table

@@ -15,7 +15,8 @@ import pytest
 from conftest import ROOT
 from typer.testing import CliRunner
 
-from swarmsim.cli import app, skeletons
+from swarmsim.api import skeletons
+from swarmsim.cli import app
 from swarmsim.core.adapters.forms import FunctionForm
 from swarmsim.core.code import distributions
 from swarmsim.core.errors import InputError
@@ -57,9 +58,9 @@ def test_every_seam_has_a_skeleton_or_a_reason_why_not() -> None:
     assert kinds | set(skeletons.WITHOUT) == set(PLACED)
     assert not kinds & set(skeletons.WITHOUT)
     with pytest.raises(InputError, match=r"new physics: .*start from swarmsim/robots/particles\.py"):
-        skeletons.written("physics", "mine", Path())
+        skeletons.new("physics", "mine")
     with pytest.raises(InputError, match=r"new sharing: .*start from swarmsim/operations/mapping/sharing/policies\.py"):
-        skeletons.written("sharing", "mine", Path())
+        skeletons.new("sharing", "mine")
     check_files_in(skeletons.WITHOUT)
 
 

@@ -93,8 +93,14 @@ def _names(kind: str, name: str) -> tuple[str, str]:
     return module, "".join(word.capitalize() for word in module.split("_")) if "$Name" in code else module
 
 
-def written(kind: str, name: str, folder: Path) -> list[Path]:
-    """Write a part and its test into a folder; gives the files. Raises InputError; nothing is overwritten."""
+def new(kind: str, name: str, to: str | Path = ".") -> list[Path]:
+    """Write a part of your own to start from, and its test, which passes; give both files: `swarmsim new`.
+
+    `kind` is a seam, or `mind`; `name` a word such as my_rule, and `to` a folder, which is made if it is not there.
+    Raises InputError for a kind that there is nothing to start from of, for a name that is none, and for files that
+    exist already: nothing is overwritten.
+    """
+    folder = Path(to)
     module, part = _names(kind, name)
     files = [folder / f"{module}.py", folder / f"test_{module}.py"]
     for path in files:
