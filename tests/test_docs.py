@@ -200,7 +200,7 @@ def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path)
     for listing in listings:
         assert listing.count("\n") <= 25
         (copy / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
-    for name, text in zip(("spread", "study"), blocks("docs/minds.md", "toml"), strict=True):
+    for name, text in zip(("spread", "study", "herding"), blocks("docs/minds.md", "toml"), strict=True):
         (copy / f"{name}.toml").write_text(text)
     for command in "".join(blocks("docs/minds.md", "sh")).splitlines():
         arguments = [sys.executable, "-m", *command.split()]

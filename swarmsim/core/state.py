@@ -49,6 +49,7 @@ class Record:
     lists: Mapping[str, NDArray[np.generic]] = field(
         default_factory=dict
     )  # (c, ...): as many rows as there happen to be
+    of_robots: tuple[str, ...] = ()  # the lists whose first column is the row of a robot
 
 
 class Auditor:

@@ -23,7 +23,7 @@ def nothing(found: object, *given: object) -> None:
 
 
 def _of_computation(part: AnyComputation, context: BuildContext) -> Checks:
-    auditor, form, count = part.knowledge_type.auditor(context), _Form("computation"), context.swarm
+    auditor, form, count = part.knowledge_type.auditor(context), _Form("computation"), len(context.ids)
 
     def heard(found: object, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         wrong = contracts.knowledge(found, part.knowledge_type)

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.kinds import Mixed
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.own import array_of
 from swarmsim.core.readings import Readings
 from swarmsim.core.scenario.file import load
@@ -244,7 +246,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         return {agent: self._of(self._perceived, self._robots[agent]) for agent in agents}
 
     def _of(self, seen: Perceived, robot: int) -> Observation:
-        tiles, inbox = seen.senses.readings.tiled, seen.inbox
+        tiles, inbox = seen.senses.readings.tiled, _of_tiles(seen.inbox)
         cell, lattice = self._run.context.lattice.cell, self._run.context.lattice
         shape = tiles.values.shape[1:]
         x, y, yaw = seen.senses.pose[robot]
@@ -277,6 +279,15 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
 
 
 S = TypeVar("S", bound=np.generic)
+
+
+def _of_tiles(inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
+    """What was heard of tiles, where groups of robots say messages of several kinds."""
+    content = inbox.content
+    if not isinstance(content, Mixed):
+        return inbox
+    tiled = [kind for kind, table in content.tables.items() if {"values", "origins"} <= set(table.__match_args__)]
+    return replace(inbox.take(content.kind == tiled[0]), content=content.of(tiled[0])) if tiled else inbox
 
 
 def _joined(mine: Intents, theirs: Intents, learners: NDArray[np.int64]) -> Intents:

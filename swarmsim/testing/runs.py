@@ -14,6 +14,7 @@ from swarmsim.core.messages import Broadcast, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.toml import read_toml
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
 from swarmsim.engine.build import Run, build
@@ -105,8 +106,10 @@ def check_determinism(
 def check_alone(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """A single robot that hears nobody does what it can."""
-    alone = ("robots.count=1", 'network.topology={use="none"}', "faults=[]")
+    """A single robot that hears nobody does what it can; of a swarm of groups, one of each."""
+    robots = read_toml(Path(scenario), "a scenario file").get("robots")
+    single = [f"robots.{number}.count=1" for number in range(len(robots))] if isinstance(robots, list) else ()
+    alone = (*(single or ("robots.count=1",)), 'network.topology={use="none"}', "faults=[]")
     check_strictly(scenario, (*overrides, *alone), iterations, allow_code)
 
 

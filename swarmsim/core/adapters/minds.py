@@ -70,6 +70,8 @@ class Me:
     radius: float  # m
     random: np.random.Generator  # a stream of its own
     readings: SimpleNamespace  # what its other sensors give, by the names of their channels
+    #: What arrived of groups of robots that say messages of another kind: as `heard`, by the name of the group.
+    others: Mapping[str, Sequence[SimpleNamespace]]
 
     def __getattr__(self, name: str) -> Any:
         found = {} if name == "readings" else vars(self.readings)  # which is not there while it is made
@@ -233,8 +235,16 @@ class Swarm:
                 None if field is None else float(field[i]),
                 [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
-                lattice, robots.speed, robots.radius, self._random[i], _read(readings, i), period,
+                lattice, robots.speed, robots.radius, self._random[i], _read(readings, i, self.ids[i]),
+                self._others(inbox, i, now), period,
             )  # fmt: skip
+
+    def _others(self, inbox: Inbox[MessageBatch] | None, row: int, now: int) -> dict[str, list[SimpleNamespace]]:
+        """What one robot has heard of each group whose messages are of another kind."""
+        found: dict[str, list[SimpleNamespace]] = {name: [] for name in self._context.robots.names}
+        for name, heard in ({} if inbox is None else inbox.others).items():
+            found[name] = _heard(heard, row, now)
+        return found
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Give robots (r,) new minds."""
@@ -252,19 +262,19 @@ _SHOWN: Final = ("tiles.values", "tiles.origins", "tiles.evidence", "ranges", "f
 _NONE: Final = SimpleNamespace()
 
 
-def _read(readings: Readings, robot: int) -> SimpleNamespace:
+def _read(readings: Readings, row: int, robot: int) -> SimpleNamespace:
     """What one robot's other sensors give: numbers, arrays, and of ragged channels as many rows as are used."""
     if all(name in _SHOWN for name in readings.channels.places):
         return _NONE
     found: dict[str, object] = {}
     counts = {channel.count for channel in readings.channels}
     for channel, column in zip(readings.channels, readings.columns, strict=True):
-        first, end = channel.robots or (0, len(column))
+        first, end = channel.robots or (robot, robot + 1)
         if channel.name in _SHOWN or channel.name in counts or not first <= robot < end:
             continue
         name = channel.name.replace(".", "_") if channel.group else channel.name.partition(".")[0]
-        row = column[robot] if not channel.count else column[robot][: int(readings[channel.count][robot])]
-        found[name] = _kept(row) if channel.shape else row.item()
+        mine = column[row] if not channel.count else column[row][: int(readings[channel.count][row])]
+        found[name] = _kept(mine) if channel.shape else mine.item()
     return SimpleNamespace(**found)
 
 
