@@ -31,7 +31,7 @@ from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 class Intent:
     """What one robot has decided: a velocity or a way."""
 
-    twist: tuple[float, float] | None = None  # m/s ahead, rad/s counter-clockwise
+    twist: tuple[float, float, float] | None = None  # m/s ahead, rad/s counter-clockwise, m/s to the left
     way: NDArray[np.float64] | None = None  # (w, 2): x, y in m
 
 
@@ -79,12 +79,16 @@ class Me:
             return np.empty((0, 2))
         return self.lattice.centres(np.argwhere(self.tile == OCCUPIED) + self.corner)
 
-    def drive(self, ahead: float, turn: float = 0.0) -> Intent:
-        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise.
+    def drive(self, ahead: float, turn: float = 0.0, left: float = 0.0) -> Intent:
+        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise, m/s to the left.
 
-        Raises ValueError unless both are finite numbers.
+        Raises ValueError unless all are finite numbers, and for a robot that shall move to the left but cannot.
         """
-        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn)))
+        aside = _number("drive", "left", left)
+        if aside and not self._sideways:
+            wrong = f"left: {aside:g} m/s, but this robot cannot move to the side"
+            raise MisfitError(f"me.drive: {wrong}; expected 0, or kinematics.use = 'omni'")
+        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn), aside))
 
     def head(self, yaw: float, ahead: float) -> Intent:
         """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
@@ -92,7 +96,7 @@ class Me:
         Raises ValueError unless both are finite numbers.
         """
         turn = (_number("head", "yaw", yaw) - self.yaw + np.pi) % (2.0 * np.pi) - np.pi
-        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period))
+        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period, 0.0))
 
     def go(self, way: ArrayLike) -> Intent:
         """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end.
@@ -109,6 +113,7 @@ class Me:
         return Intent(way=places.astype(np.float64))
 
     _period: float = 1.0  # s, of an iteration
+    _sideways: bool = False  # whether it can move to the side
 
 
 class Mind(Protocol):
@@ -212,6 +217,7 @@ class Swarm:
         robots, lattice, period = self._setting.robots, self._setting.lattice, self._setting.period
         readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
+        sideways = _sideways(self._setting)
         for i in np.flatnonzero(senses.alive).tolist():
             x, y, yaw = senses.pose[i].tolist()
             yield i, Me(
@@ -225,6 +231,7 @@ class Swarm:
                 [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
                 lattice, robots.speed, robots.radius, self._random[i], _read(readings, i), period,
+                bool(sideways[i]),
             )  # fmt: skip
 
     def forget(self, robots: NDArray[np.int64]) -> None:
@@ -236,6 +243,12 @@ class Swarm:
         """Give robots (r,) the memory of another one."""
         for robot in robots.tolist():
             self.minds[robot] = copy.deepcopy(self.minds[source])
+
+
+def _sideways(setting: Setting) -> NDArray[np.bool_]:
+    """Which of the robots that are served (rows,) can move to the side."""
+    drives = setting.kinematics
+    return np.zeros(len(setting.ids), np.bool_) if drives is None else drives.sideways[setting.ids]
 
 
 #: What a mind finds under names of its own.
@@ -452,6 +465,7 @@ class MindStrategy:
         self._kind, self._lattice = kind, setting.lattice
         self._swarm = Swarm(make, setting)
         self._ways: dict[int, bytes] = {}
+        self._columns = 3 if setting.kinematics is not None and setting.kinematics.sideways.any() else 2
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""
@@ -461,9 +475,9 @@ class MindStrategy:
         decided = self._swarm.each(senses, self._intent, inbox, known)
         count = len(senses.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
-        twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
+        twists, planned = np.zeros((count, self._columns)), np.zeros(count, np.bool_)
         for robot, intent in decided.items():
-            twists[robot] = (np.nan, np.nan) if intent.twist is None else intent.twist
+            twists[robot] = np.nan if intent.twist is None else intent.twist[: self._columns]
         for robot, way in ways.items():
             planned[robot] = self._ways.get(robot) != way.tobytes()
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
@@ -474,7 +488,7 @@ class MindStrategy:
     def _intent(self, mind: Mind, me: Me) -> Intent:
         answer = mind.step(me)
         if answer is None:
-            return Intent((0.0, 0.0))
+            return Intent((0.0, 0.0, 0.0))
         if not isinstance(answer, Intent):
             raise MisfitError(
                 f"step gave {own.brief(answer)}; expected me.drive(...), me.head(...), me.go(...) or None to stand",

@@ -23,6 +23,7 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     use: str = PLAIN
     sensor: Part[Any] = NONE  # the kind's own; none: the scenario's
     sensors: tuple[Part[Any], ...] | UnsetType = UNSET  # more of its own
+    kinematics: Part[Any] | UnsetType = UNSET  # the kind's own; left out: the scenario's
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):

@@ -67,7 +67,7 @@ def _shown(kind: Any) -> Any:
     if get_origin(kind) is Annotated:
         return getitem(Annotated, (_shown(kind.__origin__), *kind.__metadata__))
     if msgspec.UnsetType in get_args(kind):
-        (kind,) = (one for one in get_args(kind) if one is not msgspec.UnsetType)
+        return _shown(*[one for one in get_args(kind) if one is not msgspec.UnsetType])
     if get_origin(kind) is tuple:
         return tuple.__class_getitem__(tuple(_shown(one) for one in get_args(kind)))
     return kind

@@ -15,6 +15,7 @@ from swarmsim.core.forms import (
     OfFunction,
     OfMind,
 )
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.setting import Field, Setting, Site
 
@@ -87,6 +88,7 @@ SEAMS: Final = {
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
         Seam("channel", ("network", "channel"), parts.Channel, "perfect"),
         Seam("motion", ("motion",), parts.Motion, "pure-pursuit"),
+        Seam("kinematics", ("kinematics",), Kinematics, "differential", of_groups=True),
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),
         Seam("probe", ("probes",), parts.Probe, many=True),

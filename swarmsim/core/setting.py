@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.crew import Crew
+from swarmsim.core.kinematics import Drives
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import NOTHING, Channels
 from swarmsim.core.streams import Streams
@@ -70,6 +71,7 @@ class Setting:
     number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
     channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built first
     gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
+    kinematics: Drives | None = None  # of all robots; None: each has two wheels
 
     @classmethod
     def of(

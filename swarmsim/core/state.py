@@ -31,7 +31,7 @@ class State:
     iteration: int
     pose: NDArray[np.float64]  # (n, 3): x, y in m, yaw in rad, counter-clockwise
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
-    wheels: NDArray[np.float64]  # (n, 2): rim speed of the left and right wheel, m/s
+    wheels: NDArray[np.float64]  # (n, 2 or more): rim speed of the left and right wheel, m/s, or see `core.kinematics`
     alive: NDArray[np.bool_]  # (n,)
 
     @property
@@ -130,11 +130,12 @@ class Intents:
     waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the way still ahead of each robot
     counts: NDArray[np.int32]  # (n,): how many of its waypoints each robot uses
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
-    twists: NDArray[np.float64] | None = None  # (n, 2): m/s ahead, rad/s; NaN rows follow waypoints; None: all do
+    #: (n, 2): m/s ahead, rad/s; (n, 3): and m/s to the left; NaN rows follow waypoints; None: all do.
+    twists: NDArray[np.float64] | None = None
 
     @classmethod
     def twisting(cls, twists: NDArray[np.float64]) -> Intents:
-        """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise."""
+        """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise; or (n, 3), with m/s to the left."""
         count = len(twists)
         goals, counts = np.full((count, 2), -1, np.int32), np.zeros(count, np.int32)
         return cls(goals, np.zeros((count, 1, 2)), counts, np.zeros(count, np.bool_), twists)

@@ -20,6 +20,7 @@ from swarmsim.core.building import Building, Survey
 from swarmsim.core.code import Code, code_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.kinematics import Drives, Wheels
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import lent
 from swarmsim.core.minds import OF_ME
@@ -37,7 +38,16 @@ from swarmsim.core.parts import (
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
 from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
+from swarmsim.core.scenario import (
+    Scenario,
+    Sensors,
+    World,
+    all_parts,
+    fitted,
+    kinematics_of,
+    parts_of,
+    sensors_of,
+)
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
@@ -196,7 +206,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
             setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
         )
     sensor = with_field(_sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0)))
-    setting = replace(setting, channels=sensor.channels)
+    drives = _drives(scenario, setting, strict, clock)
+    setting = replace(setting, channels=sensor.channels, kinematics=drives)
     mind, network = scenario.mind, scenario.network
     bodies = _make(scenario.physics, setting)
     parts = Parts(
@@ -246,11 +257,27 @@ def _sensors(scenario: Scenario, setting: Setting, strict: bool, clock: Clock) -
     suites = [_suite(sensors, setting, strict, clock) for sensors in fitted(scenario)]
     if len(suites) == 1:
         return suites[0]
-    counts = [group.count for group in scenario.robots.groups]
-    ends = np.cumsum(counts)
-    return MixedSensor(
-        [(suite, np.arange(end - n, end)) for suite, end, n in zip(suites, ends.tolist(), counts, strict=True)]
-    )
+    return MixedSensor(list(zip(suites, _ids_of_groups(scenario.robots), strict=True)))
+
+
+def _ids_of_groups(robots: Robots) -> list[NDArray[np.int64]]:
+    """The numbers (r,) of the robots of each group."""
+    return np.split(np.arange(robots.count), np.cumsum([group.count for group in robots.groups])[:-1])
+
+
+def _drives(scenario: Scenario, setting: Setting, strict: bool, clock: Clock) -> Drives:
+    """The kinematics of a swarm; of a mixed swarm, those of its groups. Raises InputError."""
+    asked = kinematics_of(scenario)
+    every = _ids_of_groups(scenario.robots) if len(asked) > 1 else [setting.ids]
+    kinds: list[Wheels] = []
+    for (place, one), ids in zip(asked, every, strict=True):
+        mine = setting.serving(ids)
+        kinematics = _make(one, mine, place)
+        if strict or not registry.is_ours(kinematics):
+            kinematics = held("kinematics", kinematics, mine, clock, not registry.is_ours(kinematics))
+        rows = slice(int(ids[0]), int(ids[-1]) + 1)
+        kinds.append(Wheels(one.use, kinematics, rows, one.says("sideways", False), one.says("bend", 0.0)))
+    return Drives(kinds)
 
 
 def _suite(sensors: Sensors, setting: Setting, strict: bool, clock: Clock) -> Sensor:

@@ -214,7 +214,8 @@ def intents(found: object, senses: Senses, lattice: Lattice) -> str | None:
                 f"goals[{robot}]: {cell}; expected a cell of the {lattice.rows} x {lattice.columns}, or -1, -1 for none"
             )
     if wrong is None and found.twists is not None:
-        wrong = array("twists", found.twists, np.float64, n, 2, finite=False)
+        width = 3 if found.twists.ndim == 2 and found.twists.shape[1] == 3 else 2
+        wrong = array("twists", found.twists, np.float64, n, width, finite=False)
         if wrong is None and not np.isfinite(found.twists).all():
             follows = np.isnan(found.twists).all(axis=1) & (found.counts > 0)
             strange = np.flatnonzero(~np.isfinite(found.twists).all(axis=1) & ~follows & senses.alive)

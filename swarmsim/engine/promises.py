@@ -58,6 +58,30 @@ def of_summaries(curve: Curve, setting: Setting) -> Checks:
     return {"sample": nothing, "summary": lambda found: contracts.summary(found, taken)}
 
 
+def _width(setting: Setting) -> int:
+    """How many numbers a command of the swarm has."""
+    return 2 if setting.kinematics is None else setting.kinematics.width
+
+
+def _of_kinematics(part: Any, setting: Setting) -> Checks:
+    """Each verb gives a row for each robot, of as many numbers as the kinematics has columns."""
+    robots, columns = len(setting.ids), len(part.columns)
+
+    def forces(found: object, *given: object) -> str | None:
+        if not isinstance(found, tuple) or len(found) != 2:
+            return f"forces: {type(found).__name__}; expected what wheels do, and forces"
+        wheels, push = found
+        return contracts.array("wheels", wheels, np.float64, robots, columns) or contracts.array(
+            "forces", push, np.float64, robots, 3
+        )
+
+    return {
+        "command": lambda found, twists: contracts.array("command", found, np.float64, robots, columns),
+        "approach": lambda found, aims: contracts.array("approach", found, np.float64, robots, columns),
+        "forces": forces,
+    }
+
+
 class _Form:
     """What a part gives to be recorded has the same form in every iteration."""
 
@@ -87,8 +111,9 @@ CHECKS: Final[Mapping[str, Callable[[Any, Setting], Checks]]] = {
     },
     "motion": lambda part, setting: {
         "follow": nothing,
-        "command": lambda found, pose: contracts.array("command", found, np.float64, setting.swarm, 2),
+        "command": lambda found, pose: contracts.array("command", found, np.float64, setting.swarm, _width(setting)),
     },
+    "kinematics": _of_kinematics,
     "task": _of_task,
 }
 #: Why the parts of some seams have no checks here.

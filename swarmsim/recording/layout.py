@@ -85,7 +85,7 @@ TABLES: Final = {
     "origins": Table("i4", ("robots", 2), EACH, (-FAR,) * 2, (FAR,) * 2, by="sensor"),
     "samples": Table("f8", ("robots",), EACH, by="sensor"),
     "goals": Table("i4", ("robots", 2), EACH, (-1.0, -1.0), ("last row", "last column")),
-    "twists": Table("f8", ("robots", 2), EACH),
+    "twists": Table("f8", ("robots", "any"), EACH),
     "links": Table("i4", (2,), MANY, (0.0, 0.0), ("last robot",) * 2),
     "letters": Table("i4", (5,), MANY, (0.0,) * 5, ("last robot", "last robot", 2e9, 2e9, "last fate")),
     "changes": Table("i4", (3,), MANY, (0.0,) * 3, ("last robot", "last cell", 2.0), by="computation"),

@@ -24,7 +24,7 @@ from swarmsim.network.topology import Isolated
 from swarmsim.operations.mapping.coverage import Coverage
 from swarmsim.operations.mapping.grids import OccupancyGrids
 from swarmsim.operations.mapping.measures import probability
-from swarmsim.robots.bodies import DifferentialDrive, Pymunk
+from swarmsim.robots.bodies import Pymunk, RigidDiscs
 from swarmsim.robots.localisation import PerfectLocalisation
 from swarmsim.robots.motion import PurePursuit
 from swarmsim.robots.sensors import IrRing
@@ -499,7 +499,7 @@ class Follow:
         none = np.full((len(paths), 2), -1, np.int32)
         self.motion.follow(Intents(none, waypoints, counts, np.ones(len(paths), bool)))
         self.poses, self.wanted = [], []
-        self.end = DifferentialDrive(place.robots, Pymunk(), building(), start).drive(self, seconds)
+        self.end = RigidDiscs(place.robots, Pymunk(), building(), start).drive(self, seconds)
         self.poses, self.wanted = np.array(self.poses), np.array(self.wanted)
 
     def command(self, pose):
@@ -641,7 +641,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     channels = Channels(*tile_channels((6, 7), False))
     place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall, channels=channels)
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
-    bodies = DifferentialDrive(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
+    bodies = RigidDiscs(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
     mind = Mapper().build(place)
     parts = Parts(
         sensor=IrRing().build(place), localisation=PerfectLocalisation(), computation=mind.computation,
