@@ -217,7 +217,7 @@ class Swarm:
         robots, lattice, period = self._setting.robots, self._setting.lattice, self._setting.period
         readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
-        sideways = _sideways(self._setting)
+        sideways = self._setting.sideways
         for i in np.flatnonzero(senses.alive).tolist():
             x, y, yaw = senses.pose[i].tolist()
             yield i, Me(
@@ -231,7 +231,7 @@ class Swarm:
                 [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
                 lattice, robots.speed, robots.radius, self._random[i], _read(readings, i), period,
-                bool(sideways[i]),
+                sideways is not None and bool(sideways[i]),
             )  # fmt: skip
 
     def forget(self, robots: NDArray[np.int64]) -> None:
@@ -243,12 +243,6 @@ class Swarm:
         """Give robots (r,) the memory of another one."""
         for robot in robots.tolist():
             self.minds[robot] = copy.deepcopy(self.minds[source])
-
-
-def _sideways(setting: Setting) -> NDArray[np.bool_]:
-    """Which of the robots that are served (rows,) can move to the side."""
-    drives = setting.kinematics
-    return np.zeros(len(setting.ids), np.bool_) if drives is None else drives.sideways[setting.ids]
 
 
 #: What a mind finds under names of its own.
@@ -465,7 +459,7 @@ class MindStrategy:
         self._kind, self._lattice = kind, setting.lattice
         self._swarm = Swarm(make, setting)
         self._ways: dict[int, bytes] = {}
-        self._columns = 3 if setting.kinematics is not None and setting.kinematics.sideways.any() else 2
+        self._columns = 2 if setting.sideways is None else 3
 
     def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""

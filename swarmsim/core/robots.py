@@ -9,6 +9,7 @@ from msgspec import UNSET, Meta, UnsetType
 from numpy.typing import NDArray
 
 from swarmsim.core.crew import Body, Crew
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.part import NONE, Part
 from swarmsim.core.platforms import PLAIN
 
@@ -23,7 +24,7 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     use: str = PLAIN
     sensor: Part[Any] = NONE  # the kind's own; none: the scenario's
     sensors: tuple[Part[Any], ...] | UnsetType = UNSET  # more of its own
-    kinematics: Part[Any] | UnsetType = UNSET  # the kind's own; left out: the scenario's
+    kinematics: Part[Kinematics] | UnsetType = UNSET  # the kind's own; left out: the scenario's
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):

@@ -56,7 +56,7 @@ class Setting:
 
     A mind may be built for some of the robots, even for one. It has a row for each of `ids`, draws and names robots by
     their numbers, and takes what concerns the whole swarm from `swarm` and from its keys, never from how many rows it
-    has. All other parts are built for all robots.
+    has. So is a kinematics, for the robots that have it. All other parts are built for all robots.
     """
 
     robots: Crew  # what they are made of
@@ -97,6 +97,12 @@ class Setting:
     def start(self) -> NDArray[np.float64]:
         """Poses at the start (rows, 3)."""
         return self.starts[self.ids]
+
+    @property
+    def sideways(self) -> NDArray[np.bool_] | None:
+        """Which of the robots served (rows,) can move to the side; None if nobody in the swarm can."""
+        drives = self.kinematics
+        return drives.sideways[self.ids] if drives is not None and drives.sideways.any() else None
 
     def own_streams(self, purpose: str) -> list[np.random.Generator]:
         """A stream for each robot that is served, by its number."""

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.parts import AnyComputation, AnyTask, Curve
 from swarmsim.core.setting import Setting
@@ -63,7 +64,7 @@ def _width(setting: Setting) -> int:
     return 2 if setting.kinematics is None else setting.kinematics.width
 
 
-def _of_kinematics(part: Any, setting: Setting) -> Checks:
+def _of_kinematics(part: Kinematics, setting: Setting) -> Checks:
     """Each verb gives a row for each robot, of as many numbers as the kinematics has columns."""
     robots, columns = len(setting.ids), len(part.columns)
 

@@ -120,17 +120,19 @@ def car_forces(moving, wheels, wanted, push, dt, traits):
     """Traction of a car's two axles, as far before and behind the middle, for one sub-step: the bicycle model.
 
     `wheels` (n, 2) is the speed of the rear axle (m/s) and the steering angle (rad), each of which moves towards
-    `wanted` (n, 2) at its own rate. Both axles roll without slipping if the middle moves at that speed ahead and at
-    half the turn times the distance of the axles to the left. The force for this is shared by the axles, which are both
-    driven, with equal pushes along their wheels, and each share is cut to the friction circle of radius grip, Coulomb's
-    limit for half the weight. All else as in `drive.forces`.
+    `wanted` (n, 2) at its own rate; in a bend the front axle, which is the faster one, has the top speed at most. Both
+    axles roll without slipping if the middle moves at that speed ahead and at half the turn times the distance of the
+    axles to the left. The force for this is shared by the axles, which are both driven, with equal pushes along their
+    wheels, and each share is cut to the friction circle of radius grip, Coulomb's limit for half the weight. All else
+    as in `drive.forces`.
     """
     for i in range(len(wheels)):
         base, mass, moment, grip = traits[i, 1], traits[i, 4], traits[i, 5], traits[i, 7]
-        for column in range(2):
-            limit = (traits[i, 6] if column == 0 else traits[i, 3]) * dt
-            change = wanted[i, column] - wheels[i, column]
-            wheels[i, column] += min(max(change, -limit), limit)
+        limit = traits[i, 3] * dt
+        wheels[i, 1] += min(max(wanted[i, 1] - wheels[i, 1], -limit), limit)
+        limit, fastest = traits[i, 6] * dt, traits[i, 0] * math.cos(wheels[i, 1])
+        aim = min(max(wanted[i, 0], -fastest), fastest)
+        wheels[i, 0] += min(max(aim - wheels[i, 0], -limit), limit)
         speed, steering = wheels[i, 0], wheels[i, 1]
         turn = speed * math.tan(steering) / base
         heading = moving[i, 2] + 1.5 * dt * moving[i, 5]
