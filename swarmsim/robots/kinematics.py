@@ -9,9 +9,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.crew import Crew, Length
 from swarmsim.core.kinematics import Drives, Wheels
-from swarmsim.core.setting import Setting
 from swarmsim.kernels import drive, rolling
 
 GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
@@ -20,9 +20,9 @@ GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
 class Differential(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Two wheels side by side, each with a motor: robots drive arcs and turn on the spot."""
 
-    def build(self, setting: Setting) -> TwoWheels:
+    def build(self, context: BuildContext) -> TwoWheels:
         """The kinematics of robots with such wheels."""
-        return TwoWheels(setting.robots)
+        return TwoWheels(context.robots)
 
 
 class Omni(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -33,9 +33,9 @@ class Omni(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They can move to the side."""
         return True
 
-    def build(self, setting: Setting) -> ThreeWheels:
+    def build(self, context: BuildContext) -> ThreeWheels:
         """The kinematics of robots with such wheels."""
-        return ThreeWheels(setting.robots)
+        return ThreeWheels(context.robots)
 
 
 class Car(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,14 +50,14 @@ class Car(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The radius (m) of the tightest bend of the rear axle."""
         return self.wheelbase / math.tan(self.steering)
 
-    def build(self, setting: Setting) -> Bicycle:
+    def build(self, context: BuildContext) -> Bicycle:
         """The kinematics of robots with such wheels."""
-        return Bicycle(self, setting.robots)
+        return Bicycle(self, context.robots)
 
 
-def drives_of(setting: Setting) -> Drives:
+def drives_of(context: BuildContext) -> Drives:
     """The kinematics of the swarm that parts are built for; differential if nothing is said of it."""
-    return setting.kinematics or differential(setting.robots, setting.swarm)
+    return context.kinematics or differential(context.robots, context.swarm)
 
 
 def differential(robots: Crew, count: int) -> Drives:

@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import WheelSpeeds
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents
 from swarmsim.kernels import drive
 from swarmsim.robots.kinematics import TwoWheels, drives_of
@@ -25,17 +25,17 @@ class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     look_ahead: Annotated[float, Meta(gt=0.0)] = 0.05  # m
 
-    def build(self, setting: Setting) -> WaypointFollower:
+    def build(self, context: BuildContext) -> WaypointFollower:
         """The follower for a swarm of such robots."""
-        return WaypointFollower(self, setting)
+        return WaypointFollower(self, context)
 
 
 class WaypointFollower:
     """Follows each robot's waypoints by pure pursuit, or its velocity."""
 
-    def __init__(self, parameters: PurePursuit, setting: Setting) -> None:
-        robots, count = setting.robots, setting.swarm
-        self._drives = drives_of(setting)
+    def __init__(self, parameters: PurePursuit, context: BuildContext) -> None:
+        robots, count = context.robots, context.swarm
+        self._drives = drives_of(context)
         self._ahead = np.maximum(parameters.look_ahead, self._drives.bends)
         self._paces = np.column_stack([robots.each("speed"), 0.5 * robots.each("acceleration")])
         self._cursor = np.zeros(count, np.int64)

@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.kinematics import Drives, Wheels
-from swarmsim.core.registry import own_code
-from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import load, table_of
+from swarmsim.core.scenario.file import load, table_of
+from swarmsim.core.scenario.registry import own_code
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import Intents
 from swarmsim.engine.build import build
 from swarmsim.learning.environment import SwarmEnv
@@ -295,14 +295,14 @@ def made_group(table):
 
 def followed(kind, way, seconds):
     """How far from the end of a way (w, 2) in the open a robot ends up, and its state there."""
-    setting = setting_of(1, (40, 40), start=[[3.0, 3.0, 0.0]])
+    context = setting_of(1, (40, 40), start=[[3.0, 3.0, 0.0]])
     bend = CAR.bend if kind == "car" else 0.0
-    drives = Drives([Wheels(kind, kinematics_of(kind, setting.robots), slice(0, 1), False, bend)])
-    setting = replace(setting, kinematics=drives)
-    motion = PurePursuit().build(setting)
+    drives = Drives([Wheels(kind, kinematics_of(kind, context.robots), slice(0, 1), False, bend)])
+    context = replace(context, kinematics=drives)
+    motion = PurePursuit().build(context)
     points = np.concatenate([[[0.0, 0.0]], np.array(way)]) + 3.0
-    motion.follow(Intents.along({0: points}, 1, setting.lattice, np.zeros(1, np.bool_)))
-    state = Pymunk().build(setting).drive(motion, seconds)
+    motion.follow(Intents.along({0: points}, 1, context.lattice, np.zeros(1, np.bool_)))
+    state = Pymunk().build(context).drive(motion, seconds)
     return math.dist(state.pose[0, :2], points[-1]), state
 
 
@@ -329,7 +329,7 @@ MIXED = (
 
 def test_groups_have_kinematics_of_their_own_and_two_wheels_are_what_they_are_alone():
     run = made(*MIXED)
-    drives = run.setting.kinematics
+    drives = run.context.kinematics
     assert drives.names == set(KINDS)
     assert drives.width == 3
     assert drives.sideways.tolist() == [False, False, True, True, False, False]
@@ -464,7 +464,7 @@ def test_agents_that_learn_drive_any_kinematics_but_no_wheels_that_are_not_there
 
 
 def test_kinematics_have_their_schema_for_swarms_and_groups():
-    from swarmsim.core.schema import schema
+    from swarmsim.core.scenario.schema import schema
 
     found = json.loads(json.dumps(schema()))
     assert found["properties"]["kinematics"] == {"$ref": "#/$defs/kinematics"} or "kinematics" in found["$defs"]
