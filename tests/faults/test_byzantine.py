@@ -64,7 +64,7 @@ class Ears:
         return self.policy.say(senses, self.grids)
 
     def hear(self, senses: Senses, inbox: Inbox) -> Inbox:
-        taken = self.policy.taken(senses, inbox)
+        taken = self.policy.accepted(senses, inbox)
         self.grids.update(senses.alive, senses.readings.tiles, taken.take(np.zeros(len(taken), bool)))
         return taken
 
@@ -239,10 +239,10 @@ def test_lies_are_those_said_from_the_onset_to_the_end_whenever_they_arrive(lie,
     told = 0
     for moment, before in zip(moments, plain, strict=False):
         assert_array_equal(moment.state.pose, before.state.pose)
-        assert_array_equal(moment.knowledge.taken.content.values, before.inbox.content.values)
-        assert_array_equal(moment.knowledge.taken.senders, before.inbox.senders)
+        assert_array_equal(moment.knowledge.accepted.content.values, before.inbox.content.values)
+        assert_array_equal(moment.knowledge.accepted.senders, before.inbox.senders)
     for moment in moments:
-        inbox, heard = moment.knowledge.taken, moment.delivery.heard
+        inbox, heard = moment.knowledge.accepted, moment.delivery.heard
         lied = (heard[:, 1] == 7) & (heard[:, 2] >= 10) & (heard[:, 2] < 15)
         told += lied.sum()
         if "spoof" in lie:
