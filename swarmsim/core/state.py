@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from swarmsim.core.building import Building
 from swarmsim.core.context import BuildContext
 from swarmsim.core.events import Event
-from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, MessageBatch
 from swarmsim.core.readings import Readings
 
@@ -126,7 +125,7 @@ class Senses:
 class Intents:
     """What every robot has decided to do until the next iteration: a way to follow or, in `twists`, a velocity."""
 
-    goals: NDArray[np.int32]  # (n, 2): row and column of the goal cell; -1, -1 for none
+    goals: NDArray[np.float64]  # (n, 2): x, y in m, where the robot believes its goal is; NaN for none
     waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the way still ahead of each robot
     counts: NDArray[np.int32]  # (n,): how many of its waypoints each robot uses
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
@@ -137,7 +136,7 @@ class Intents:
     def twisting(cls, twists: NDArray[np.float64]) -> Intents:
         """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise; or (n, 3), with m/s to the left."""
         count = len(twists)
-        goals, counts = np.full((count, 2), -1, np.int32), np.zeros(count, np.int32)
+        goals, counts = np.full((count, 2), np.nan), np.zeros(count, np.int32)
         return cls(goals, np.zeros((count, 1, 2)), counts, np.zeros(count, np.bool_), twists)
 
     @classmethod
@@ -145,21 +144,18 @@ class Intents:
         cls,
         ways: Mapping[int, NDArray[np.float64]],
         robots: int,
-        lattice: Lattice,
         planned: NDArray[np.bool_],
     ) -> Intents:
-        """Some of so many robots follow ways (w, 2) in m, the others stand; a way that leaves the lattice has no goal.
+        """Some of so many robots follow ways (w, 2) in m to their ends, the others stand.
 
         Long straight pieces are given in steps, since a motion steers for the next waypoint in an arc.
         """
         dense = {robot: _in_steps(way) for robot, way in ways.items()}
         longest = max((len(way) for way in dense.values()), default=1)
-        goals, counts = np.full((robots, 2), -1, np.int32), np.zeros(robots, np.int32)
+        goals, counts = np.full((robots, 2), np.nan), np.zeros(robots, np.int32)
         waypoints = np.zeros((robots, longest, 2))
         for robot, way in dense.items():
-            waypoints[robot, : len(way)], counts[robot], goal = way, len(way), lattice.cells(way[-1])
-            if (goal >= 0).all() and (goal < lattice.shape).all():
-                goals[robot] = goal
+            waypoints[robot, : len(way)], counts[robot], goals[robot] = way, len(way), way[-1]
         return cls(goals, waypoints, counts, planned)
 
     def record(self) -> Record:

@@ -195,7 +195,10 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         )
     robots = msgspec.structs.replace(robots, spawn=arena.area_name(robots.spawn))
     plain = survey(())
-    building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
+    building = Building(
+        plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page,
+        lattice=arena.lattice,
+    )  # fmt: skip
     streams = Streams(scenario.seed)
     start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
     context = BuildContext.of(robots, arena.lattice, scenario.period, streams, building, start)

@@ -103,9 +103,7 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     },
     "localisation": lambda part, context: {"locate": contracts.located},
     "computation": _of_computation,
-    "strategy": lambda part, context: {
-        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice)
-    },
+    "strategy": lambda part, context: {"step": lambda found, senses, inbox, known: contracts.intents(found, senses)},
     "topology": lambda part, context: {"links": contracts.links},
     "channel": lambda part, context: {
         "deliver": lambda found, state, linked, sizes: contracts.delivery(found, state, len(linked))

@@ -213,7 +213,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 if robot in self._learners
             }
             fresh = np.zeros(robots.count, np.bool_)
-            mine = Intents.along(ways, robots.count, self._run.context.lattice, fresh)
+            mine = Intents.along(ways, robots.count, fresh)
         else:
             speed, base = robots.each("speed"), robots.each("wheel_base")
             if self._action == "twist":

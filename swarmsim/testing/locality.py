@@ -258,7 +258,7 @@ def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     """What one robot does, as something to compare."""
     way = intents.waypoints[robot, : intents.counts[robot]]
     twist = None if intents.twists is None else intents.twists[robot].tobytes()
-    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist
+    return intents.goals[robot].tobytes(), way.tobytes(), bool(intents.planned[robot]), twist
 
 
 def _scrambled(senses: Senses, robot: int) -> Senses:

@@ -301,7 +301,7 @@ def followed(kind, way, seconds):
     context = replace(context, kinematics=drives)
     motion = PurePursuit().build(context)
     points = np.concatenate([[[0.0, 0.0]], np.array(way)]) + 3.0
-    motion.follow(Intents.along({0: points}, 1, context.lattice, np.zeros(1, np.bool_)))
+    motion.follow(Intents.along({0: points}, 1, np.zeros(1, np.bool_)))
     state = Pymunk().build(context).drive(motion, seconds)
     return math.dist(state.pose[0, :2], points[-1]), state
 

@@ -476,7 +476,7 @@ class MindStrategy:
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
         self.requires = _required(kind)
-        self._kind, self._lattice = kind, context.lattice
+        self._kind = kind
         self._swarm = Swarm(make, context)
         self._ways: dict[int, bytes] = {}
         self._columns = 2 if context.sideways is None else 3
@@ -497,7 +497,7 @@ class MindStrategy:
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
         here = senses.pose[:, :2]
         from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
-        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists)
+        return replace(Intents.along(from_here, count, planned), twists=twists)
 
     def _intent(self, mind: Mind, me: Me) -> Intent:
         answer = mind.step(me)
