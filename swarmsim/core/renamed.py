@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final
+from collections.abc import Container, Iterable
+from typing import Any, Final
 
 #: Methods and attributes of parts and minds.
 OF_PARTS: Final = {
@@ -52,6 +52,31 @@ OF_IMPORTS: Final = {
     "Site": "WorldContext",
     "WrappedComputation": "ComputationDelegate",
 }
+
+#: Keys of scenarios.
+OF_KEYS: Final = {
+    "choose": ("target",),
+    "keep": ("min_alive",),
+    "lasts": ("duration",),
+    "share": ("fraction", "sharing"),  # of faults, of mapping
+}
+
+
+def key_now(old: str, known: Container[str]) -> str | None:
+    """What a key is called now that was called `old`, if it is one of those known."""
+    return next((new for new in OF_KEYS.get(old, ()) if new in known), None)
+
+
+def in_new_words(scenario: dict[str, Any]) -> dict[str, Any]:
+    """The table of a recorded scenario with the keys of today, whatever they were called when it ran."""
+    computation, stop = scenario["mind"]["computation"], scenario["stop"]
+    if computation["use"] == "occupancy-grid" and "share" in computation:
+        computation["sharing"] = computation.pop("share")
+    if stop["when_done"] == "go-on":
+        stop["when_done"] = "continue"
+    old = {key: now[0] for key, now in OF_KEYS.items()}
+    faults = [{old.get(key, key): value for key, value in fault.items()} for fault in scenario["faults"]]
+    return {**scenario, "faults": faults}
 
 
 def hint(names: Iterable[str], now: dict[str, str]) -> str:

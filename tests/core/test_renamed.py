@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
+from copy import deepcopy
 from importlib import import_module, util
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.registry import own_code
 from swarmsim.engine.build import build
+from swarmsim.recording.recorder import text_of
 
 
 def run_with(folder: Path, code: str, key: str = "mind") -> None:
@@ -62,3 +65,32 @@ class Old:
         InputError, match="lacks requires_knowledge; expected a strategy; 'reads' is called 'requires_knowledge' now"
     ):
         run_with(tmp_path, code, "mind.strategy")
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("faults=[{use='crash', at=3, lasts=2}]", r"faults\[0\]\.lasts: is called duration now"),
+        ("faults=[{use='crash', at=3, keep=0}]", r"faults\[0\]\.keep: is called min_alive now"),
+        ("faults=[{use='crash', at=3, choose='hub'}]", r"faults\[0\]\.choose: is called target now"),
+        ("faults=[{use='crash', at=3, share=0.5}]", r"faults\[0\]\.share: is called fraction now"),
+        ("mind.computation.share={use='gossip'}", "mind.computation.share: is called sharing now"),
+        ("stop.when_done='go-on'", "stop.when_done: .*expected 'continue' or 'stop'"),
+        ("faults=[{use='door', at=3, share=0.5, box=[0, 0, 1, 1]}]", r"faults\[0\]\.share: unknown key"),
+    ],
+)
+def test_old_keys_are_refused_with_the_new_one(key: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load(ROOT / "scenarios" / "room.toml", [key])
+
+
+def test_recorded_scenarios_are_read_in_new_words() -> None:
+    """Recordings keep the words of their day."""
+    today = tomllib.loads(text_of(load(ROOT / "scenarios" / "faults" / "partition.toml")))
+    old = deepcopy(today)
+    old["mind"]["computation"]["share"] = old["mind"]["computation"].pop("sharing")
+    old["stop"]["when_done"] = today["stop"]["when_done"] = "go-on"
+    for fault in old["faults"]:
+        fault["lasts"] = fault.pop("duration")
+    assert "lasts" in old["faults"][0]
+    assert renamed.in_new_words(old) == {**today, "stop": {**today["stop"], "when_done": "continue"}}

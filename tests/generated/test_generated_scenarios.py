@@ -68,8 +68,8 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     for group in robots if isinstance(robots, list) else []:
         yield from ((seam, group[seam]) for seam in ("sensor", "kinematics") if seam in group)
     yield from (("computation", mind["computation"]), ("strategy", mind["strategy"]))
-    if "share" in mind["computation"]:
-        yield "sharing", mind["computation"]["share"]
+    if "sharing" in mind["computation"]:
+        yield "sharing", mind["computation"]["sharing"]
     yield "topology", table["network"]["topology"]
     channel = table["network"]["channel"]
     while channel:
