@@ -423,7 +423,7 @@ def test_odometry_of_robots_that_move_to_the_side_knows_turns_from_ways():
 
 ALONE = (
     'network.topology={use="none"}', 'task={use="spacing"}', "robots.count=1", "stop.iterations=3",
-    'stop.when_done="go-on"',
+    'stop.when_done="continue"',
 )  # fmt: skip
 MIND = """
 class Crab:
