@@ -26,6 +26,7 @@ from swarmsim.core.capabilities import lacking, verbs_of
 from swarmsim.core.code import distributions
 from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.errors import InputError
+from swarmsim.core.kinematics import Kinematics
 
 GROUP: Final = "seam"  # of entry points: swarmsim.seam
 
@@ -87,6 +88,7 @@ PLACED: Final = {
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
         Seam("channel", ("network", "channel"), parts.Channel, "perfect"),
         Seam("motion", ("motion",), parts.Motion, "pure-pursuit"),
+        Seam("kinematics", ("kinematics",), Kinematics, "differential", of_groups=True),
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),
         Seam("probe", ("probes",), parts.Probe, many=True),

@@ -27,7 +27,7 @@ from swarmsim.core.scenario.identity import Code, code_of
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.core.streams import Streams
 from swarmsim.engine import fitting, minds
-from swarmsim.engine.equipment import actuators, sensors
+from swarmsim.engine.equipment import actuators, drives, sensors
 from swarmsim.engine.foreign import blamed, foreign, installed, make
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.placement import start_poses
@@ -164,7 +164,7 @@ def _context(scenario: Scenario, case: Case) -> BuildContext:
         return replace(found, explore=budget.of(scenario.budget)(found.explore))
 
     robots = msgspec.structs.replace(scenario.robots, spawn=arena.area_name(scenario.robots.spawn))
-    building = Building(survey(()), survey, bounds=arena.plan.page)
+    building = Building(survey(()), survey, bounds=arena.plan.page, lattice=arena.lattice)
     streams = Streams(scenario.seed)
     start = start_poses(robots, arena.lattice, streams, building.entrance, arena.name)
     return BuildContext.of(robots, arena.lattice, scenario.period, streams, building, start)
@@ -183,7 +183,7 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
     sensor = with_field(
         sensors(scenario, context, strict, clock), context, float(scenario.field.declares("noise", 0.0))
     )
-    context = replace(context, channels=sensor.channels)
+    context = replace(context, channels=sensor.channels, kinematics=drives(scenario, context, strict, clock))
     found = minds.built_for(scenario, context)
     computation, strategy = minds.together(found, scenario, clock, strict)
     bodies = make(scenario.physics, context)

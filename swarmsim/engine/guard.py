@@ -29,6 +29,9 @@ Change = Callable[[object], object]
 HELD: Final = tuple(seam for seam in promises.CHECKS if seam in Parts.__slots__)
 
 
+#: What is asked in every sub-step.
+OFTEN: Final = ("command", "approach", "forces")
+
 #: The class or function that a part is blamed on.
 Author = type | FunctionType
 
@@ -77,9 +80,9 @@ class Guard:
             part, MindComputation | MindStrategy
         )  # who show minds what cannot be written to
         for verb, check in checks.items():
-            given: Change = copied if verb in ("follow", "command") else clock.lender.lent  # asked in every sub-step
+            given: Change = copied if verb in ("follow", *OFTEN) else clock.lender.lent
             taken: Change = frozen
-            if verb in ("command", "summaries"):  # an array that is reused, and used at once; and guards
+            if verb in (*OFTEN, "summaries"):  # arrays that are reused, and used at once; and guards
                 taken = _same
             elif is_foreign:
                 taken = self._known if verb == "hear" else clock.lender.taken

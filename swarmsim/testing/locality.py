@@ -265,7 +265,7 @@ def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     twist = None if intents.twists is None else intents.twists[robot]
     velocity = None if twist is None or np.isnan(twist).all() else twist.tobytes()  # NaN follows the way, as without
     commands = {name: column[robot].tobytes() for name, column in intents.commands.items()}
-    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), velocity, commands
+    return intents.goals[robot].tobytes(), way.tobytes(), bool(intents.planned[robot]), velocity, commands
 
 
 def _scrambled(senses: Senses, robot: int) -> Senses:

@@ -19,6 +19,7 @@ from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.digests import Digests
+from swarmsim.robots.kinematics import drives_of
 
 ITERATIONS: Final = 25  # of a run that is checked, unless told otherwise
 SLACK: Final = 1e-9  # m/s that wheels may be too fast by rounding
@@ -52,11 +53,12 @@ def check_strictly(
     """
     run = opened(scenario, limited(overrides, iterations), True, allow_code)
     parts, problems = run.simulation.parts, []
+    speeds = drives_of(run.context).units == "m/s"
 
     class Check:
         def sample(self, moment: Moment[Knowledge]) -> None:
             run.sampled(moment)
-            fastest = float(np.abs(moment.state.wheels).max(initial=0.0))
+            fastest = float(np.abs(moment.state.wheels[speeds]).max(initial=0.0))
             if fastest > run.scenario.robots.speed + SLACK:
                 problems.append(f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}")
             if not np.isfinite(moment.state.pose).all():

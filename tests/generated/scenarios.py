@@ -146,6 +146,7 @@ class _Draw:
             self._lights(table)
         elif not isinstance(robots, list) and self._count > 1 and dice.random() < 0.1:
             table |= self._pursuit(robots)
+        self._wheels(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _pursuit(self, robots: Table) -> Table:
@@ -188,6 +189,17 @@ class _Draw:
             )  # fmt: skip
         if dice.random() < 0.5:
             table["task"] = self._part("task", "lit", light=lambda: light)
+
+    def _wheels(self, table: Table) -> None:
+        """Give robots other wheels than two, unless they are particles or a fault is of one of two wheels."""
+        dice, faults = self._dice, table.get("faults", [])
+        stuck = any("wheel" in one or one.get("failure") == "stuck" for one in faults if one["use"] == "motor")
+        if stuck or table.get("physics", {}).get("use", "pymunk") != "pymunk" or dice.random() > 0.3:
+            return
+        table["kinematics"] = self._any("kinematics")
+        for group in table["robots"] if isinstance(table["robots"], list) else []:
+            if dice.random() < 0.5:
+                group["kinematics"] = self._any("kinematics")
 
     def _any(self, seam: str) -> Table:
         return self._part(seam, self._dice.choice(sorted(registry.known(seam))))

@@ -62,12 +62,11 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     world, mind, robots = table["world"], table["mind"], table["robots"]
     if "generate" in world:
         yield "generator", world["generate"]
-    for seam in ("physics", "sensor", "field", "localisation", "motion", "task"):
+    for seam in ("physics", "sensor", "field", "localisation", "motion", "kinematics", "task"):
         if seam in table:
             yield seam, table[seam]
     for group in robots if isinstance(robots, list) else []:
-        if "sensor" in group:
-            yield "sensor", group["sensor"]
+        yield from ((seam, group[seam]) for seam in ("sensor", "kinematics") if seam in group)
         yield from (group.get("mind") or {}).items()
     yield from (("computation", mind["computation"]), ("strategy", mind["strategy"]))
     if "drive" in mind["strategy"]:

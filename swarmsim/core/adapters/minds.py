@@ -32,7 +32,7 @@ from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 class Intent:
     """What one robot has decided: a velocity or a way, and what its actuators are to do."""
 
-    twist: tuple[float, float] | None = None  # m/s ahead, rad/s counter-clockwise
+    twist: tuple[float, float, float] | None = None  # m/s ahead, rad/s counter-clockwise, m/s to the left
     way: NDArray[np.float64] | None = None  # (w, 2): x, y in m
     commands: Mapping[str, object] = field(default_factory=dict)  # by channel of an actuator
 
@@ -90,12 +90,16 @@ class Me:
             return np.empty((0, 2))
         return self.lattice.centres(np.argwhere(self.tile == OCCUPIED) + self.corner)
 
-    def drive(self, ahead: float, turn: float = 0.0) -> Intent:
-        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise.
+    def drive(self, ahead: float, turn: float = 0.0, left: float = 0.0) -> Intent:
+        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise, m/s to the left.
 
-        Raises ValueError unless both are finite numbers.
+        Raises ValueError unless all are finite numbers, and for a robot that shall move to the left but cannot.
         """
-        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn)))
+        aside = _number("drive", "left", left)
+        if aside and not self._sideways:
+            wrong = f"left: {aside:g} m/s, but this robot cannot move to the side"
+            raise MisfitError(f"me.drive: {wrong}; expected 0, or kinematics.use = 'omni'")
+        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn), aside))
 
     def head(self, yaw: float, ahead: float) -> Intent:
         """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
@@ -103,7 +107,7 @@ class Me:
         Raises ValueError unless both are finite numbers.
         """
         turn = (_number("head", "yaw", yaw) - self.yaw + np.pi) % (2.0 * np.pi) - np.pi
-        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period))
+        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period, 0.0))
 
     def go(self, way: ArrayLike) -> Intent:
         """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end.
@@ -120,6 +124,7 @@ class Me:
         return Intent(way=places.astype(np.float64))
 
     _period: float = 1.0  # s, of an iteration
+    _sideways: bool = False  # whether it can move to the side
 
 
 class Mind(Protocol):
@@ -223,6 +228,7 @@ class Swarm:
         robots, lattice, period = self._context.robots, self._context.lattice, self._context.period
         readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
+        sideways = self._context.sideways
         for i in np.flatnonzero(senses.alive).tolist():
             x, y, yaw = senses.pose[i].tolist()
             yield i, Me(
@@ -236,7 +242,7 @@ class Swarm:
                 [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
                 lattice, robots.speed, robots.radius, self._random[i], _read(readings, i, self.ids[i]),
-                self._others(inbox, i, now), period,
+                self._others(inbox, i, now), period, sideways is not None and bool(sideways[i]),
             )  # fmt: skip
 
     def _others(self, inbox: Inbox[MessageBatch] | None, row: int, now: int) -> dict[str, list[SimpleNamespace]]:
@@ -482,9 +488,10 @@ class MindStrategy:
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
         self.requires = _required(kind)
-        self._kind, self._lattice, self._actuators = kind, context.lattice, context.actuators
+        self._kind, self._actuators = kind, context.actuators
         self._swarm = Swarm(make, context)
         self._ways: dict[int, bytes] = {}
+        self._columns = 2 if context.sideways is None else 3
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""
@@ -494,9 +501,9 @@ class MindStrategy:
         decided = self._swarm.each(senses, self._intent, inbox, known)
         count = len(senses.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
-        twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
+        twists, planned = np.zeros((count, self._columns)), np.zeros(count, np.bool_)
         for robot, intent in decided.items():
-            twists[robot] = (np.nan, np.nan) if intent.twist is None else intent.twist
+            twists[robot] = np.nan if intent.twist is None else intent.twist[: self._columns]
         for robot, way in ways.items():
             planned[robot] = self._ways.get(robot) != way.tobytes()
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
@@ -506,12 +513,12 @@ class MindStrategy:
         for robot, intent in decided.items():
             for name, row in intent.commands.items():
                 commands[name][robot] = row
-        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists, commands=commands)
+        return replace(Intents.along(from_here, count, planned), twists=twists, commands=commands)
 
     def _intent(self, mind: Mind, me: Me) -> Intent:
         answer = mind.step(me)
         if answer is None:
-            return Intent((0.0, 0.0))
+            return Intent((0.0, 0.0, 0.0))
         if not isinstance(answer, Intent):
             raise MisfitError(
                 f"step gave {own.brief(answer)}; expected me.drive(...), me.head(...), me.go(...) or None to stand",

@@ -17,6 +17,7 @@ from msgspec import inspect as types
 from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
 from swarmsim.core.errors import InputError
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import (
     Actuator,
     AnyComputation,
@@ -168,6 +169,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     network: Network
     mind: Mind = Mind()
     motion: Part[Motion] = Part("motion")
+    kinematics: Part[Kinematics] = Part("kinematics")
     task: Part[AnyTask] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
     probes: tuple[Part[Probe], ...] = ()
@@ -179,8 +181,10 @@ Tables = Table | list[Table]
 Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
 HALVES: Final = ("computation", "strategy")  # of a mind
 
-#: Keys that are not written out where there is nothing at them.
-LATER: Final = ("actuators", "probes", "sensors")
+#: Keys that are not written out where there is nothing at them, or what older scenarios had without a key.
+LATER: Final[Mapping[str, object]] = {
+    "actuators": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
+}  # fmt: skip
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -217,9 +221,10 @@ def all_parts(scenario: Scenario) -> list[Part[object]]:
     for seam, part in parts_of(scenario).items():
         if seam in HALVES:  # those that some robots have
             single += dict.fromkeys(getattr(one.mind, seam) for one in minds)
-        elif seam != "sensor":
+        elif seam not in ("sensor", "kinematics"):
             single.append(part)
-    return [*single, *(part for _, part in sensors_of(scenario)), *(part for _, part in lists(scenario))]
+    of_groups = (*sensors_of(scenario), *dict.fromkeys(kinematics_of(scenario)))
+    return [*single, *(part for _, part in of_groups), *(part for _, part in lists(scenario))]
 
 
 def every_part(scenario: Scenario) -> list[Part[object]]:
@@ -275,6 +280,18 @@ def sensors_of(scenario: Scenario) -> Sensors:
     return tuple(dict(one for of in fitted(scenario) for one in of).items())
 
 
+def kinematics_of(scenario: Scenario) -> list[tuple[str, Part[Kinematics]]]:
+    """The kinematics of each group of robots, with its place in the scenario; one entry if no group has its own."""
+    groups = scenario.robots.groups
+    all_have = ("kinematics", scenario.kinematics)
+    if all(group.kinematics is UNSET for group in groups):
+        return [all_have]
+    return [
+        all_have if group.kinematics is UNSET else (f"robots[{i}].kinematics", group.kinematics)
+        for i, group in enumerate(groups)
+    ]
+
+
 def table_of(scenario: Scenario) -> Table:
     """A scenario as the table that a TOML file holds, complete."""
     table: Table = _without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
@@ -290,7 +307,12 @@ def _without_none(value: object) -> Any:
 
 def without_later(table: Table) -> Table:
     """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
-    return {key: value for key, value in table.items() if value or key not in LATER}
+
+    def says(key: str, value: object) -> bool:
+        found = value.table if isinstance(value, Part) else value
+        return key not in LATER or bool(found and found != LATER[key])
+
+    return {key: value for key, value in table.items() if says(key, value)}
 
 
 def _at(whole: Any, place: tuple[str, ...]) -> Any:

@@ -9,6 +9,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 from numpy.typing import NDArray
 
 from swarmsim.core.crew import Body, Crew
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Sensor
 from swarmsim.core.readings import Called
 from swarmsim.core.scenario.part import NONE, Part
@@ -33,6 +34,7 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     use: str = PLAIN
     sensor: Part[Sensor] = NONE  # the kind's own; none: the scenario's
     sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # more of its own
+    kinematics: Part[Kinematics] | UnsetType = UNSET  # the kind's own; left out: the scenario's
     mind: GroupMind | UnsetType = UNSET  # the group's own; none: the scenario's
 
 

@@ -85,8 +85,8 @@ class Run {
     for (let k = 0; 3 * k < rows.length; k++) this.newest[rows[3 * k + 1]].push([rows[3 * k], k ? rows[3 * k - 1] : 0, rows[3 * k + 2]]);
   }
   goal(row, robot) {
-    const at = 2 * (row * this.robots + robot), [r, c] = [this.data.goals[at], this.data.goals[at + 1]];
-    return r < 0 || !this.alive(row, robot) ? null : [this.x0 + (c + 0.5) * this.cell, this.y0 + (r + 0.5) * this.cell];
+    const at = 2 * (row * this.robots + robot), [x, y] = [this.data.goals[at], this.data.goals[at + 1]];
+    return Number.isNaN(x) || !this.alive(row, robot) ? null : [x, y];
   }
   way(row, robot, from) {
     const paths = this.newest[robot];

@@ -73,7 +73,7 @@ def _arrays(recording: Recording, scene: Scene) -> dict[str, NDArray[np.generic]
         arrays["lights"] = shining
     for name in ("goals", "people", "believed"):
         if name in recording:
-            arrays[name] = recording[name].astype(np.int16 if name == "goals" else np.float32)
+            arrays[name] = recording[name].astype(np.float32)
     beams = _beams(recording, scene)
     if beams is not None:
         arrays["beams"] = beams
