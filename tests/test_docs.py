@@ -24,7 +24,6 @@ from swarmsim.engine.build import build
 from swarmsim.learning.environment import SwarmEnv
 from swarmsim.recording.reader import Recording
 from swarmsim.studies.plan import open_study
-from swarmsim.testing import check_contracts
 from swarmsim.view.video import Film, write_film
 
 SCENARIOS = sorted(
@@ -211,13 +210,16 @@ def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path)
     assert (copy / "runs" / "spread.mp4").stat().st_size > 10_000
 
 
+TRIED = "-m pytest -q -p no:cacheprovider test_hall.py"
+
+
 def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_path: Path) -> None:
     for listing in blocks("docs/own.md", "python"):
         assert listing.count("\n") <= 30
         (tmp_path / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
     (scenario,) = blocks("docs/own.md", "toml")
     (tmp_path / "hall.toml").write_text(scenario)
-    for command in ["-m " + line for line in commands_of("docs/own.md")] + ["look.py"]:
+    for command in ["-m " + line for line in commands_of("docs/own.md")] + ["look.py", TRIED]:
         arguments = [sys.executable, *command.split()]
         done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
@@ -230,7 +232,6 @@ def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_pat
     assert recording["crowding.others"].shape == (10, 5)
     begun = [event for event in recording.events() if isinstance(event, Begins)]
     assert [(event.iteration, event.fault) for event in begun] == [(20, 0), (60, 1)]
-    check_contracts(tmp_path / "hall.toml", iterations=10, allow_code=True)
     with registry.own_code(True):
         env = SwarmEnv(tmp_path / "hall.toml", observe=["nearby"])
         observed, _ = env.reset(seed=3)

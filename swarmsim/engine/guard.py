@@ -70,7 +70,7 @@ class Guard:
         """
         file = getattr(sys.modules[author.__module__], "__file__", None) if registry.is_own(author) else None
         place = f"{Path(file).name}:" if file else f"{author.__module__}."
-        self._part, self._author, self._clock = part, author, clock
+        self._seam, self._part, self._author, self._clock = seam, part, author, clock
         self._name = f"{seam} {place}{author.__qualname__}"
         lends = lends and not isinstance(
             part, MindComputation | MindStrategy
@@ -109,7 +109,7 @@ class Guard:
         return ask
 
     def _failed(self, why: str) -> PartError:
-        return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}")
+        return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}", self._seam)
 
     def _known(self, found: object) -> object:
         """The knowledge, of which views that cannot be written to are the part's own, unless they are digested."""

@@ -126,7 +126,7 @@ class Simulation:
             whose = self._blamed(problem) if is_failure(problem) else None
             if whose is None:
                 raise
-            raise PartError(f"iteration {self.clock.iteration}, {whose}") from problem
+            raise PartError(f"iteration {self.clock.iteration}, {whose}", whose.partition(" ")[0]) from problem
 
     def _perceive(self) -> Perceived:
         parts = self.parts

@@ -18,6 +18,7 @@ from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
 from swarmsim.faults.disguise import WrappedComputation
+from swarmsim.testing.broken import BrokenError, breaking
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 
@@ -140,11 +141,14 @@ def _mind(run: Run, setting: Setting) -> Mind:
 
 
 def _repeated(
-    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Columns]], decides: tuple[Senses, Inbox[Columns]]
+    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Columns]], decides: tuple[Senses, Inbox[Columns]], where: str
 ) -> tuple[Said[Columns], Intents]:
     computation, strategy = mind
-    said = computation.say(speaks)
-    return said, strategy.step(*decides, computation.hear(*hears))
+    with breaking("computation", where):
+        said = computation.say(speaks)
+        known = computation.hear(*hears)
+    with breaking("strategy", where):
+        return said, strategy.step(*decides, known)
 
 
 def check_one_robot(
@@ -192,7 +196,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
         hears, decides = (
             (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
         )
-        said, intents = _repeated(mind, speaks, hears, decides)
+        said, intents = _repeated(mind, speaks, hears, decides, f"{scenario}, iteration {speaks.iteration}, {when}")
         for row in np.flatnonzero(speaks.alive & followed).tolist():
             robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
@@ -200,20 +204,23 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
             if heard.said.sizes[robot] > 0:
                 packed = codec.pack(robot, now, said.of(row))
                 first = swarm.codec.pack(robot, now, heard.said.of(robot))
-                assert packed == first, f"{where}: sends other bytes {when}"
-            if decides[0].alive[row]:
-                assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
+                if packed != first:
+                    raise BrokenError(f"{where}: sends other bytes {when}", "computation")
+            if decides[0].alive[row] and _done(intents, row) != _done(heard.intents, robot):
+                raise BrokenError(f"{where}: does something else {when}", "strategy")
 
 
 def _check_said(mine: Said[Columns], row: int, first: Said[Columns], robot: int, wrong: str) -> None:
     """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
-    assert here == there, wrong.format(f"says {here} bytes, not {there},")
+    if here != there:
+        raise BrokenError(wrong.format(f"says {here} bytes, not {there},"), "computation")
     content, whole = mine.of(row), first.of(robot)
-    assert type(content).__match_args__ == type(whole).__match_args__, wrong.format("says other columns")
+    if type(content).__match_args__ != type(whole).__match_args__:
+        raise BrokenError(wrong.format("says other columns"), "computation")
     for name, one, other in zip(type(whole).__match_args__, content.arrays(), whole.arrays(), strict=True):
-        same = (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
-        assert same, wrong.format(f"says other {name}")
+        if (one.dtype, one.shape, one.tobytes()) != (other.dtype, other.shape, other.tobytes()):
+            raise BrokenError(wrong.format(f"says other {name}"), "computation")
 
 
 def _received(inbox: Inbox[Columns], ids: NDArray[np.int64], count: int) -> Inbox[Columns]:
@@ -243,13 +250,13 @@ def check_locality(
                 (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))
                 for senses, inbox in (heard.hears, heard.decides)
             )
-            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides)
             where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
             when = "when others sense and hear something else"
+            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, f"{where}, {when}")
             if heard.speaks.alive[robot]:
                 _check_said(said, robot, heard.said, robot, f"{where}: {{}} {when}")
-            if heard.decides[0].alive[robot]:
-                assert _done(intents, robot) == _done(heard.intents, robot), f"{where}: does something else {when}"
+            if heard.decides[0].alive[robot] and _done(intents, robot) != _done(heard.intents, robot):
+                raise BrokenError(f"{where}: does something else {when}", "strategy")
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
