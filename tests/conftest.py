@@ -32,7 +32,6 @@ from swarmsim.view.wording import worded as worded_as
 ROOT = Path(__file__).parent.parent
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # or a busy one
 settings.load_profile("any machine")
-collect_ignore = ["plugin"]  # a distribution of its own, installed and run by a test
 
 
 @pytest.fixture(scope="session")

@@ -7,10 +7,11 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Motion, Sensor
 from swarmsim.core.probes import ProbeTable, Sampled
 from swarmsim.core.readings import Readings
 from swarmsim.core.setting import Field, Setting, Site
-from swarmsim.core.state import Moment, State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
 
@@ -41,21 +42,27 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, setting: Setting) -> Blown:
         """The bodies."""
-        return Blown(self, setting)
+        carried = setting.period * self.speed * np.array([np.cos(self.direction), np.sin(self.direction)])
+        return Blown(Particles(substeps=4).build(setting), carried)
 
 
-class Blown(PointBodies):
+class Blown:
     """Particles, moved a little further in every iteration."""
 
-    def __init__(self, wind: Wind, setting: Setting) -> None:
-        super().__init__(Particles(substeps=4), setting)
-        self._carried = setting.period * wind.speed * np.array([np.cos(wind.direction), np.sin(wind.direction)])
+    def __init__(self, inner: PointBodies, carried: NDArray[np.float64]) -> None:
+        self._inner, self._carried = inner, carried
+        self.state, self.place, self.push = inner.state, inner.place, inner.push
+        self.remove, self.crash, self.retire = inner.remove, inner.crash, inner.retire
 
-    def drive(self, motion, period: float) -> State:
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """Whose bodies are in the world: those of the particles."""
+        return self._inner.solid
+
+    def drive(self, motion: Motion, period: float) -> State:
         """As particles do, and then downwind."""
-        super().drive(motion, period)
-        self._pose[self._alive, :2] += self._carried
-        self._stay_on_page()
+        self._inner.drive(motion, period)
+        self._inner.carry(self._carried)
         return self.state()
 
 
@@ -73,7 +80,7 @@ class Fog(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Foggy:
     """A sensor that is blind in places."""
 
-    def __init__(self, inner, x: float) -> None:
+    def __init__(self, inner: Sensor, x: float) -> None:
         self._inner, self._x, self.channels = inner, x, inner.channels
 
     def sense(self, state: State) -> Readings:
@@ -96,7 +103,9 @@ class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The temperatures (k,) at a time (s) and points (k, 2)."""
-        return self.warmest - self.gradient * points[:, 0] - 5.0 * (1.0 - np.cos(2.0 * np.pi * time / self.length))
+        lower = 5.0 * (1.0 - np.cos(2.0 * np.pi * time / self.length))
+        warmth: NDArray[np.float64] = self.warmest - self.gradient * points[:, 0] - lower
+        return warmth
 
 
 class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -138,7 +147,7 @@ class Thermometer:
     def __init__(self, field: Field, period: float) -> None:
         self._field, self._period = field, period
 
-    def sample(self, moment: Moment) -> dict[str, object]:
+    def sample(self, moment: Moment[Knowledge]) -> dict[str, object]:
         """The field's values where robots are at the start of the iteration."""
         there = self._field.value(moment.state.iteration * self._period, moment.state.pose[:, :2])
         return {"there": there, "mean": there.mean()}

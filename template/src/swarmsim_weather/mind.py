@@ -13,7 +13,9 @@ from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
 from swarmsim.core.parts import Curve
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
-from swarmsim.operations.mapping.sharing import CurrentTile
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.sharing import CurrentTile, Sharing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +47,7 @@ class HottestComputation:
     """One temperature and one place a robot."""
 
     knows = Warmest
+    requires = ("field",)  # of the sensors' channels
 
     def __init__(self, count: int) -> None:
         self.codec = PlainCodec(Felt(np.zeros(0), np.zeros(0), np.zeros(0)))
@@ -52,7 +55,7 @@ class HottestComputation:
 
     def say(self, senses: Senses) -> Said[Felt]:
         """The warmest so far, which may be here and now."""
-        felt = senses.readings.field
+        felt = senses.readings["field"]
         better = senses.alive & (felt > self._warmth)
         self._warmth[better], self._place[better] = felt[better], senses.pose[better, :2]
         return Said.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
@@ -89,24 +92,16 @@ class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Sometimes:
     """The current tile, sometimes."""
 
-    def __init__(self, inner, every: int) -> None:
+    def __init__(self, inner: Sharing[TileItems], every: int) -> None:
         self._inner, self._every = inner, every
+        self.codec, self.taken = inner.codec, inner.taken
 
-    @property
-    def codec(self):
-        """That of the current tile."""
-        return self._inner.codec
-
-    def say(self, senses: Senses, maps) -> Said:
+    def say(self, senses: Senses, maps: Maps) -> Said[TileItems]:
         """Tiles, or nothing worth knowing."""
         if senses.iteration % self._every:
             blank = np.zeros_like(senses.readings["tiles.values"])
             senses = replace(senses, readings=senses.readings.having({"tiles.values": blank}))
         return self._inner.say(senses, maps)
-
-    def taken(self, senses: Senses, inbox: Inbox):
-        """All that is heard."""
-        return self._inner.taken(senses, inbox)
 
 
 class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -127,7 +122,7 @@ class Seeker:
     def __init__(self, speed: float) -> None:
         self._speed = speed
 
-    def step(self, senses: Senses, inbox: Inbox, knowledge: Warmest) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Warmest) -> Intents:
         """Turn to the place, and go."""
         way = knowledge.place - senses.pose[:, :2]
         turn = np.arctan2(way[:, 1], way[:, 0]) - senses.pose[:, 2]
@@ -162,6 +157,6 @@ class WarmthTask:
         spread = float(np.ptp(warmth)) if len(warmth) else 0.0
         return Measured({"spread": spread}, {}, float(spread <= self._within), spread <= self._within)
 
-    def summaries(self):
+    def summaries(self) -> tuple[Last]:
         """The last value."""
         return (Last(),)

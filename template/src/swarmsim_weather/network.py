@@ -27,8 +27,8 @@ class NextAlive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def links(self, state: State) -> Links:
         """One link for each live robot, if there are two."""
         live = np.flatnonzero(state.alive)
-        links = np.stack([live, np.roll(live, -1)], axis=1)
-        return links[links[:, 0] != links[:, 1]].astype(np.int32)
+        links: Links = np.stack([live, np.roll(live, -1)], axis=1).astype(np.int32)
+        return links if len(live) > 1 else links[:0]
 
 
 class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
