@@ -25,7 +25,7 @@ from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.operations.mapping.frontier import NearestFrontier
 from swarmsim.operations.mapping.grids import OccupancyGrids
-from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.message import PlainTiles, TileItems
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
@@ -43,7 +43,7 @@ def inbox_of(receivers, senders, values, origins, iteration: int = 0) -> Inbox[T
     """Messages of one tile each, which its sender has just sensed."""
     receivers, senders = np.asarray(receivers, np.int32), np.asarray(senders, np.int32)
     sent = np.full(len(senders), iteration, np.int32)
-    return Inbox(receivers, senders, sent, TileItems(values, origins, senders, sent), iteration)
+    return Inbox(receivers, senders, sent, PlainTiles(values, origins, senders, sent), iteration)
 
 
 def building(walls=()) -> Building:
@@ -129,7 +129,7 @@ def seen_as(iteration, pose, alive, tiles) -> Senses:
 
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
     """An inbox of tiles, each said when it was sensed."""
-    return Inbox(receivers, senders, sensed, TileItems(values, origins, sources, sensed))
+    return Inbox(receivers, senders, sensed, PlainTiles(values, origins, sources, sensed))
 
 
 class Grids(OccupancyGrids):

@@ -14,7 +14,7 @@ Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
 
 
 class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a robot is made of: a disc on two wheels."""
+    """What robots are made of: discs on two wheels."""
 
     radius: Length = 0.055  # m
     wheel_base: Length = 0.10  # m
@@ -24,6 +24,10 @@ class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     traction: Annotated[float, Meta(ge=1e-4, le=1e3)] = 0.6  # friction coefficient of wheel on floor
 
 
+class Kind(Body, frozen=True):
+    """What the robots of one kind are made of."""
+
+
 class Crew(Body, frozen=True, kw_only=True, eq=False):
     """The bodies of the robots that a part serves; how many these are is what `Setting.ids` and `Setting.swarm` say.
 
@@ -31,7 +35,7 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
     others alone.
     """
 
-    kinds: tuple[Body, ...]  # of the whole swarm
+    kinds: tuple[Kind, ...]  # of the whole swarm
     kind: NDArray[np.int64]  # (rows,): which of these each robot is of
 
     def each(self, key: str) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from abc import ABC
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, get_type_hints
@@ -61,7 +62,7 @@ def _struct(
     )  # fmt: skip
 
 
-class FunctionForm:
+class FunctionForm(ABC):
     """A function and the values of its keys."""
 
     def __init__(self, function: Callable[..., Any], keys: dict[str, Any], setting: Setting) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -286,6 +287,13 @@ class Calendar:
         self._entries: list[Happening] = []
         self._start = Now(0, start, start, 0.0)
         self._due: list[Event] = []
+        self._held: Callable[[Happening], Happening] = lambda happening: happening
+
+    def holding(self, held: Callable[[Happening], Happening]) -> Calendar:
+        """The same calendar, in which something else stands for each of those that are entered by this way."""
+        calendar = copy(self)
+        calendar._held = held
+        return calendar
 
     def __bool__(self) -> bool:
         """Whether anything can ever happen."""
@@ -293,14 +301,16 @@ class Calendar:
 
     def enter(self, happening: Happening) -> None:
         """Add something, and let happen what is due at the start. Raises InputError if that cannot be."""
-        self._entries.append(happening)
-        self._due += happening.advance(self._start)
+        entry = self._held(happening)
+        self._entries.append(entry)
+        self._due.extend(entry.advance(self._start))
 
     def advance(self, now: Now) -> tuple[Event, ...]:
         """Let everything happen that is due in the iteration about to begin; gives what did."""
         for entry in self._entries if now.iteration else ():
-            self._due += entry.advance(now)
-        due, self._due = tuple(self._due), []
+            self._due.extend(entry.advance(now))
+        due = tuple(self._due)
+        self._due.clear()
         return due
 
 

@@ -12,11 +12,10 @@ from typing import Any, Final
 
 from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.events import Event
 from swarmsim.core.lending import Lender, copied, frozen
 from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import is_failure, line_of, told
-from swarmsim.core.parts import Calendar, Happening, Now, Parts
+from swarmsim.core.parts import Happening, Parts
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge
@@ -140,28 +139,17 @@ def guarded(parts: Parts, setting: Setting, seams: Collection[str], theirs: Coll
     return replace(parts, **changed)
 
 
-class Lending(Calendar):
-    """The calendar for somebody else's fault, of whom what happens is held."""
-
-    def __init__(self, calendar: Calendar, author: Author, clock: Clock) -> None:
-        self._calendar, self._author, self._clock = calendar, author, clock
-
-    def enter(self, happening: Happening) -> None:
-        """Add something that cannot write to what it is told."""
-        checks = {"advance": promises.nothing}
-        self._calendar.enter(Guard("fault", happening, self._author, checks, self._clock, is_foreign=True))
-
-    def advance(self, now: Now) -> tuple[Event, ...]:
-        """Let everything happen that is due."""
-        return self._calendar.advance(now)
-
-
 def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
     """The parts with a fault in them; what somebody else's fault has put there can write to nothing either."""
     if registry.is_ours(fault):
         return install(parts)
     author = registry.author_of(fault)
-    found = install(replace(parts, calendar=Lending(parts.calendar, author, clock)))
+
+    def held(happening: Happening) -> Happening:
+        """What happens by somebody else's fault, which cannot write to what it is told."""
+        return Guard("fault", happening, author, {"advance": promises.nothing}, clock, is_foreign=True)
+
+    found = install(replace(parts, calendar=parts.calendar.holding(held)))
     changed: dict[str, Any] = {"calendar": parts.calendar}
     for seam in HELD:
         part = getattr(found, seam)

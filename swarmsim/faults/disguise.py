@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from swarmsim.core.parts import AnyComputation
 from swarmsim.core.state import Knowledge, Senses
 
 
-class WrappedComputation:
+class WrappedComputation(ABC):
     """Passes everything on."""
 
     def __init__(self, inner: AnyComputation) -> None:

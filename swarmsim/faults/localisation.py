@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -69,7 +70,7 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
         return Drift(setting, constant, spread, int(stream.integers(0, 2**64, dtype=np.uint64)))
 
 
-class Misplacement(Lasting):
+class Misplacement(Lasting, ABC):
     """Wraps the localisation: its estimates have an error, which is 0 until the fault begins."""
 
     def __init__(self, setting: Setting) -> None:

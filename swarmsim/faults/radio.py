@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -118,7 +119,7 @@ class Occasions:
         return begins - 1, ends - 1
 
 
-class Disturbance(Lasting):
+class Disturbance(Lasting, ABC):
     """Wraps the channel, together with all other disturbances; this one does nothing to any message."""
 
     reason = ""  # why messages are lost

@@ -25,7 +25,7 @@ from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
 from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.message import PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing import Sharing, tiles_of
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
@@ -110,7 +110,7 @@ class MapComputation:
         self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
         self._rewritten = False  # whether maps have changed otherwise than by readings since then
         nobody = np.empty(0, np.int32)
-        nothing = TileItems(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
+        nothing = PlainTiles(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
         #: What all robots know, as `hear` gave it last.
         self.maps = self._maps(
             np.empty((0, 3), np.int32), np.zeros(count, np.int32), Inbox(nobody, nobody, nobody, nothing)

@@ -16,7 +16,7 @@ from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, search, survey
-from swarmsim.operations.mapping.frontier import FrontierStrategy, NearestFrontier
+from swarmsim.operations.mapping.frontier import NearestFrontier, PlannedStrategy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import GoalItems, TileItems
 from swarmsim.operations.mapping.sharing import tiles_of
@@ -90,7 +90,7 @@ class Exploring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return ExploringStrategy(self, setting)
 
 
-class ExploringStrategy(FrontierStrategy):
+class ExploringStrategy(PlannedStrategy):
     """The plans of a swarm whose robots choose by one rule."""
 
     def __init__(self, rule: Exploring, setting: Setting) -> None:

@@ -23,7 +23,15 @@ from swarmsim.core.setting import Setting
 from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Senses
 from swarmsim.operations.mapping.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.maps import Frames, Maps
-from swarmsim.operations.mapping.message import MapCodec, TileItems, assembled, current_tile_bytes, map_bytes, pieces
+from swarmsim.operations.mapping.message import (
+    MapCodec,
+    PlainTiles,
+    TileItems,
+    assembled,
+    current_tile_bytes,
+    map_bytes,
+    pieces,
+)
 from swarmsim.operations.mapping.registration import Cells, Meetings, Transform, register
 from swarmsim.operations.mapping.sharing import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 
@@ -93,12 +101,14 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return MergeSharing(self, setting)
 
 
-class MergeSharing(GossipSharing[MergeItems]):
+class MergeSharing:
     """Gossip among robots that have found each other's frames."""
 
     def __init__(self, parameters: Merge, setting: Setting) -> None:
-        super().__init__(setting, MergeCodec(tile_shape(setting), setting.lattice.shape))
         lattice, count = setting.lattice, len(setting.ids)
+        self._gossip, self._tile = GossipSharing(setting), tile_shape(setting)
+        self.codec = MergeCodec(self._tile, lattice.shape)
+        self._ids, self._robots = setting.ids.astype(np.int32), np.arange(count, dtype=np.int32)  # and their rows
         pairs = count, setting.swarm  # by each robot's row and another one's number
         self._parameters, self._lattice = parameters, lattice
         self._frames = [_into_own_frame(pose, lattice) for pose in setting.starts]  # by number
@@ -118,7 +128,7 @@ class MergeSharing(GossipSharing[MergeItems]):
 
     def say(self, senses: Senses, maps: Maps) -> Said[MergeItems]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
-        said = super().say(senses, maps)
+        said = self._gossip.say(senses, maps)
         self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
         mark_sensed(self._sensed, senses.alive, tiles_of(senses))
         speakers = [np.repeat(robots, np.diff(said.ends, prepend=0))]
@@ -210,7 +220,7 @@ class MergeSharing(GossipSharing[MergeItems]):
                 continue
             self._tried[hearer, teller] = senses.iteration
             rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
-            told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
+            told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._lattice.shape)
             found = self._compared(cells[hearer], told, self._frames[teller], met)
             if found is not None:
                 self._learn(hearer, teller, self._own[hearer].after(found[0]), min(found[1], MOST))
@@ -385,9 +395,9 @@ def _cells_at(pose: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64
 def _tiles(values: NDArray[np.uint8], origins: NDArray[np.int32], now: int) -> TileItems:
     """Cells that nobody in particular has sensed."""
     nobody, sensed = np.full(len(values), -1, np.int32), np.full(len(values), now, np.int32)
-    return TileItems(values, origins, nobody, sensed)
+    return PlainTiles(values, origins, nobody, sensed)
 
 
 def _only(items: MergeItems, rows: NDArray[np.int64]) -> TileItems:
     """Some of the items as the tiles that they are."""
-    return TileItems(items.values[rows], items.origins[rows], items.sources[rows], items.sensed[rows])
+    return PlainTiles(items.values[rows], items.origins[rows], items.sources[rows], items.sensed[rows])

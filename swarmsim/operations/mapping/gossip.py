@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import struct
-from typing import Final, Generic
+from typing import Final
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
-from swarmsim.core.messages import Codec, Inbox, Said
+from swarmsim.core.messages import Inbox, Said
 from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.message import (
+    PlainTiles,
     TileItems,
     current_tile_bytes,
     pack,
@@ -23,7 +24,7 @@ from swarmsim.operations.mapping.message import (
     unpack,
     unpack_cells,
 )
-from swarmsim.operations.mapping.sharing import I, tile_shape, tiles_of
+from swarmsim.operations.mapping.sharing import tile_shape, tiles_of
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -42,16 +43,16 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     knows so spreads through the network like a rumour (Demers et al. 1987), in messages of constant length.
     """
 
-    def build(self, setting: Setting) -> GossipSharing[TileItems]:
+    def build(self, setting: Setting) -> GossipSharing:
         """The policy."""
-        return GossipSharing(setting, GossipCodec(tile_shape(setting)))
+        return GossipSharing(setting)
 
 
-class GossipSharing(Generic[I]):
+class GossipSharing:
     """A tile and a piece of map a message."""
 
-    def __init__(self, setting: Setting, codec: Codec[I]) -> None:
-        self.codec = codec
+    def __init__(self, setting: Setting) -> None:
+        self.codec = GossipCodec(tile_shape(setting))
         self._ids = setting.ids.astype(np.int32)
         self._robots = np.arange(len(self._ids), dtype=np.int32)  # their rows
         self._grid, self._tile = setting.lattice.shape, tile_shape(setting)
@@ -70,7 +71,7 @@ class GossipSharing(Generic[I]):
         corners = np.stack(np.divmod(pieces, self._across), axis=1) * np.array(self._tile)
         speakers = np.concatenate([self._robots[alive], tellers])
         order = np.argsort(speakers, kind="stable")
-        items = TileItems(
+        items = PlainTiles(
             np.concatenate([tiles.values[alive], self._cells(maps, tellers, corners)])[order],
             np.concatenate([tiles.origins[alive], corners.astype(np.int32)])[order],
             np.concatenate([self._ids[alive], np.full(len(tellers), -1, np.int32)])[order],
@@ -99,7 +100,7 @@ class GossipSharing(Generic[I]):
         states = np.where(maps.log_odds[at] > 0.0, np.uint8(OCCUPIED), np.uint8(FREE))
         return np.asarray(states * (maps.observed[at] & inside), np.uint8)
 
-    def taken(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
         """All of it."""
         return inbox
 
@@ -127,4 +128,4 @@ class GossipCodec:
             values.append(unpack_cells(data[own + PIECE.size :], self._shape))
             sources.append(-1)
         sensed = np.full(len(values), iteration, np.int32)
-        return sender, iteration, TileItems(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)
+        return sender, iteration, PlainTiles(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)

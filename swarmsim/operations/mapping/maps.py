@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.messages import Columns, Inbox
 from swarmsim.core.setting import Setting
-from swarmsim.core.state import Auditor, Knowledge, Record, Senses
+from swarmsim.core.state import Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
 from swarmsim.operations.mapping.message import TileItems
 
@@ -57,7 +57,7 @@ class Maps(Knowledge):
         return MapAuditor(setting)
 
 
-class MapAuditor(Auditor):
+class MapAuditor:
     """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
 
     def __init__(self, setting: Setting) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -30,13 +31,18 @@ GOAL: Final = struct.Struct(">hhH")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TileItems(Columns):
+class TileItems(Columns, ABC):
     """The tiles in messages."""
 
     values: NDArray[np.uint8]  # (t, rows, columns)
     origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
     sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
     sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainTiles(TileItems):
+    """Tiles, and nothing else."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +179,7 @@ class TileCodec:
     def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
         """Its sender, iteration and tile."""
         sender, iteration, origin, tile = unpack(data, self._shape)
-        return sender, iteration, TileItems(tile[None], origin[None], _ints(sender), _ints(iteration))
+        return sender, iteration, PlainTiles(tile[None], origin[None], _ints(sender), _ints(iteration))
 
 
 class GoalCodec:
@@ -240,7 +246,7 @@ class MapCodec:
         sender, iteration, cells = unpack_map(data, self._grid)
         _, origins, values = pieces(cells[None], self._shape)
         nobody, now = np.full(len(values), -1, np.int32), np.full(len(values), iteration, np.int32)
-        return sender, iteration, TileItems(values, origins, nobody, now)
+        return sender, iteration, PlainTiles(values, origins, nobody, now)
 
 
 def _ints(value: int) -> NDArray[np.int32]:

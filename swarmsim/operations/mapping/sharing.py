@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from msgspec import Struct
@@ -21,6 +21,7 @@ from swarmsim.operations.mapping.message import (
     GoalCodec,
     GoalItems,
     MapCodec,
+    PlainTiles,
     TileCodec,
     TileItems,
     current_tile_bytes,
@@ -47,17 +48,17 @@ class Sharing(parts.Sharing[I, Maps], Protocol[I]):
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells the tile it senses now and nothing else: no history, no relaying, no map."""
 
-    def build(self, setting: Setting) -> CurrentTileSharing[TileItems]:
+    def build(self, setting: Setting) -> CurrentTileSharing:
         """The policy."""
-        return CurrentTileSharing(setting, TileCodec(tile_shape(setting)))
+        return CurrentTileSharing(setting)
 
 
-class CurrentTileSharing(Generic[I]):
+class CurrentTileSharing:
     """One tile a message."""
 
-    def __init__(self, setting: Setting, codec: Codec[I]) -> None:
+    def __init__(self, setting: Setting) -> None:
         tile = tile_shape(setting)
-        self.codec = codec
+        self.codec = TileCodec(tile)
         self._ids = setting.ids.astype(np.int32)
         self._ends = np.arange(1, len(self._ids) + 1, dtype=np.int64)
         self._sizes = np.full(len(self._ids), current_tile_bytes(*tile), np.int32)
@@ -66,10 +67,10 @@ class CurrentTileSharing(Generic[I]):
         """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
         tiles = tiles_of(senses)
         sensed = np.full(len(self._ids), senses.iteration, np.int32)
-        items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
+        items = PlainTiles(tiles.values, tiles.origins, self._ids, sensed)
         return Said(items, self._ends, self._sizes, one_each=True)
 
-    def taken(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
+    def taken(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
         """All of it."""
         return inbox
 
@@ -100,7 +101,7 @@ class WholeMapSharing:
         owners, origins, values = pieces(known, self._tile)
         nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), senses.iteration, np.int32)
         ends = np.searchsorted(owners, np.arange(len(known)), side="right")
-        return Said(TileItems(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
+        return Said(PlainTiles(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
 
     def taken(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
         """All of it."""
@@ -118,21 +119,24 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
         return TileAndGoalSharing(setting)
 
 
-class TileAndGoalSharing(CurrentTileSharing[GoalItems]):
+class TileAndGoalSharing:
     """One tile and one goal a message."""
 
     def __init__(self, setting: Setting) -> None:
-        super().__init__(setting, GoalCodec(tile_shape(setting)))
-        self._sizes += np.int32(GOAL.size)
+        self._tiles, self.codec = CurrentTileSharing(setting), GoalCodec(tile_shape(setting))
 
     def say(self, senses: Senses, maps: Maps) -> Said[GoalItems]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        said = super().say(senses, maps)
-        count, decided = len(self._ids), senses.decided
+        said = self._tiles.say(senses, maps)
+        count, decided = len(said.sizes), senses.decided
         goals = np.full((count, 2), -1, np.int32) if decided is None else decided.goals
         left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
         items = GoalItems.of(said.content, goals, left)
-        return Said(items, self._ends, self._sizes, one_each=True)
+        return Said(items, said.ends, said.sizes + np.int32(GOAL.size), one_each=True)
+
+    def taken(self, senses: Senses, inbox: Inbox[GoalItems]) -> Inbox[GoalItems]:
+        """All of it."""
+        return inbox
 
 
 def tile_shape(setting: Setting) -> tuple[int, int]:
