@@ -14,7 +14,7 @@ import msgspec
 from conftest import ROOT
 
 import swarmsim
-from swarmsim.core import distributions
+from swarmsim.core.code import distributions
 
 
 @cache

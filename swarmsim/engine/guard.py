@@ -10,14 +10,14 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Final
 
-from swarmsim.core import registry
+from swarmsim.core.adapters.minds import MindComputation, MindStrategy
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.lending import Lender, copied, frozen
-from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import is_failure, line_of, told
-from swarmsim.core.parts import Happening, Parts
+from swarmsim.core.parts import EventSource, Parts
+from swarmsim.core.scenario import registry
 from swarmsim.core.seams import SEAMS
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge
 from swarmsim.engine import promises
 from swarmsim.engine.promises import Check, Checks
@@ -120,22 +120,24 @@ def _same(value: object) -> object:
     return value
 
 
-def held(seam: str, part: Any, setting: Setting, clock: Clock, is_foreign: bool = True) -> Any:
+def held(seam: str, part: Any, context: BuildContext, clock: Clock, is_foreign: bool = True) -> Any:
     """A part, held to its contract."""
-    author, checks = registry.author_of(part), promises.CHECKS[seam](part, setting)
+    author, checks = registry.author_of(part), promises.CHECKS[seam](part, context)
     guard = Guard(seam, part, author, checks, clock, is_foreign)
     if seam == "task":
         summaries = vars(guard)["summaries"]
-        judged = promises.of_summaries(part.curve, setting)
+        judged = promises.of_summaries(part.curve, context)
         vars(guard)["summaries"] = lambda: [
             Guard("task", one, registry.author_of(one), judged, clock, is_foreign) for one in summaries()
         ]
     return guard
 
 
-def guarded(parts: Parts, setting: Setting, seams: Collection[str], theirs: Collection[str], clock: Clock) -> Parts:
+def guarded(
+    parts: Parts, context: BuildContext, seams: Collection[str], theirs: Collection[str], clock: Clock
+) -> Parts:
     """The same parts, those of some seams held to their contracts; in those of `theirs` there is code of others."""
-    changed = {seam: held(seam, getattr(parts, seam), setting, clock, seam in theirs) for seam in HELD if seam in seams}
+    changed = {seam: held(seam, getattr(parts, seam), context, clock, seam in theirs) for seam in HELD if seam in seams}
     return replace(parts, **changed)
 
 
@@ -145,12 +147,12 @@ def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], c
         return install(parts)
     author = registry.author_of(fault)
 
-    def held(happening: Happening) -> Happening:
+    def held(happening: EventSource) -> EventSource:
         """What happens by somebody else's fault, which cannot write to what it is told."""
         return Guard("fault", happening, author, {"advance": promises.nothing}, clock, is_foreign=True)
 
-    found = install(replace(parts, calendar=parts.calendar.holding(held)))
-    changed: dict[str, Any] = {"calendar": parts.calendar}
+    found = install(replace(parts, schedule=parts.schedule.holding(held)))
+    changed: dict[str, Any] = {"schedule": parts.schedule}
     for seam in HELD:
         part = getattr(found, seam)
         if part is not getattr(parts, seam):

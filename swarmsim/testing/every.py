@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, all_parts, load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario, all_parts, load
 from swarmsim.core.seams import SEAMS
 from swarmsim.testing.broken import BrokenError
 from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation

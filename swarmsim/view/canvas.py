@@ -8,13 +8,13 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from swarmsim.view.actors import Actors
+from swarmsim.view.background import FINEST, Background
 from swarmsim.view.camera import Camera
-from swarmsim.view.ground import FINEST, Ground
+from swarmsim.view.foreground import Foreground
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import Look
 from swarmsim.view.panel import Panel
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
+from swarmsim.view.style import Style
 from swarmsim.view.symbols import Pen, opaque
 
 LENS = 0.12  # of the picture's height: the radius of the magnifier
@@ -29,14 +29,14 @@ class Canvas:
         self,
         scene: Scene,
         size: tuple[int, int],
-        look: Look | None = None,
+        look: Style | None = None,
         camera: Camera | None = None,
         finest: int = FINEST,
     ) -> None:
         """`camera` is what the map is seen by, if not all of it is to be seen; what stands still is drawn at most
         `finest` pixels wide before it is reduced. Raises InputError for a `look`.
         """
-        self._scene, self._look = scene, look or Look()
+        self._scene, self._look = scene, look or Style()
         self._look.check(scene)
         theme = self._look.colours
         self._surface = opaque(size)
@@ -53,9 +53,9 @@ class Canvas:
         self.camera = camera or Camera.fitting(scene.bounds, (room.left, room.top, room.width, room.height))
         self._pen = Pen(theme)
         self._kept = 0  # the corner that the magnifier is in
-        self._actors = Actors(scene, self._look, self.camera, max(8.0 * unit, 5.0), self._line, letters)
+        self._actors = Foreground(scene, self._look, self.camera, max(8.0 * unit, 5.0), self._line, letters)
         self.radius = self._actors.radius
-        self._ground = Ground(scene, self._look, self.camera, size, max(1, round(2 * unit)), finest)
+        self._ground = Background(scene, self._look, self.camera, size, max(1, round(2 * unit)), finest)
         self._overlay = self._headline(size[0] - 2 * pad if not wide else panel.left - 2 * pad)
         self._room, self._columns = panel, 1 if wide else 2
         self.renew()
@@ -124,7 +124,7 @@ class Canvas:
             (text, at),
         ]
 
-    def _captions(self, shot: Shot) -> None:
+    def _captions(self, shot: Frame) -> None:
         """Write what has just happened above the lower edge of the map, the newest at the bottom."""
         bottom, left = self.area.bottom, self._captions_from
         for text in shot.captions[::-1]:
@@ -132,7 +132,7 @@ class Canvas:
             bottom = self._pen.caption(self._surface, drawn, left, bottom) - 2
 
     @cached_property
-    def _lens(self) -> tuple[Camera, Ground, int, pygame.Surface]:
+    def _lens(self) -> tuple[Camera, Background, int, pygame.Surface]:
         """A larger picture of the whole building, of which the magnifier shows a part."""
         left, right, low, high = self._scene.bounds
         wanted = MAGNIFIED * self._unit / self._scene.radius
@@ -140,12 +140,12 @@ class Canvas:
         size = (round(scale * (right - left)), round(scale * (high - low)))
         camera = Camera(scale, -scale * left, scale * high)
         reach = round(LENS * self._surface.get_height())
-        ground = Ground(self._scene, self._look, camera, size, 2 * self._line)
+        ground = Background(self._scene, self._look, camera, size, 2 * self._line)
         mask = pygame.Surface((2 * reach, 2 * reach), pygame.SRCALPHA, 32)
         pygame.draw.aacircle(mask, (255, 255, 255, 255), (reach, reach), reach)
         return camera, ground, reach, mask
 
-    def _magnify(self, shot: Shot, focus: int) -> None:
+    def _magnify(self, shot: Frame, focus: int) -> None:
         """Show the surroundings of the robot that is looked at in a circle in a corner."""
         camera, ground, reach, mask = self._lens
         ground.show(shot.row)
@@ -157,7 +157,7 @@ class Canvas:
             ground.surface, (-around.left, -around.top)
         )
         moved = camera.moved(-around.left, -around.top)
-        Actors(self._scene, self._look, moved, 0.0, self._line, self._letters).draw(sheet, shot)
+        Foreground(self._scene, self._look, moved, 0.0, self._line, self._letters).draw(sheet, shot)
         sheet.blit(mask, (0, 0), special_flags=pygame.BLEND_RGBA_MIN)
         place = self.pixels(shot.pose[focus, :2])
         corners = [

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pygame
 
-from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
 from swarmsim.view.symbols import Pen
 from swarmsim.view.theme import colour_of
 
 Sign = tuple[str, str]  # its kind and what it means
 
 
-def signs(scene: Scene, look: Look, enlarged: float) -> list[Sign]:
+def signs(scene: Scene, look: Style, enlarged: float) -> list[Sign]:
     """Every sign in the pictures of a scene; robots are drawn `enlarged` so many times."""
     rows, columns = scene.tile
     size = f", up to {enlarged:.2g} x its size" if enlarged > 1.0 else ""
