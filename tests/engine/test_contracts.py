@@ -274,7 +274,7 @@ class Sharing:
 
     def __init__(self, inner, wrong):
         self.inner, self.wrong = inner, wrong
-        self.taken = inner.taken
+        self.accepted = inner.accepted
 
     def say(self, senses, maps):
         said = self.inner.say(senses, maps)

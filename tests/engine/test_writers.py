@@ -134,7 +134,7 @@ class Hearing(Base, frozen=True):
 
 class Sharing(Base, frozen=True):
     def build(self, context):
-        return Wrapped(CurrentTile().build(context), self.how, "say", "taken")
+        return Wrapped(CurrentTile().build(context), self.how, "say", "accepted")
 
 
 class Strategy(Base, frozen=True):

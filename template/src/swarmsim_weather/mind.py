@@ -94,7 +94,7 @@ class Sometimes:
 
     def __init__(self, inner: Sharing[TileItems], every: int) -> None:
         self._inner, self._every = inner, every
-        self.codec, self.taken = inner.codec, inner.taken
+        self.codec, self.accepted = inner.codec, inner.accepted
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[TileItems]:
         """Tiles, or nothing worth knowing."""
