@@ -21,7 +21,7 @@ from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Senses
 from swarmsim.core.streams import Streams
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.operations.mapping.grids import OccupancyGrids
@@ -65,12 +65,12 @@ def setting_of(
     )
 
 
-def made(*overrides: str, scenario: str = "room") -> Run:
+def made(*overrides: str, scenario: str = "room") -> BuiltRun:
     path = ROOT / "scenarios" / f"{scenario}.toml"
     return build(load(path, overrides), str(path))
 
 
-def moments_of(run: Run) -> list[Moment]:
+def moments_of(run: BuiltRun) -> list[Moment]:
     """Every moment of a run, done to its end."""
     moments: list[Moment] = []
 
@@ -111,7 +111,7 @@ def worded(events, scenario) -> list[Worded]:
     ]
 
 
-def worded_of(moments, run: Run) -> list[Worded]:
+def worded_of(moments, run: BuiltRun) -> list[Worded]:
     """The events of moments in words, one for each robot."""
     return worded([event for moment in moments for event in moment.events], run.scenario)
 

@@ -88,10 +88,16 @@ def test_the_rule_finds_concrete_classes() -> None:
     assert why_concrete(Keys, False) is None
 
 
+#: Kernels' tuple of arrays of maps, beside the knowledge of robots that map: numba's files on a user's disk name the
+#: types of arguments, and numba raises an error for one that is gone.
+TWICE = {"Maps"}
+
+
 def test_each_name_of_a_class_stands_for_one_thing() -> None:
     places = defaultdict(list)
     for file, tree in trees().items():
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(f"{file.relative_to(ROOT)}:{node.lineno}")
-    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+    assert {name: where for name, where in places.items() if len(where) > 1 and name not in TWICE} == {}
+    assert all(len(places[name]) > 1 for name in TWICE)

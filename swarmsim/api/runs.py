@@ -102,7 +102,7 @@ def open(path: str | Path) -> Run:  # noqa: A001
     return Run(Recording(Path(path)))
 
 
-def _made(scenario: str | Path, seed: int | None, overrides: Overrides | None) -> engine.Run:
+def _made(scenario: str | Path, seed: int | None, overrides: Overrides | None) -> engine.BuiltRun:
     changes = {**(overrides or {}), **({} if seed is None else {"seed": seed})}
     return engine.build(load(Path(scenario), changes=changes), str(scenario))
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from swarmsim.network.analysis import Reach, Snapshot, Spells
+    from swarmsim.network.analysis import LinkGraph, Reach, Spells
     from swarmsim.recording.reader import Recording
 
 BUSIEST = 5  # links shown
@@ -113,7 +113,7 @@ _Found = TypedDict(
 class Graph:
     """One graph of a run, linked or heard, in a window of iterations."""
 
-    snapshots: list[Snapshot]
+    snapshots: list[LinkGraph]
     reach: Reach
     ordered: tuple[Spells, Spells]  # contacts and times between them, receiver and sender
     unordered: tuple[Spells, Spells]  # of two robots, whichever hears

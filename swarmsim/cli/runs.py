@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from swarmsim.core.scenario.file import Scenario
-    from swarmsim.engine.build import Run
+    from swarmsim.engine.build import BuiltRun
     from swarmsim.recording.reader import Recording
 
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
@@ -153,7 +153,7 @@ def schema() -> None:
     print(json.dumps(scenario_schema(), indent=2))
 
 
-def _made(path: Path, overrides: list[str], faults: list[str]) -> Run:
+def _made(path: Path, overrides: list[str], faults: list[str]) -> BuiltRun:
     """The run of a scenario file with these faults besides. Raises InputError, which names the option at fault."""
     from swarmsim.core.errors import InputError
     from swarmsim.engine.build import build
@@ -218,7 +218,7 @@ def summarise(recording: Recording, folder: Path) -> None:
     write_whole(folder / "summary.json", json.dumps(recording.summary(), indent=2) + "\n")
 
 
-def _simulate(made: Run, path: Path, progress: Progress) -> bool:
+def _simulate(made: BuiltRun, path: Path, progress: Progress) -> bool:
     """Run to the end with a recording and a progress bar; an interrupted run keeps what it has recorded."""
     task = progress.add_task("simulating", total=1.0, text="")
     with made.recorder(path) as recorder:

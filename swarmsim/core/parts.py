@@ -202,7 +202,7 @@ class Topology(Protocol):
         ...
 
 
-class Channel(Protocol):
+class NetworkChannel(Protocol):
     """Says what arrives of what was said."""
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
@@ -323,7 +323,7 @@ class Parts:
     computation: AnyComputation
     strategy: AnyStrategy
     topology: Topology
-    channel: Channel
+    channel: NetworkChannel
     motion: Motion
     bodies: Bodies
     task: AnyTask

@@ -85,7 +85,7 @@ SEAMS: Final = {
             function=FunctionStrategy, mind=MindStrategy,
         ),
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
-        Seam("channel", ("network", "channel"), parts.Channel, "perfect"),
+        Seam("channel", ("network", "channel"), parts.NetworkChannel, "perfect"),
         Seam("motion", ("motion",), parts.Motion, "pure-pursuit"),
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),

@@ -84,7 +84,7 @@ def told_to_scale(plan: FloorPlan, world: World) -> Iterator[None]:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class BuiltRun:
     """A simulation at its start, and what its recording needs to know besides."""
 
     scenario: Scenario
@@ -150,7 +150,7 @@ def build(
     world: str | None = None,
     strict: bool = False,
     watch: Callable[[Parts], Parts] | None = None,
-) -> Run:
+) -> BuiltRun:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
@@ -167,7 +167,7 @@ def build(
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> BuiltRun:
     robots, stop, asked, sensors = scenario.robots, scenario.stop, parts_of(scenario), sensors_of(scenario)
     key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), sensors
 
@@ -237,7 +237,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
-    return Run(
+    return BuiltRun(
         scenario, world, arena, plain.domain, simulation, context, ground.reachable, ground.notices, probes,
         code_of(scenario),
     )  # fmt: skip

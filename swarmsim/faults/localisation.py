@@ -29,7 +29,7 @@ Offset = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Spread = Annotated[float, Meta(gt=0.0, le=1e6)]
 
 
-class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class LocalisationFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The robot errs about its pose: it maps and tells its tiles where it believes to be, and steers by that.
 
     `bias`: the estimate is wrong by `dx`, `dy` and `dyaw`. `drift`: the error grows by so much in every iteration

@@ -16,7 +16,7 @@ from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import array_of
 from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.engine.simulation import Perceived
 from swarmsim.learning.observed import observed, spaces_of
 
@@ -134,7 +134,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
             raise InputError(f"{self._name}: {problem}") from problem
 
     @property
-    def run(self) -> Run:
+    def run(self) -> BuiltRun:
         """The run that is going on; a new one after every `reset`."""
         return self._run
 

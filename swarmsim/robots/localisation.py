@@ -19,7 +19,7 @@ from swarmsim.core.state import State
 Spread = Annotated[float, Meta(ge=0.0, le=100.0)]
 
 
-class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Exact(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every robot knows its pose exactly."""
 
     def build(self, context: BuildContext) -> PerfectLocalisation:

@@ -15,7 +15,7 @@ from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.state import Intents, Knowledge, Senses
-from swarmsim.engine.build import Run
+from swarmsim.engine.build import BuiltRun
 from swarmsim.engine.foreign import built
 from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.testing.broken import BrokenError, breaking
@@ -98,7 +98,7 @@ class WitnessedStrategy:
 class Followed:
     """A run, and everything that its minds were given and gave before any fault changed that."""
 
-    run: Run
+    run: BuiltRun
     heard: Sequence[Heard]  # in each iteration
     codec: Codec[Any]
 
@@ -134,7 +134,7 @@ def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
 Mind = tuple[AnyComputation, AnyStrategy]
 
 
-def _mind(run: Run, context: BuildContext) -> Mind:
+def _mind(run: BuiltRun, context: BuildContext) -> Mind:
     """A new mind, as built for a run."""
     mind = run.scenario.mind
     return built(mind.computation, context), built(mind.strategy, context)

@@ -16,7 +16,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.recording.digests import DIGESTED, Digests
 from swarmsim.testing.broken import BrokenError
 
@@ -30,7 +30,7 @@ def opened(
     strict: bool = False,
     allow_code: bool = False,
     watch: Callable[[Parts], Parts] | None = None,
-) -> Run:
+) -> BuiltRun:
     """The run of a scenario file with `key=value` overrides; `watch` as in `build`. Raises InputError."""
     with registry.own_code(allow_code):
         path = Path(scenario)

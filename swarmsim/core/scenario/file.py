@@ -21,11 +21,11 @@ from swarmsim.core.parts import (
     AnyStrategy,
     AnyTask,
     Bodies,
-    Channel,
     Fault,
     Generator,
     Localisation,
     Motion,
+    NetworkChannel,
     Probe,
     Sensor,
     Topology,
@@ -128,7 +128,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Who hears whom, and what arrives."""
 
     topology: Part[Topology]
-    channel: Part[Channel] = Part("channel")
+    channel: Part[NetworkChannel] = Part("channel")
 
 
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -107,7 +107,7 @@ class AverageComputation:
         self._known[robots] = True
 
 
-class Agreement(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Agreed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every live robot's estimate is the mean of what all robots have measured."""
 
     tolerance: Annotated[float, Meta(gt=0.0)] = 1e-6  # the largest error that finishes the run

@@ -27,7 +27,7 @@ from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.codecs import PlainTiles, TileItems
-from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
+from swarmsim.operations.mapping.sharing.policies import TileSharing, tiles_of
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
@@ -62,7 +62,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     lowest: Probability = 0.12  # probability below which no cell falls
     highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
-    share: Part[Sharing[TileItems]] = Part("sharing")  # what is told
+    share: Part[TileSharing[TileItems]] = Part("sharing")  # what is told
     hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
@@ -93,7 +93,7 @@ class MapComputation:
     requires = ("tiles",)
     knowledge_type: type[Knowledge] = Maps
 
-    def __init__(self, parameters: OccupancyGrid, context: BuildContext, sharing: Sharing[TileItems]) -> None:
+    def __init__(self, parameters: OccupancyGrid, context: BuildContext, sharing: TileSharing[TileItems]) -> None:
         count, lattice = len(context.ids), context.lattice
         grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1

@@ -15,7 +15,7 @@ from swarmsim.core.parts import Curve
 from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.codecs import TileItems
-from swarmsim.operations.mapping.sharing.policies import CurrentTile, Sharing
+from swarmsim.operations.mapping.sharing.policies import CurrentTile, TileSharing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,7 @@ class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Sometimes:
     """The current tile, sometimes."""
 
-    def __init__(self, inner: Sharing[TileItems], every: int) -> None:
+    def __init__(self, inner: TileSharing[TileItems], every: int) -> None:
         self._inner, self._every = inner, every
         self.codec, self.accepted = inner.codec, inner.accepted
 

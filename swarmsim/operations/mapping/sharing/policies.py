@@ -32,7 +32,7 @@ from swarmsim.operations.mapping.sharing.codecs import (
 I = TypeVar("I", bound=TileItems)  # noqa: E741 (of items)
 
 
-class Sharing(parts.Sharing[I, Maps], Protocol[I]):
+class TileSharing(parts.Sharing[I, Maps], Protocol[I]):
     """What mapping robots say; the items that they take in have the columns of TileItems at least."""
 
     @property
