@@ -71,7 +71,7 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         """Whether it can be somewhat larger: what robots read themselves, and no choice between a few values."""
         return self.dtype in ("i4", "f4", "f8") and not (self.structure or self.group)
 
-    def called(self, name: str, **changes: Any) -> Channel:
+    def called(self, name: str, **changes: str | tuple[int, int]) -> Channel:
         """The same under another name, with its table."""
         table = "" if not self.table else f"{name.rpartition(self.name)[0]}{self.table}{name.rpartition(self.name)[2]}"
         return msgspec.structs.replace(self, name=name, table=table, **changes)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from swarmsim.core.adapters.minds import MindComputation, MindStrategy
 from swarmsim.core.context import BuildContext
@@ -22,6 +22,7 @@ from swarmsim.core.state import Knowledge
 from swarmsim.engine import promises
 from swarmsim.engine.promises import Check, Checks
 
+P = TypeVar("P")
 Change = Callable[[object], object]
 
 #: The seams whose parts the tick asks by name.
@@ -83,7 +84,7 @@ class Guard:
                 taken = self._known if verb == "hear" else clock.lender.taken
             setattr(self, verb, self._held(verb, check, given if lends else _same, taken if lends else _same))
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the part has
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._part, name)
@@ -120,17 +121,18 @@ def _same(value: object) -> object:
     return value
 
 
-def held(seam: str, part: Any, context: BuildContext, clock: Clock, is_foreign: bool = True) -> Any:
+def held(seam: str, part: P, context: BuildContext, clock: Clock, is_foreign: bool = True) -> P:
     """A part, held to its contract."""
     author, checks = registry.author_of(part), promises.CHECKS[seam](part, context)
-    guard = Guard(seam, part, author, checks, clock, is_foreign)
+    guard: Any = Guard(seam, part, author, checks, clock, is_foreign)
     if seam == "task":
         summaries = vars(guard)["summaries"]
-        judged = promises.of_summaries(part.curve, context)
+        judged = promises.of_summaries(guard.curve, context)
         vars(guard)["summaries"] = lambda: [
             Guard("task", one, registry.author_of(one), judged, clock, is_foreign) for one in summaries()
         ]
-    return guard
+    found: P = guard
+    return found
 
 
 def guarded(

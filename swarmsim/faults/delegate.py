@@ -30,7 +30,7 @@ class ComputationDelegate(ABC):
         return self._inner.codec
 
     @property
-    def maps(self) -> Any:
+    def maps(self) -> Any:  # noqa: ANN401 - of those computations that have any
         """The maps of robots that map; None if they do not."""
         return getattr(self._inner, "maps", None)
 

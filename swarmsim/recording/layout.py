@@ -156,8 +156,8 @@ def wrong_form(name: str, row: NDArray[np.generic], rows: str, robots: int) -> s
     return f"{name!r} is {row.dtype} of shape {row.shape}; expected {np.dtype(table.kind)} of {shape}{many}"
 
 
-def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = ()) -> Any:
-    """An attribute of an HDF5 file.
+def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = ()) -> NDArray[np.generic]:
+    """An attribute of an HDF5 file, as an array.
 
     Raises ValueError unless it is there, of one of these kinds of numpy's and of this shape. Texts are of fixed length,
     since damaged ones of others can keep HDF5 busy for ever.
@@ -167,7 +167,14 @@ def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = (
     found = file.attrs.get_id(name)
     if found.dtype.kind not in kinds or found.shape != shape:
         raise ValueError(f"attribute {name!r} is {found.dtype} of shape {found.shape}")
-    return file.attrs[name]
+    return np.asarray(file.attrs[name])
+
+
+def text(file: h5py.File, name: str, default: bytes | None = None) -> bytes:
+    """An attribute that is a text. Raises ValueError, unless there is a `default` for one that is missing."""
+    if default is not None and name not in file.attrs:
+        return default
+    return bytes(attribute(file, name, "S").item())
 
 
 def tables_of(channels: Channels) -> dict[str, Table]:

@@ -6,7 +6,7 @@ import inspect
 from abc import ABC
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Any, cast, get_type_hints
 
 import msgspec
 import numpy as np
@@ -20,11 +20,11 @@ from swarmsim.core.parts import Curve, Links, Summary
 from swarmsim.core.readings import Readings
 from swarmsim.core.state import Done, Estimates, Intents, Knowledge, Measured, Moment, Senses, State
 
-OfFunction = Callable[[Callable[..., Any], dict[str, Any], BuildContext], object]  # from the function and its keys
+OfFunction = Callable[[Callable[..., object], dict[str, Any], BuildContext], object]  # from the function and its keys
 OfMind = Callable[[type, Callable[[], Any], BuildContext], object]  # from the class and what makes one robot's mind
 
 
-def adapted(found: Any, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
+def adapted(found: object, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
     """The parameter struct of a part in a simpler form, or None if it has none of those that its seam takes.
 
     Its keys are a function's keyword-only parameters, or those of a class's constructor.
@@ -42,10 +42,10 @@ def adapted(found: Any, function: OfFunction | None, mind: OfMind | None) -> typ
 
 
 def _struct(
-    found: Any,
-    typed: Callable[..., Any],
+    found: Callable[..., object],
+    typed: Callable[..., object],
     parameters: Sequence[inspect.Parameter],
-    make: Callable[[dict[str, Any], BuildContext], Any],
+    make: Callable[[dict[str, Any], BuildContext], object],
 ) -> type[msgspec.Struct]:
     hints = get_type_hints(typed, include_extras=True)
     fields: list[Any] = []
@@ -53,7 +53,7 @@ def _struct(
         kind = hints.get(one.name, Any)
         fields.append((one.name, kind) if one.default is one.empty else (one.name, kind, one.default))
 
-    def build(self: msgspec.Struct, context: BuildContext) -> Any:
+    def build(self: msgspec.Struct, context: BuildContext) -> object:
         return make(msgspec.structs.asdict(self), context)
 
     return msgspec.defstruct(
@@ -65,15 +65,15 @@ def _struct(
 class FunctionForm(ABC):
     """A function and the values of its keys."""
 
-    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], context: BuildContext) -> None:
+    def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
         #: Whose contract it is to keep.
         self.written_by = function
         self._function, self._keys, self._context = function, keys, context
 
-    def _ask(self, *given: Any) -> Any:
+    def _ask(self, *given: object) -> object:
         return self._function(*given, **self._keys)
 
-    def _array(self, found: Any, *shape: int | None) -> NDArray[Any]:
+    def _array(self, found: object, *shape: int | None) -> NDArray[np.generic]:
         """What the function has given, as an array of numbers of this shape. Raises MisfitError if it is none."""
         try:
             return own.array_of(found, *shape)
@@ -118,7 +118,7 @@ class FunctionStrategy(FunctionForm):
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """What the function gives."""
-        found: Any = self._ask(Observations.of(senses, inbox, knowledge))
+        found = self._ask(Observations.of(senses, inbox, knowledge))
         if isinstance(found, Intents):
             return found
         return Intents.twisting(self._array(found, len(senses.alive), 2).astype(np.float64))
@@ -129,8 +129,7 @@ class FunctionTopology(FunctionForm):
 
     def links(self, state: State) -> Links:
         """What the function gives."""
-        found: Links = self._ask(state)
-        return found
+        return cast("Links", self._ask(state))  # checked as those of all topologies
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +155,7 @@ class FunctionComputation(FunctionForm):
 
     knowledge_type: type[Knowledge] = Value
 
-    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], context: BuildContext) -> None:
+    def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
         super().__init__(function, keys, context)
         self._value: NDArray[np.float64] | None = None
         self._new = np.ones(len(context.ids), np.bool_)
@@ -188,10 +187,10 @@ class FunctionComputation(FunctionForm):
         self._value = np.where(alive, found, before)
         return Value(_read_only(self._value))
 
-    def _values(self, found: Any, *shape: int) -> NDArray[np.float64]:
+    def _values(self, found: object, *shape: int) -> NDArray[np.float64]:
         """One row for each robot; of any length as long as that of none is known."""
-        several = self._value is None and isinstance(found, np.ndarray)
-        return self._array(found, shape[0], *(np.shape(found)[1:] if several else shape[1:])).astype(np.float64)
+        row = found.shape[1:] if self._value is None and isinstance(found, np.ndarray) else shape[1:]
+        return self._array(found, shape[0], *row).astype(np.float64)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Let robots (r,) begin again."""
@@ -217,7 +216,7 @@ class FunctionTask(FunctionForm):
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], context: BuildContext) -> None:
+    def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
         super().__init__(function, keys, context)
         self.curve = Curve(function.__name__, function.__name__.replace("_", " "), low=None)
 

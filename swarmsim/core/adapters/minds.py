@@ -62,7 +62,7 @@ class Me:
     random: np.random.Generator  # a stream of its own
     readings: SimpleNamespace  # what its other sensors give, by the names of their channels
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what a sensor gives
         found = {} if name == "readings" else vars(self.readings)  # which is not there while it is made
         if name not in found:
             raise AttributeError(f"'Me' object has no attribute {name!r}", name=name, obj=self)
