@@ -28,7 +28,7 @@ def test_robots_agree_on_the_warmest_place_and_go_there() -> None:
     run = sw.run(WARMEST)
     assert run.finished
     assert run.iterations <= 5  # a ring of five, in which news travel one robot an iteration
-    moments = list(sw.simulate(WARMEST, overrides={"stop.when_done": "go-on"}))
+    moments = list(sw.simulate(WARMEST, overrides={"stop.when_done": "continue"}))
     assert np.ptp(moments[-1].knowledge.warmth) == 0.0
     start, end = (moments[i].state.pose[:, 0].mean() for i in (0, -1))
     assert end < start - 0.3  # it is warmer on the left

@@ -197,7 +197,7 @@ PLACES = {
     "Localisation": "localisation",
     "Computation": "mind.computation",
     "Hearing": "mind.computation",
-    "Sharing": "mind.computation.share",
+    "Sharing": "mind.computation.sharing",
     "Strategy": "mind.strategy",
     "Topology": "network.topology",
     "Channel": "network.channel",

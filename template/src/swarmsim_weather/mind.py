@@ -13,8 +13,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve
 from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
-from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.policies import CurrentTile, TileSharing
 
 
