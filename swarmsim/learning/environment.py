@@ -101,14 +101,19 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         self.agents: list[str] = []
         self._seed = self._scenario.seed
         self._fresh = self._scenario.seed
-        shape = self._tile_shape()
+        self._observation_space = self._spaces()
+        self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def _spaces(self) -> spaces.Dict:
+        """What an observation holds."""
+        shape, hears = self._tile_shape(), self._hears
         lattice = self._run.context.lattice
         right, top = lattice.x0 + lattice.columns * lattice.cell, lattice.y0 + lattice.rows * lattice.cell
         room = max(right - lattice.x0, top - lattice.y0)
         low, high = np.array([lattice.x0, lattice.y0]) - room, np.array([right, top]) + room
         self._pose = spaces.Box(np.append(low, -np.pi), np.append(high, np.pi), dtype=np.float64)
         self._offsets = spaces.Box(-4.0 * room, 4.0 * room, (hears, 2), np.float64)
-        self._observation_space = spaces.Dict(
+        return spaces.Dict(
             {
                 "tile": spaces.Box(0, 2, shape, np.uint8),
                 "pose": self._pose,
@@ -118,7 +123,6 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 **self._more_spaces(),
             }
         )
-        self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def _tile_shape(self) -> tuple[int, int]:
         channels = self._run.simulation.parts.sensor.channels

@@ -226,15 +226,22 @@ def check(
                 raise ValueError(f"table {name!r} has no row for each iteration")
         elif found.dtype.kind not in "fiub":
             raise ValueError(f"table {name!r} is of {found.dtype}, not of numbers")
+    _check_rows(file, sizes["rows"], measures, rows, declared if begun else {})
+
+
+def _check_rows(
+    file: Mapping[str, Stored], grid_rows: int, measures: list[str], rows: set[str], declared: dict[str, Table]
+) -> None:
+    """Raise ValueError unless all tables are as long as they have to be."""
     for name in ("domain", "truth"):
-        if file[name].shape[0] != sizes["rows"]:
-            raise ValueError(f"table {name!r} has {file[name].shape[0]} rows, and the lattice {sizes['rows']}")
+        if file[name].shape[0] != grid_rows:
+            raise ValueError(f"table {name!r} has {file[name].shape[0]} rows, and the lattice {grid_rows}")
     iterations = file["digests"].shape[0]
     for name in rows:
         if not file[name].shape or file[name].shape[0] < iterations:
             raise ValueError(f"table {name!r} has not a row for each of {iterations} iterations")
     for name, table in declared.items():
-        if begun and file[name].shape[0] < -(-iterations // table.every):
+        if file[name].shape[0] < -(-iterations // table.every):
             raise ValueError(f"table {name!r} has not a row for every {table.every} of {iterations} iterations")
     for name in measures:
         if file[name].shape != file[name].shape[:1]:
