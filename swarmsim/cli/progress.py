@@ -75,7 +75,6 @@ class RunBar:
         self._begun: float | None = None
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Move the bar."""
         end_if_asked()
         self._begun = self._begun or time.perf_counter()
         done = moment.state.iteration + 1

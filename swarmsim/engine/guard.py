@@ -42,7 +42,6 @@ class Clock:
         self.lender = Lender()
 
     def turn(self, iteration: int) -> None:
-        """An iteration begins."""
         self.iteration = iteration
         self.lender.clear()
 

@@ -39,7 +39,6 @@ class Steered:
         self._inner, self._localisation = inner, localisation
 
     def follow(self, intents: Intents) -> None:
-        """Take up new intents."""
         self._inner.follow(intents)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:

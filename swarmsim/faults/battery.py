@@ -84,7 +84,6 @@ class BatteryFault:
     context: BuildContext
 
     def install(self, parts: Parts) -> Parts:
-        """The parts, wrapped."""
         channel = MeteredChannel(parts.channel, self.batteries, self.battery.per_byte)
         parts.schedule.enter(Exhaustion(parts.bodies, self))
         energy = Gauge("energy", "J", self.batteries.left.copy)

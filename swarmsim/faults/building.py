@@ -123,7 +123,6 @@ class Fixed:
 
     @property
     def places(self) -> tuple[tuple[str, Box], ...]:
-        """All of them."""
         return self.before + self.during
 
     def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
@@ -140,7 +139,6 @@ class Falling:
 
     @property
     def places(self) -> tuple[tuple[str, Box], ...]:
-        """The region."""
         return (("region", self._rubble.region),)
 
     def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:

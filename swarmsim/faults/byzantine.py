@@ -95,7 +95,6 @@ class Inverted:
     needs_tiles = True
 
     def told(self, said: Broadcast[TileItems], rows: NDArray[np.bool_]) -> Broadcast[TileItems]:
-        """Swap the two."""
         values = said.content.values.copy()
         values[rows] = SWAPPED[values[rows]]
         return replace(said, content=replace(said.content, values=values))

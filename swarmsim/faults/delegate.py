@@ -43,9 +43,7 @@ class ComputationDelegate(ABC):
         return self._inner.hear(senses, inbox)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Pass it on."""
         self._inner.reset(robots)
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Pass it on."""
         self._inner.copy_from(robots, source)

@@ -272,7 +272,6 @@ class Reboot:
     needs_maps, is_blank = False, True
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
-        """They know nothing."""
         computation.reset(robots)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> None:

@@ -27,7 +27,6 @@ class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return False
 
     def build(self, context: BuildContext) -> PerfectChannel:
-        """The channel."""
         return PerfectChannel()
 
 

@@ -34,7 +34,6 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def delays(self) -> bool:
-        """They do."""
         return True
 
     def build(self, context: BuildContext) -> LatentChannel:
@@ -87,11 +86,9 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def delays(self) -> bool:
-        """They do."""
         return True
 
     def build(self, context: BuildContext) -> QueueingChannel:
-        """The channel."""
         robots = context.swarm
         income = np.full(robots, self.bytes_per_second * context.period)
         queues = TransmitQueues(robots, self.queue, self.expiry)
@@ -113,11 +110,9 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def delays(self) -> bool:
-        """They do."""
         return True
 
     def build(self, context: BuildContext) -> QueueingChannel:
-        """The channel."""
         robots, period = context.swarm, context.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
         capacity = np.inf if self.bytes is None else self.bytes

@@ -23,7 +23,6 @@ class Exact(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every robot knows its pose exactly."""
 
     def build(self, context: BuildContext) -> PerfectLocalisation:
-        """The localisation."""
         return PerfectLocalisation()
 
 
@@ -48,7 +47,6 @@ class Noisy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sigma_yaw: Spread = 0.02  # rad
 
     def build(self, context: BuildContext) -> NoisyLocalisation:
-        """The localisation."""
         return NoisyLocalisation(self, context)
 
 
@@ -68,7 +66,6 @@ class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     tick: Spread = 0.0005  # m, a wheel's way between two ticks
 
     def build(self, context: BuildContext) -> OdometryLocalisation:
-        """The localisation."""
         return OdometryLocalisation(self, context)
 
 
@@ -105,7 +102,6 @@ class NoisyLocalisation(Erring):
         self._salt = _salt(context)
 
     def err(self, state: State) -> None:
-        """Drawn anew."""
         robots = np.arange(state.robots)[:, None]
         self.error[:] = self._spread * chance.normal(self._salt, state.iteration, robots, np.arange(3))
 

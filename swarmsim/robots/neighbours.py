@@ -39,7 +39,6 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     walls: bool = True  # whether they hide what is behind them
 
     def build(self, context: BuildContext) -> NeighbourSensor:
-        """The sensor."""
         return NeighbourSensor(self, context)
 
 

@@ -196,7 +196,6 @@ class MixedSensor:
         return MixedSensor([(maimed(sensor, beams, active), robots) for sensor, robots in self._sensors])
 
     def sense(self, state: State) -> Readings:
-        """Everybody's readings."""
         found = [sensor.sense(state).columns for sensor, _ in self._sensors]
         columns: list[Column] = []
         for channel, members in self._plan:

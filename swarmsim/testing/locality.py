@@ -48,14 +48,12 @@ class Witness(ComputationDelegate):
         self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        """What is said."""
         said = self._inner.say(senses)
         kept = replace(said, content=said.content.take(np.arange(len(said.content))))
         self._spoken.append((_copied(senses), kept))
         return said
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        """What is known."""
         self._given.append((_copied(senses), inbox))
         return self._inner.hear(senses, inbox)
 
@@ -66,7 +64,6 @@ class Witness(ComputationDelegate):
         self._changes = []
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Who forgets."""
         self._changes.append((robots.copy(), None))
         self._inner.reset(robots)
 
@@ -88,7 +85,6 @@ class WitnessedStrategy:
         return self._inner.requires_knowledge
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """What it decides."""
         intents = self._inner.step(senses, inbox, knowledge)
         self._witness.decided(senses, inbox, intents)
         return intents

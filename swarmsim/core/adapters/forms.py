@@ -117,7 +117,6 @@ class FunctionStrategy(FunctionForm):
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """What the function gives."""
         found = self._ask(Observations.of(senses, inbox, knowledge))
         if isinstance(found, Intents):
             return found
@@ -128,7 +127,6 @@ class FunctionTopology(FunctionForm):
     """`def topology(state, *, key=default)`: links (m, 2) of receiver and sender, sorted."""
 
     def links(self, state: State) -> Links:
-        """What the function gives."""
         return cast("Links", self._ask(state))  # checked as those of all topologies
 
 
@@ -163,7 +161,6 @@ class FunctionComputation(FunctionForm):
         self.codec = PlainCodec(Saying(np.zeros(0)))
 
     def say(self, senses: Senses) -> Broadcast[Saying]:
-        """Every robot's row."""
         value = self._begun(senses)
         return Broadcast.each(Saying(value.copy()), self.codec.size)
 
@@ -221,7 +218,6 @@ class FunctionTask(FunctionForm):
         self.curve = Curve(function.__name__, function.__name__.replace("_", " "), low=None)
 
     def measure(self, done: Done[Knowledge]) -> Measured:
-        """What the function gives."""
         found = self._ask(done)
         if isinstance(found, Measured):
             return found
@@ -237,7 +233,6 @@ class FunctionTask(FunctionForm):
             raise self._misfit(f"{own.brief(found)}; expected {wanted}") from None
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last value."""
         return (Last(),)
 
 

@@ -38,7 +38,6 @@ class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot keeps, and tells, the warmest place that it has felt or heard of: the consensus of the maximum."""
 
     def build(self, context: BuildContext) -> HottestComputation:
-        """The computation."""
         return HottestComputation(len(context.ids))
 
 
@@ -84,7 +83,6 @@ class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     every: int = 2  # iterations
 
     def build(self, context: BuildContext) -> Sometimes:
-        """The policy."""
         return Sometimes(CurrentTile().build(context), self.every)
 
 
@@ -109,7 +107,6 @@ class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     speed: float = 0.08  # m/s
 
     def build(self, context: BuildContext) -> Seeker:
-        """The strategy."""
         return Seeker(self.speed)
 
 
@@ -137,7 +134,6 @@ class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     within: float = 0.01  # degrees
 
     def build(self, context: BuildContext) -> WarmthTask:
-        """The task."""
         return WarmthTask(self.within)
 
 
@@ -157,5 +153,4 @@ class WarmthTask:
         return Measured({"spread": spread}, {}, float(spread <= self._within), spread <= self._within)
 
     def summaries(self) -> tuple[Last]:
-        """The last value."""
         return (Last(),)

@@ -37,7 +37,6 @@ class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     chance: float = 0.3  # probability of rain in an iteration
 
     def build(self, context: BuildContext) -> RainyChannel:
-        """The channel."""
         salt = int(context.streams.open("showers").integers(0, 2**63))
         return RainyChannel(self.chance, salt)
 
@@ -63,7 +62,6 @@ class AgainstIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     share: float = 0.5  # of the speed
 
     def build(self, context: BuildContext) -> Careful:
-        """The motion."""
         return Careful(PurePursuit().build(context), self.share)
 
 
@@ -84,7 +82,6 @@ class Lightning(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     at: int = 10  # iteration
 
     def build(self, context: BuildContext) -> Storm:
-        """The fault."""
         return Storm(self.at, context.number)
 
 
@@ -95,7 +92,6 @@ class Storm:
         self._at, self._number = at, number
 
     def install(self, parts: Parts) -> Parts:
-        """Enter the calendar."""
         self._bodies = parts.bodies
         parts.schedule.enter(self)
         return parts

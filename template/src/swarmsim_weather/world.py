@@ -22,11 +22,9 @@ class Greenhouse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     side: float = 4.0  # m
 
     def build(self, site: WorldContext) -> Greenhouse:
-        """The building."""
         return self
 
     def draw(self) -> str:
-        """Its floor plan."""
         side, inner = self.side, self.side - 0.2
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {side} {side}"><g id="walls">'
@@ -41,7 +39,6 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     direction: float = 0.0  # rad, counter-clockwise from the x axis
 
     def build(self, context: BuildContext) -> Blown:
-        """The bodies."""
         carried = context.period * self.speed * np.array([np.cos(self.direction), np.sin(self.direction)])
         return Blown(Particles(substeps=4).build(context), carried)
 
@@ -73,7 +70,6 @@ class Fog(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     reach: float = 1.0  # m, of the beams
 
     def build(self, context: BuildContext) -> Foggy:
-        """The sensor."""
         return Foggy(IrRing(reach=self.reach).build(context), self.x)
 
 
@@ -118,7 +114,6 @@ class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self
 
     def locate(self, state: State) -> NDArray[np.float64]:
-        """The poses, rounded."""
         pose = state.pose.copy()
         pose[:, :2] = np.round(pose[:, :2] / self.to) * self.to
         return pose
@@ -130,7 +125,6 @@ class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     name: str = "warmth"
 
     def build(self, context: BuildContext) -> Thermometer:
-        """The probe."""
         if context.scalar_field is None:
             raise InputError("use: 'thermometers' measures a field; expected one, such as field.use = 'day'")
         return Thermometer(context.scalar_field, context.period)

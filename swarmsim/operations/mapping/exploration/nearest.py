@@ -99,7 +99,6 @@ class FrontierStrategy(PlannedStrategy):
     """Robots walk to the nearest frontier."""
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
-        """Choose goals and paths."""
         if self._patrol.seen.size:
             self._see(senses, maps)
         # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.

@@ -102,7 +102,6 @@ class ExploringStrategy(PlannedStrategy):
         self._ids, self._random = context.ids.tolist(), context.own_streams("explore")
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
-        """Choose goals and paths."""
         now, plans, rules = senses.iteration + 1, self._plans, self._rules
         grids = search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned)
         here, chooses, stuck, draws, before = decide.look(

@@ -42,7 +42,6 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     def build(self, context: BuildContext) -> GossipSharing:
-        """The policy."""
         return GossipSharing(context)
 
 
@@ -99,7 +98,6 @@ class GossipSharing:
         return np.asarray(states * (maps.observed[at] & inside), np.uint8)
 
     def accepted(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
-        """All of it."""
         return inbox
 
 

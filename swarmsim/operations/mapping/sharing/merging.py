@@ -89,7 +89,6 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return True
 
     def build(self, context: BuildContext) -> MergeSharing:
-        """The policy."""
         return MergeSharing(self, context)
 
 

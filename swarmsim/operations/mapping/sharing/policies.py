@@ -47,7 +47,6 @@ class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     """Each robot tells the tile it senses now and nothing else: no history, no relaying, no map."""
 
     def build(self, context: BuildContext) -> CurrentTileSharing:
-        """The policy."""
         return CurrentTileSharing(context)
 
 
@@ -69,7 +68,6 @@ class CurrentTileSharing:
         return Broadcast(items, self._ends, self._sizes, one_each=True)
 
     def accepted(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
-        """All of it."""
         return inbox
 
 
@@ -77,7 +75,6 @@ class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells all that it knows: its map as it stands before it takes in what it senses and hears now."""
 
     def build(self, context: BuildContext) -> WholeMapSharing:
-        """The policy."""
         return WholeMapSharing(context)
 
 
@@ -102,7 +99,6 @@ class WholeMapSharing:
         return Broadcast(PlainTiles(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
 
     def accepted(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
-        """All of it."""
         return inbox
 
 
@@ -113,7 +109,6 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     """
 
     def build(self, context: BuildContext) -> TileAndGoalSharing:
-        """The policy."""
         return TileAndGoalSharing(context)
 
 
@@ -133,7 +128,6 @@ class TileAndGoalSharing:
         return Broadcast(items, said.ends, said.sizes + np.int32(GOAL.size), one_each=True)
 
     def accepted(self, senses: Senses, inbox: Inbox[GoalItems]) -> Inbox[GoalItems]:
-        """All of it."""
         return inbox
 
 
