@@ -138,7 +138,12 @@ class Recording:
         robots = self.scenario.robots.count
         #: What the robots' sensors gave; nothing in recordings that are older than declarations.
         self.channels = declarations.read(layout.text(file, "channels", b"[]").decode(), robots)
-        self._declared = {**layout.declared_by(self.probes), **layout.tables_of(self.channels)}
+        #: What the robots' actuators are; nothing without any.
+        self.actuators = declarations.read(layout.text(file, "actuators", b"[]").decode(), robots)
+        self._declared = {
+            **layout.declared_by(self.probes), **layout.tables_of(self.actuators, "actuator"),
+            **layout.tables_of(self.channels, "sensor"),
+        }  # fmt: skip
         self._sizes = {
             "robots": robots, "rows": int(rows), "columns": int(columns), "fields": len(self.digested),
             "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,
@@ -258,7 +263,7 @@ class Recording:
             if any(
                 not 0 <= robot <= self._sizes["last robot"] for event in found for robot in getattr(event, "robots", ())
             ):
-                raise ValueError("an event is about a robot that there is not")
+                raise ValueError("an event names a robot that does not exist")
         except (msgspec.MsgspecError, ValueError) as problem:
             raise self._damaged(problem) from problem
         return found

@@ -118,6 +118,8 @@ class Foreground:
                 pen.joined(surface, ats[robot], radii[robot])
             if shot.headings is not None and np.isfinite(shot.headings[robot]):
                 pen.heading(surface, ats[robot], float(shot.headings[robot]), 4.0 * radii[robot], line)
+            if shot.lights is not None and shot.lights[robot].any():
+                pen.light(surface, ats[robot], radii[robot], tuple(shot.lights[robot].tolist()))
             yaw, label = float(shot.pose[robot, 2]), self._label(robot, radii[robot])
             pen.robot(surface, ats[robot], yaw, radii[robot], colour_of(robot), label)
 

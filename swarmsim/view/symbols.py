@@ -84,6 +84,11 @@ class Pen:
         """A ring around a robot of this radius, which is drawn over it, with a dark edge on either side."""
         self._ring(surface, at, radius, self.theme.mark)
 
+    def light(self, surface: pygame.Surface, at: Pixel, radius: float, colour: Colour) -> None:
+        """A disc of the colour in which a robot shines, wider than that of the robot, which is drawn over it."""
+        pygame.draw.aacircle(surface, self.theme.edge, at, 1.6 * radius + 1.3)
+        pygame.draw.aacircle(surface, colour, at, 1.6 * radius)
+
     def joined(self, surface: pygame.Surface, at: Pixel, radius: float) -> None:
         """A ring around a robot that came later than the others."""
         self._ring(surface, at, radius, self.theme.joined)

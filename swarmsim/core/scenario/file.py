@@ -17,6 +17,7 @@ from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import (
+    Actuator,
     AnyComputation,
     AnyStrategy,
     AnyTask,
@@ -160,6 +161,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     physics: Part[Bodies] = Part("physics")
     sensor: Part[Sensor] = Part("sensor")
     sensors: tuple[Part[Sensor], ...] = ()  # more of them or, without `sensor`, all
+    actuators: tuple[Part[Actuator], ...] = ()
     field: Part[Field] = NONE
     localisation: Part[Localisation] = Part("localisation")
     network: Network
@@ -177,7 +179,7 @@ OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
-LATER: Final = ("probes", "sensors")
+LATER: Final = ("actuators", "probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",

@@ -253,6 +253,8 @@ class View {
       if (robot === state.robot) ring(c, spot, 2.5 * radius, css(theme.text), 2 * thin);
       const yaw = run.data.heading && isFinite(run.data.heading[row * run.robots + robot]) ? run.data.heading[row * run.robots + robot] : null;
       if (yaw !== null) line(c, [spot, [spot[0] + 4 * radius * Math.cos(yaw), spot[1] - 4 * radius * Math.sin(yaw)]], css(theme.curve), 2 * thin);
+      const lit = run.data.lights ? run.data.lights.subarray(3 * (row * run.robots + robot), 3 * (row * run.robots + robot) + 3) : [];
+      if (lit.some(part => part)) disc(c, spot, 1.6 * radius, css(lit), css(theme.edge), thin);
       nose(c, spot, radius, poses[robot][2], css(colour(robot)), css(theme.edge), thin);
       disc(c, spot, radius, css(colour(robot)), css(theme.edge), thin);
       if (radius < 6 * thin) continue;

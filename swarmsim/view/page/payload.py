@@ -16,7 +16,7 @@ from swarmsim.core.events import BoxGone, BoxStands
 from swarmsim.core.scenario.file import table_of
 from swarmsim.recording.reader import Recording, Summary
 from swarmsim.view.panel import clock
-from swarmsim.view.scene import Scene
+from swarmsim.view.scene import Scene, lights
 from swarmsim.view.theme import ROBOTS, THEMES
 
 MILLI = 1000.0  # poses are kept in mm and mrad
@@ -68,6 +68,9 @@ def _arrays(recording: Recording, scene: Scene) -> dict[str, NDArray[np.generic]
         arrays["origins"] = recording["origins"].astype(np.int16)
     if scene.has_headings:
         arrays["heading"] = recording.rows("heading", scene.robots).astype(np.float32)
+    shining = lights(recording)
+    if shining is not None:
+        arrays["lights"] = shining
     for name in ("goals", "people", "believed"):
         if name in recording:
             arrays[name] = recording[name].astype(np.int16 if name == "goals" else np.float32)
