@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, PlacedError
 from swarmsim.core.lending import lent
 from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.readings import Tiles
@@ -25,8 +25,12 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
+from swarmsim.operations.mapping.lies import LIES
 from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
-from swarmsim.operations.mapping.sharing.policies import TileSharing, tiles_of
+from swarmsim.operations.mapping.sharing.policies import tiles_of
+from swarmsim.operations.mapping.sharing.seam import Sharing
+
+MOST: Final = 20_000_000_000  # cells of all maps together
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
@@ -61,7 +65,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     lowest: Probability = 0.12  # probability below which no cell falls
     highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
-    sharing: Part[TileSharing[TileItems]] = Part("sharing")  # what is told
+    sharing: Part[Sharing[TileItems]] = Part("sharing")  # what is told
     hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
@@ -73,6 +77,12 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     def build(self, context: BuildContext) -> MapComputation:
         """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
+        cells = context.lattice.rows * context.lattice.columns
+        if context.swarm * cells > MOST:
+            raise PlacedError(
+                f"grid.cell: {context.swarm} robots with maps of {cells} cells each would have more than {MOST} cells; "
+                f"expected fewer robots or larger cells"
+            )
         if not self.lowest < self.miss < 0.5 < self.hit < self.highest:
             raise InputError(
                 f"hit: expected lowest < miss < 0.5 < hit < highest, got "
@@ -91,8 +101,9 @@ class MapComputation:
 
     requires = ("tiles",)
     knowledge_type: type[Knowledge] = Maps
+    lies = LIES
 
-    def __init__(self, parameters: OccupancyGrid, context: BuildContext, sharing: TileSharing[TileItems]) -> None:
+    def __init__(self, parameters: OccupancyGrid, context: BuildContext, sharing: Sharing[TileItems]) -> None:
         count, lattice = len(context.ids), context.lattice
         grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
@@ -158,6 +169,10 @@ class MapComputation:
         """Give robots (r,) the map of another one."""
         self._grids.copy_from(robots, source)
         self._rewritten = True
+
+    def amounts(self) -> NDArray[np.int64]:
+        """How many cells each robot's map holds (n,)."""
+        return np.asarray(np.count_nonzero(self._observed, axis=(1, 2)))
 
     def _maps(self, changes: NDArray[np.int32], new_cells: NDArray[np.int32], accepted: Inbox[TileItems]) -> Maps:
         frames = getattr(self._sharing, "frames", None)  # of most policies robots need none

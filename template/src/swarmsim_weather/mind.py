@@ -14,7 +14,8 @@ from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve
 from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
 from swarmsim.operations.mapping.maps import Maps, TileItems
-from swarmsim.operations.mapping.sharing.policies import CurrentTile, TileSharing
+from swarmsim.operations.mapping.sharing.policies import CurrentTile
+from swarmsim.operations.mapping.sharing.seam import Sharing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,7 +90,7 @@ class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Sometimes:
     """The current tile, sometimes."""
 
-    def __init__(self, inner: TileSharing[TileItems], every: int) -> None:
+    def __init__(self, inner: Sharing[TileItems], every: int) -> None:
         self._inner, self._every = inner, every
         self.codec, self.accepted = inner.codec, inner.accepted
 
