@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, nearest
-from swarmsim.core.kinds import KindCodec, Roster, Share, sorted_out, together
+from swarmsim.core.kinds import FromKind, KindCodec, Roster, sorted_out, together
 from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy
 from swarmsim.core.readings import Channels, Column, Readings
@@ -169,7 +169,7 @@ class GroupComputation:
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """What everybody says."""
         groups = self._groups
-        shares = [Share(band.rows, band.kind, band.computation.say(band.sensed(senses))) for band in groups.bands]
+        shares = [FromKind(band.rows, band.kind, band.computation.say(band.sensed(senses))) for band in groups.bands]
         return together(shares, groups.robots, groups.roster.several)
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> GroupKnowledge:

@@ -105,7 +105,7 @@ class Roster:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Share:
+class FromKind:
     """What some of the robots say."""
 
     rows: NDArray[np.int64]  # (r,): of these robots
@@ -113,7 +113,7 @@ class Share:
     said: Broadcast[MessageBatch]
 
 
-def together(shares: Sequence[Share], robots: int, several: bool) -> Broadcast[MessageBatch]:
+def together(shares: Sequence[FromKind], robots: int, several: bool) -> Broadcast[MessageBatch]:
     """What all robots say, one of `shares` each: with a byte more for each message if there are `several` kinds.
 
     Items of one kind stay as they are.
@@ -140,7 +140,7 @@ def together(shares: Sequence[Share], robots: int, several: bool) -> Broadcast[M
     return Broadcast(Mixed(kind[order].astype(np.uint8), row[order], tables), ends, sizes, one_each)
 
 
-def _places(share: Share, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _places(share: FromKind, starts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Where the items of a share (t,) stand among those of all robots, whose items begin at `starts` (n,)."""
     mine = share.said.starts()
     owner = np.repeat(np.arange(len(mine)), share.said.ends - mine)

@@ -38,7 +38,7 @@ class Candidate:
         return math.sqrt(sum(log * log for log in logs) / len(logs))
 
 
-class Held(NamedTuple):
+class Targets(NamedTuple):
     """Which published number each condition of a calibration is held to."""
 
     row_of: Mapping[str, str]  # by the condition's name
@@ -54,7 +54,7 @@ def opened(paper: Paper, reading: Reading) -> Plan:
     return open_study(paper.folder / reading.calibration)
 
 
-def held(paper: Paper, reading: Reading, plan: Plan) -> Held:
+def held(paper: Paper, reading: Reading, plan: Plan) -> Targets:
     """The published numbers of a reading whose conditions are alike in the paper's `rows`.
 
     Raises InputError for a condition of the calibration that is like none of them.
@@ -72,7 +72,7 @@ def held(paper: Paper, reading: Reading, plan: Plan) -> Held:
             what = f"no published number has its values of {', '.join(keys) or 'rows'}"
             raise InputError(f"{plan.path}: {condition.name}: {what}; expected those of one in {paper.folder}")
         row_of[condition.name] = number_of.row
-    return Held(row_of, {number.row: number.value for number in known.values()}, paper.about.published, keys)
+    return Targets(row_of, {number.row: number.value for number in known.values()}, paper.about.published, keys)
 
 
 def _values(condition: Condition, keys: Sequence[str]) -> bytes:
@@ -86,7 +86,7 @@ def _values(condition: Condition, keys: Sequence[str]) -> bytes:
     return msgspec.json.encode(found, order="sorted")
 
 
-def candidates(plan: Plan, store: Store, numbers: Held) -> list[Candidate]:
+def candidates(plan: Plan, store: Store, numbers: Targets) -> list[Candidate]:
     """All candidates of a calibration study, the best first."""
     means: dict[str, dict[str, float | None]] = {}
     rows = tuple(f"{key}." for key in numbers.keys)

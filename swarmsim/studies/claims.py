@@ -25,7 +25,7 @@ TAKES: Final[Mapping[str, tuple[int, float, str]]] = {
 }  # fmt: skip
 
 
-class Check(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class ClaimTest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One test. A claim may have several: it holds if all do, and fails if one does."""
 
     kind: Literal["trend", "less-gain", "ratio-above", "ratio-within", "faster", "same", "behind", "finished"]
@@ -92,7 +92,7 @@ class Runs:
         return np.array([curve[min(iteration, len(curve)) - 1] for curve in self.of(name).curves])
 
 
-def judge(check: Check, runs: Runs) -> Judged:
+def judge(check: ClaimTest, runs: Runs) -> Judged:
     """Put runs to a test. Raises InputError as `Runs.values`, and for runs whose curves are not kept."""
     if check.after is not None:
         if not all(len(runs.of(name).curves) for name in check.conditions):
@@ -112,7 +112,7 @@ def judge(check: Check, runs: Runs) -> Judged:
     return (_less_gain if check.kind == "less-gain" else _ratio)(check, samples, limit)
 
 
-def _trend(check: Check, samples: Mapping[str, Reals]) -> Judged:
+def _trend(check: ClaimTest, samples: Mapping[str, Reals]) -> Judged:
     """By Jonckheere and Terpstra, along the conditions in their order."""
     found = trend(list(samples.values()))
     along, shown = found.statistic if check.rises else -found.statistic, found.p < ALPHA
@@ -121,7 +121,7 @@ def _trend(check: Check, samples: Mapping[str, Reals]) -> Judged:
     return Judged(shown and along > 0.0, shown and along < 0.0, words)
 
 
-def _less_gain(check: Check, samples: Mapping[str, Reals], limit: float) -> Judged:
+def _less_gain(check: ClaimTest, samples: Mapping[str, Reals], limit: float) -> Judged:
     """Whether the step to the third condition gains less than that to the second.
 
     It fails if the gain does not fall by as much as matters, a share `limit` of the second condition's mean.
@@ -137,7 +137,7 @@ def _less_gain(check: Check, samples: Mapping[str, Reals], limit: float) -> Judg
     return Judged(low > 0.0, high < matters, _noted(words, check))
 
 
-def _ratio(check: Check, samples: Mapping[str, Reals], limit: float) -> Judged:
+def _ratio(check: ClaimTest, samples: Mapping[str, Reals], limit: float) -> Judged:
     """Whether the first condition's mean over the second's is above a limit, or within its inverse and itself."""
     low, high = bootstrap(lambda first, second: float(first.mean() / second.mean()), *samples.values())
     words = f"bootstrap of the ratio of {check.label or ' to '.join(samples)}: 95 % {low:.2f} to {high:.2f}"
@@ -148,7 +148,7 @@ def _ratio(check: Check, samples: Mapping[str, Reals], limit: float) -> Judged:
     return Judged(low > limit, high < limit, _noted(f"{words}; A12 {ranks.a12:.2f}", check))
 
 
-def _faster(check: Check, samples: Mapping[str, Reals], but: set[str]) -> Judged:
+def _faster(check: ClaimTest, samples: Mapping[str, Reals], but: set[str]) -> Judged:
     """Whether all conditions need fewer iterations than the first; it fails if one needs more."""
     against, *others = samples
     told = [found for found in compare(samples, against) if found.adjusted < ALPHA]
@@ -160,7 +160,7 @@ def _faster(check: Check, samples: Mapping[str, Reals], but: set[str]) -> Judged
     return Judged(set(faster) >= set(others) - but, bool(slower), words)
 
 
-def _at(check: Check, runs: Runs, after: int) -> Judged:
+def _at(check: ClaimTest, runs: Runs, after: int) -> Judged:
     """Whether two conditions measured the same, or the first one less, after some iterations."""
     first, second = (runs.curve(name, after) for name in check.conditions)
     if check.kind == "same":
@@ -172,7 +172,7 @@ def _at(check: Check, runs: Runs, after: int) -> Judged:
     return Judged(shown and found.a12 < 0.5, shown and found.a12 > 0.5, words)
 
 
-def _noted(words: str, check: Check) -> str:
+def _noted(words: str, check: ClaimTest) -> str:
     return f"{words}, {check.note}" if check.note else words
 
 

@@ -16,7 +16,7 @@ from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.core.scenario.files import text_lines
-from swarmsim.studies.claims import Check
+from swarmsim.studies.claims import ClaimTest
 from swarmsim.studies.plan import Plan, changes_of, open_study, read_study
 
 ABOUT: Final = "paper.toml"
@@ -68,7 +68,7 @@ class Reading(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     calibration: str | None = None  # the study in which they were made, from the folder
 
 
-class Readings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class PaperReadings(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """What `readings.toml` says."""
 
     reading: Annotated[tuple[Reading, ...], Meta(min_length=1)] = (Reading(),)
@@ -81,7 +81,7 @@ class Claim(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     text: str
     source: str  # where the paper says so
     margin: str = ""  # where the limits of its tests come from
-    test: Annotated[tuple[Check, ...], Meta(min_length=1)]
+    test: Annotated[tuple[ClaimTest, ...], Meta(min_length=1)]
 
 
 class Claims(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -106,7 +106,7 @@ class Paper:
 
     folder: Path
     about: About
-    readings: Readings
+    readings: PaperReadings
     claims: tuple[Claim, ...]
     published: tuple[Published, ...]
 
@@ -141,7 +141,7 @@ def open_paper(folder: Path) -> Paper:
     """
     about = read_struct(folder / ABOUT, "what is said of a paper", About)
     path = folder / READINGS
-    readings = read_struct(path, "readings of a paper", Readings) if path.exists() else Readings()
+    readings = read_struct(path, "readings of a paper", PaperReadings) if path.exists() else PaperReadings()
     known = _Known({name: _conditions(folder, name, file) for name, file in about.studies.items()}, readings.reading)
     for i, figure in enumerate(about.figure):
         known.check(f"{folder / ABOUT}: figure[{i}]", figure.study, figure.marks)

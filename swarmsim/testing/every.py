@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import Scenario, all_parts, load
-from swarmsim.core.seams import SEAMS
+from swarmsim.core.seams import PLACED
 from swarmsim.testing.broken import BrokenError
 from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
 from swarmsim.testing.runs import ITERATIONS, check_alone, check_determinism, check_silence, check_strictly
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Check = Callable[[Path | str, Sequence[str], int, bool], None]
 
-_RUNNING: Final = tuple(seam for seam in SEAMS if seam not in ("generator", "sharing"))
+_RUNNING: Final = tuple(seam for seam in PLACED if seam != "generator")
 _MIND: Final = ("computation", "strategy")
 #: Every check by its name, with the seams whose parts it tells apart; none if it is of the whole run.
 CHECKS: Final[dict[str, tuple[Check, Sequence[str]]]] = {

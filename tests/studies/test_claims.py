@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT
 
 from swarmsim.core.errors import InputError
-from swarmsim.studies.claims import Check, Runs, bootstrap, judge
+from swarmsim.studies.claims import ClaimTest, Runs, bootstrap, judge
 from swarmsim.studies.paper import open_paper
 from swarmsim.studies.reproduction import decide
 from swarmsim.studies.results import Result
@@ -39,7 +39,7 @@ def spread(mean: float, count: int = 20) -> list[float]:
 
 
 def verdict_of(runs: Mapping[str, Result], names: Mapping[str, str] = {}, **keys: object) -> str:
-    judged = judge(msgspec.convert({"study": "s", **keys}, Check), Runs(runs, names))
+    judged = judge(msgspec.convert({"study": "s", **keys}, ClaimTest), Runs(runs, names))
     assert not (judged.holds and judged.fails)
     return "holds" if judged.holds else "fails" if judged.fails else "open"
 
@@ -99,7 +99,7 @@ def test_one_unfinished_run_refutes_that_all_finish_and_leaves_no_mean() -> None
     runs = {"whole": result("whole", spread(100)), "cut": result("cut", [*spread(100, 19), None])}
     assert verdict_of(runs, kind="finished", conditions=["whole"]) == "holds"
     assert verdict_of(runs, kind="finished", conditions=["whole", "cut"]) == "fails"
-    judged = judge(Check(kind="ratio-above", study="s", conditions=("cut", "whole"), limit=0.1), Runs(runs, {}))
+    judged = judge(ClaimTest(kind="ratio-above", study="s", conditions=("cut", "whole"), limit=0.1), Runs(runs, {}))
     assert judged == (False, False, "no mean: 1 of 40 runs did not finish")
     assert Runs(runs, {}).values("cut", "speed")[-1] == 0.0
 
@@ -129,7 +129,7 @@ def test_measures_of_runs_are_compared_and_unknown_ones_refused() -> None:
 )
 def test_a_test_without_what_its_kind_needs_is_refused(keys: dict[str, object], message: str) -> None:
     with pytest.raises(msgspec.ValidationError, match=message):
-        msgspec.convert({"study": "s", **keys}, Check)
+        msgspec.convert({"study": "s", **keys}, ClaimTest)
 
 
 def test_the_bootstrap_has_the_interval_of_the_mean() -> None:
