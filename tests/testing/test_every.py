@@ -139,7 +139,12 @@ def test_the_tests_have_these_names_in_pytest(scenario: Path) -> None:
 def test_each_check_has_a_test_for_every_part_that_it_tells_apart() -> None:
     names = {test.id for test in parametrize_with_checks(ROOT / "scenarios" / "room.toml").mark.args[1]}
     assert {name for name in names if name.startswith("contracts")} == {
-        *("contracts-physics.pymunk", "contracts-sensor.ir-ring", "contracts-localisation.perfect"),
+        *(
+            "contracts-kinematics.differential",
+            "contracts-physics.pymunk",
+            "contracts-sensor.ir-ring",
+            "contracts-localisation.perfect",
+        ),
         *("contracts-computation.occupancy-grid", "contracts-strategy.nearest-frontier", "contracts-topology.knn"),
         *("contracts-channel.perfect", "contracts-motion.pure-pursuit", "contracts-task.coverage"),
     }
