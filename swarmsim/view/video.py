@@ -26,8 +26,8 @@ from swarmsim.view.canvas import Canvas
 from swarmsim.view.cards import draw_card, first_lines, last_lines
 from swarmsim.view.lettering import Lettering
 from swarmsim.view.look import Look
+from swarmsim.view.painter import opaque
 from swarmsim.view.scene import Scene
-from swarmsim.view.symbols import opaque
 
 HOLD = 2.0  # s of film, how long the end and each card stay
 SMALLEST = (480, 270)  # pixels, below which nothing can be read

@@ -85,10 +85,7 @@ def _beams(recording: Recording, scene: Scene) -> NDArray[np.uint8] | None:
     if len(counts) > 1 or not min(counts) or recording.iterations * scene.robots * max(counts) > MOST_BEAMS:
         return None
     reach = np.array([scene.beam_reach(robot) for robot in range(scene.robots)])
-    lengths = [
-        [np.hypot(*(scene.beams(robot, shot) - shot.pose[robot, :2]).T) for robot in range(scene.robots)]
-        for shot in shots
-    ]
+    lengths = [[scene.beams(robot, shot) for robot in range(scene.robots)] for shot in shots]
     return np.asarray(np.rint(STEPS * np.array(lengths) / reach[:, None]).astype(np.uint8))
 
 

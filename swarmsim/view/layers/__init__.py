@@ -1,0 +1,54 @@
+"""What pictures show of a run, as shapes: one list that films, windows, pages and viewers draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from swarmsim.core.drawing import Mark
+from swarmsim.view.layers.building import Boxes, Building
+from swarmsim.view.layers.doing import Beams, Links, Tiles, Ways
+from swarmsim.view.layers.known import FieldEstimates, Maps
+from swarmsim.view.layers.robots import Beliefs, Faults, People, Robots
+from swarmsim.view.look import LAYERS, Look
+from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.signs import Sign
+
+
+class OurLayer(Protocol):
+    """A layer of ours, which is given more of a moment than it says to others, and explains its signs."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    def draw(self, shot: Shot) -> Sequence[Mark]:
+        """What is drawn of a moment."""
+        ...
+
+    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+        """The signs for the legend, of those that this run needs."""
+        ...
+
+
+class Layers:
+    """Every layer of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        #: In the order of their signs.
+        self.all: tuple[OurLayer, ...] = (
+            Robots(), Tiles(scene), Beams(scene), Ways(), Links(), Beliefs(), Faults(), People(), Boxes(),
+            FieldEstimates(scene), Maps(scene), Building(scene),
+        )  # fmt: skip
+
+    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+        """The signs of those that a look shows."""
+        return [sign for layer in self._shown(look) for sign in layer.signs(scene, look)]
+
+    def draw(self, shot: Shot, look: Look) -> list[Mark]:
+        """The shapes of those that a look shows, the lowest first."""
+        return sorted((mark for layer in self._shown(look) for mark in layer.draw(shot)), key=lambda mark: mark.z)
+
+    def _shown(self, look: Look) -> list[OurLayer]:
+        return [layer for layer in self.all if layer.name in look.layers or layer.name not in LAYERS]
