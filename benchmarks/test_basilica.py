@@ -13,7 +13,7 @@ import pytest
 from conftest import ROOT, Figures
 from pymunk._chipmunk_cffi import lib
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import Run, build
 
 SCENARIO = ROOT / "scenarios" / "basilica.toml"

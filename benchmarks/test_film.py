@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import Figures
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.view import video

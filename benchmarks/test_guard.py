@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarmsim.core import registry
 from swarmsim.core.parts import Parts
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.engine import guard
 from swarmsim.engine.build import Run, build
 
@@ -21,7 +21,7 @@ PAIRS = 15
 SEAMS = ("sensor", "localisation", "topology", "channel", "computation", "strategy", "task")
 MIND = """
 class Wanderer:
-    says = {"x": "f8", "y": "f8"}
+    message_fields = {"x": "f8", "y": "f8"}
 
     def say(self, me):
         return me.x, me.y
@@ -57,7 +57,7 @@ def ratios(what: str, overrides: tuple[str, ...], seams: tuple[str, ...]) -> Non
         plain.simulation.parts = bare(plain.simulation.parts)
         if seams:
             parts = checked.simulation.parts
-            checked.simulation.parts = guard.guarded(parts, checked.setting, seams, seams, checked.simulation.clock)
+            checked.simulation.parts = guard.guarded(parts, checked.context, seams, seams, checked.simulation.clock)
         one, other = (seconds(plain), seconds(checked)) if pair % 2 else (seconds(checked), seconds(plain))[::-1]
         found.append(other / one)
         assert np.array_equal(plain.simulation.state.pose, checked.simulation.state.pose)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Intents
 from swarmsim.engine.build import build
 from swarmsim.learning import SwarmEnv

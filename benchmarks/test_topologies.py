@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swarmsim.core import registry
-from swarmsim.core.part import Part
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Topology
-from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import load
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.part import Part
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import build
@@ -54,8 +54,8 @@ def test_links_are_quick() -> None:
     for table, most in CASES:
         costs = []
         for size in SIZES:
-            setting = Setting.of(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1), building)
-            net: Topology = Part("topology", table).build(setting)
+            context = BuildContext.of(Robots(count=size, spawn="nave"), lattice, 1.0, Streams(1), building)
+            net: Topology = Part("topology", table).build(context)
             pose = np.zeros((size, 3))
             pose[:, :2] = free[rng.choice(len(free), size, replace=False)]
             pose[:, :2] += rng.uniform(-0.5, 0.5, (size, 2)) * lattice.cell

@@ -13,7 +13,7 @@ import pytest
 import workload
 from conftest import ROOT, Figures
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import Run, build
 
 SIZES = (20, 100, 500, 1000, 2000, 5000)
@@ -38,7 +38,7 @@ def rates(run: Run, steps: int) -> list[float]:
         found.append(count * steps / (time.process_time() - begun))
     assert simulation.over
     assert run.astray() == []
-    moved = np.hypot(*(simulation.state.pose - run.setting.start)[:, :2].T)
+    moved = np.hypot(*(simulation.state.pose - run.context.start)[:, :2].T)
     assert moved.mean() > 0.05  # m
     return found[1:]
 

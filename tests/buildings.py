@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from swarmsim.core.decoding import convert
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 

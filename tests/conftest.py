@@ -13,19 +13,19 @@ from hypothesis import HealthCheck, settings
 
 from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
+from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
 from swarmsim.core.readings import Channels, Readings, Tiles, tile_channels
-from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import load
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Senses
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
-from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.operations.mapping.grids import OccupancyGrids
-from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.sharing.codecs import TileItems
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
@@ -56,12 +56,14 @@ def building(walls=()) -> Building:
 
 def setting_of(
     count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(), start=None, tile=(6, 7), **robots
-) -> Setting:
+) -> BuildContext:
     """What parts are built for: so many robots on a lattice of this shape, in a building of these walls alone."""
     start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
     of = Robots(count=count, spawn="anywhere", **robots)
     lattice = Lattice(0.0, 0.0, cell, *shape)
-    return Setting.of(of, lattice, period, Streams(seed), building(walls), start, Channels(*tile_channels(tile, False)))
+    return BuildContext.of(
+        of, lattice, period, Streams(seed), building(walls), start, Channels(*tile_channels(tile, False))
+    )
 
 
 def made(*overrides: str, scenario: str = "room") -> Run:
@@ -151,8 +153,8 @@ class Mapper:
         self._strategy = NearestFrontier(**{key: value for key, value in parameters.items() if key in fields})
         self._computation = OccupancyGrid(**{key: value for key, value in parameters.items() if key not in fields})
 
-    def build(self, setting: Setting) -> Mapping:
-        return Mapping(self._computation.build(setting), self._strategy.build(setting))
+    def build(self, context: BuildContext) -> Mapping:
+        return Mapping(self._computation.build(context), self._strategy.build(context))
 
 
 class Mapping:

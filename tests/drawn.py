@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from swarmsim.core.decoding import convert
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.world import svg
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.reading import plan_of

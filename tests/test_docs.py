@@ -16,9 +16,9 @@ import typer
 from conftest import ROOT
 
 from swarmsim.cli import app
-from swarmsim.core import registry
 from swarmsim.core.events import Begins
-from swarmsim.core.scenario import decode, load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import decode, load
 from swarmsim.core.seams import SEAMS
 from swarmsim.engine.build import build
 from swarmsim.learning.environment import SwarmEnv

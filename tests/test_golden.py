@@ -18,10 +18,10 @@ from conftest import ROOT, made
 from typer.testing import CliRunner
 
 from swarmsim.cli import app
-from swarmsim.core.decoding import convert
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.toml import read_toml
 from swarmsim.core.streams import Streams
-from swarmsim.core.toml import read_toml
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import text_of

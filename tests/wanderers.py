@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import Broadcast, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve
 from swarmsim.core.state import Estimates, Intents, Knowledge, Measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Heading(Columns):
+class Heading(MessageBatch):
     heading: np.ndarray  # (t,)
 
 
@@ -25,24 +25,24 @@ class Headings(Estimates):
 class Tell(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A computation."""
 
-    def build(self, setting):
+    def build(self, context):
         return Teller()
 
 
 class Teller:
-    knows = Headings
+    knowledge_type = Headings
     codec = PlainCodec(Heading(np.zeros(0)))
 
     def say(self, senses):
-        return Said.each(Heading(senses.pose[:, 2].copy()), self.codec.size)
+        return Broadcast.each(Heading(senses.pose[:, 2].copy()), self.codec.size)
 
     def hear(self, senses, inbox):
         return Headings(senses.pose[:, 2].copy())
 
-    def forget(self, robots):
+    def reset(self, robots):
         pass
 
-    def adopt(self, robots, source):
+    def copy_from(self, robots, source):
         pass
 
 
@@ -52,12 +52,12 @@ class Drive(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     speed: float = 0.1
     breaks_at: int = -1
 
-    def build(self, setting):
+    def build(self, context):
         return Driver(self)
 
 
 class Driver:
-    reads = Headings
+    requires_knowledge = Headings
 
     def __init__(self, parameters):
         self._parameters = parameters
@@ -75,16 +75,16 @@ class Roam(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     far: float = 0.5
 
-    def build(self, setting):
-        return Roaming(self.far, setting)
+    def build(self, context):
+        return Roaming(self.far, context)
 
 
 class Roaming:
-    reads = Knowledge
+    requires_knowledge = Knowledge
     curve = Curve("distance", "distance, m")
 
-    def __init__(self, far, setting):
-        self._far, self._start = far, setting.start[:, :2]
+    def __init__(self, far, context):
+        self._far, self._start = far, context.start[:, :2]
 
     def measure(self, moment):
         away = np.hypot(*(moment.state.pose[:, :2] - self._start).T)

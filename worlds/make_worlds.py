@@ -13,12 +13,12 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, affinity
 
-from swarmsim.core.parts import Site
+from swarmsim.core.parts import WorldContext
 from swarmsim.core.streams import Streams
 from swarmsim.world import drawing, geojson
 from swarmsim.world.areas import polygons
-from swarmsim.world.generated import Cave, Maze, Office, Rooms
-from swarmsim.world.masonry import Drawn
+from swarmsim.world.made.generated import Cave, Maze, Office, Rooms
+from swarmsim.world.made.wall_grid import GeneratedPlan
 from swarmsim.world.plan import FloorPlan
 
 CELL = 0.15  # m; everything lies on multiples of it
@@ -132,7 +132,7 @@ def floors() -> FloorPlan:
     """Three floors of a building, side by side, joined by the two flights of their staircase."""
     parts, spawns, at = [], {}, 0.0
     for number in range(3):
-        rooms = _made(Rooms(width=12.0, height=9.0, loops=0.5).build(Site(Streams(number + 1), CELL)))
+        rooms = _made(Rooms(width=12.0, height=9.0, loops=0.5).build(WorldContext(Streams(number + 1), CELL)))
         parts.append(affinity.translate(rooms.walls, at, 0.0))
         if number == 0:
             spawns = {"ground": polygons(affinity.translate(rooms.spawns["spawn"], at, 0.0))}
@@ -153,13 +153,13 @@ def floors() -> FloorPlan:
     return FloorPlan(walls, layers, spawns, (0.0, 0.0, 42.0, 9.0))
 
 
-def _made(drawn: Drawn) -> FloorPlan:
+def _made(drawn: GeneratedPlan) -> FloorPlan:
     return geojson.plan_from(drawn.draw(), "made")
 
 
 def _generated(kind: Callable[..., object], seed: int, **keys: float) -> Callable[[], FloorPlan]:
     def make() -> FloorPlan:
-        return _made(kind(**keys).build(Site(Streams(seed), CELL)))
+        return _made(kind(**keys).build(WorldContext(Streams(seed), CELL)))
 
     return make
 

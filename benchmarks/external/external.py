@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 
 HERE = Path(__file__).parent

@@ -17,7 +17,7 @@ import cma
 import numpy as np
 from matplotlib.figure import Figure
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.learning import SwarmEnv
 from swarmsim.view.plots.fault_marks import line_key

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.engine.build import build
-from swarmsim.operations.mapping.frames import FrameMeasures
-from swarmsim.operations.mapping.registration import Meetings, register
+from swarmsim.operations.mapping.sharing.merging import FrameMeasures
+from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
 SCENARIO = Path(__file__).parents[2] / "scenarios" / "exploring.toml"
 MERGING = SCENARIO.with_name("merging.toml")

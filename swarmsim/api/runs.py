@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, nearest, unwritten
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Row
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
 from swarmsim.recording.columns import columns_of, recorded
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from swarmsim.view.look import LookKeys
+    from swarmsim.view.style import LookKeys
 
 Overrides = Mapping[str, object]  # dotted key: value, as in {"robots.count": 20}
 
@@ -213,12 +213,12 @@ class Run:
         """Write a film, .mp4, .gif or numbered .png, and give its path.
 
         `speed` is in simulated seconds per second; `beside` is a second run to show in step; `look` are the fields of
-        `swarmsim.view.look.Look`: theme, layers, focus, robots. Raises InputError.
+        `swarmsim.view.style.Look`: theme, layers, focus, robots. Raises InputError.
         """
-        from swarmsim.view.look import Look
+        from swarmsim.view.style import Style
         from swarmsim.view.video import Film, write_film
 
-        film = Film(fps, speed, size, Look(**look), cards)
+        film = Film(fps, speed, size, Style(**look), cards)
         write_film(self.recording, Path(path), film, None if beside is None else beside.recording)
         return Path(path)
 
@@ -229,10 +229,10 @@ class Run:
 
         `look` is as for a film.
         """
-        from swarmsim.view.look import Look
+        from swarmsim.view.style import Style
         from swarmsim.view.video import frame
 
-        return frame(self.recording, self.iterations if iteration is None else iteration, size, Look(**look))
+        return frame(self.recording, self.iterations if iteration is None else iteration, size, Style(**look))
 
     def __repr__(self) -> str:
         curve, status = self.recording.curve, self.summary["status"]

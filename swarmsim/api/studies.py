@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
+from swarmsim.core.scenario import registry
 from swarmsim.studies import results as found
 from swarmsim.studies.engine import execute
 from swarmsim.studies.plan import Plan, open_study

@@ -20,7 +20,7 @@ def fault_words(incomplete: str) -> list[str]:
 
     import msgspec
 
-    from swarmsim.core import registry
+    from swarmsim.core.scenario import registry
 
     *before, last = incomplete.split(" ")
     kinds = registry.known("fault")
@@ -40,7 +40,7 @@ def fault_words(incomplete: str) -> list[str]:
 
 def example_names(incomplete: str) -> list[str]:
     """The names of shipped scenarios."""
-    from swarmsim.core import shipped
+    from swarmsim.core.scenario import shipped
 
     return [name for name in shipped.examples() if name.startswith(incomplete)]
 
@@ -48,8 +48,8 @@ def example_names(incomplete: str) -> list[str]:
 def _settings() -> Iterator[str]:
     import msgspec
 
-    from swarmsim.core import registry
-    from swarmsim.core.scenario import Scenario
+    from swarmsim.core.scenario import registry
+    from swarmsim.core.scenario.file import Scenario
     from swarmsim.core.seams import SEAMS
 
     places = {seam.at: seam for seam in SEAMS.values()}

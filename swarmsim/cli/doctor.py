@@ -49,8 +49,8 @@ def _versions() -> str:
 
 
 def _simulation() -> str:
-    from swarmsim.core import shipped
-    from swarmsim.core.scenario import load
+    from swarmsim.core.scenario import shipped
+    from swarmsim.core.scenario.file import load
     from swarmsim.engine.build import build
 
     path = shipped.example("room")

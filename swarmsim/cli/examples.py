@@ -23,7 +23,7 @@ def _listed(context: typer.Context) -> None:
     if context.invoked_subcommand is not None:
         return
     from swarmsim.cli.tables import print_table
-    from swarmsim.core import shipped
+    from swarmsim.core.scenario import shipped
 
     print_table("examples", ("name", "what it shows"), list(shipped.examples().items()))
     print("run one:  swarmsim examples run room --video room.mp4\ncopy one: swarmsim examples copy room my-folder")
@@ -42,7 +42,7 @@ def run(
     Example: swarmsim examples run faults/blind --video blind.mp4
     """
     from swarmsim.cli.runs import run as run_scenario
-    from swarmsim.core import shipped
+    from swarmsim.core.scenario import shipped
 
     run_scenario(shipped.example(name), seed=seed, out=out, video=video, quiet=quiet)
 
@@ -56,7 +56,7 @@ def copy(
 
     Example: swarmsim examples copy basilica my-folder
     """
-    from swarmsim.core import shipped
+    from swarmsim.core.scenario import shipped
 
     copies = shipped.copy(name, folder)
     for path in copies:

@@ -108,7 +108,7 @@ def provenance(
 
     from swarmsim.core.errors import InputError
     from swarmsim.engine.build import build
-    from swarmsim.operations.mapping.provenance import MapProvenance
+    from swarmsim.operations.mapping.measures.provenance import MapProvenance
     from swarmsim.recording.reader import Recording
     from swarmsim.view import plots
     from swarmsim.view.scene import Scene
@@ -120,7 +120,7 @@ def provenance(
     _check_iteration(opened, "--at", last)
     _robots(opened, str(robot))
     made = build(opened.scenario, str(recording), opened.world)
-    probe = MapProvenance(opened.scenario.robots.count, made.setting.lattice)
+    probe = MapProvenance(opened.scenario.robots.count, made.context.lattice)
     while made.simulation.state.iteration <= last and not made.simulation.over:
         made.simulation.tick([probe])
     title = f"What robot {robot} knows: {opened.scenario.title}\nseed {opened.scenario.seed}, iteration {last}"

@@ -55,7 +55,7 @@ def video(
     """
     from swarmsim.core.errors import InputError
     from swarmsim.recording.reader import Recording
-    from swarmsim.view.look import look
+    from swarmsim.view.style import look
     from swarmsim.view.video import Film, check_film
 
     how = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)
@@ -91,17 +91,17 @@ def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> Non
     from swarmsim.core.errors import InputError
     from swarmsim.engine.build import build
     from swarmsim.recording.reader import Recording
-    from swarmsim.view.gathering import Gathering
+    from swarmsim.view.frames_film import Gathering
     from swarmsim.view.scene import Scene
     from swarmsim.view.video import write_pictures
 
     opened = Recording(path)
-    if not opened.scenario.mind.computation.says("merges", False):
+    if not opened.scenario.mind.computation.declares("merges", False):
         raise InputError(
             f"--frames: the robots of {path} have one frame of reference; expected mind.computation.share.use = merge"
         )
     made = build(opened.scenario, str(path), opened.world)
-    gathering = Gathering(Scene(opened), made.setting.start, how)
+    gathering = Gathering(Scene(opened), made.context.start, how)
     task = progress.add_task("filming", total=None, text="")
 
     def at(frame: int, of: int) -> None:

@@ -11,7 +11,7 @@ import typer
 from swarmsim.cli.bare import CELL, bare
 
 if TYPE_CHECKING:
-    from swarmsim.core.scenario import World
+    from swarmsim.core.scenario.file import World
     from swarmsim.engine.inspection import Inspection
     from swarmsim.world.plan import FloorPlan
     from swarmsim.world.shapes import Drawing
@@ -125,8 +125,8 @@ def import_(
 
 
 def _world(keys: Keys) -> World:
-    from swarmsim.core.decoding import convert
-    from swarmsim.core.scenario import World
+    from swarmsim.core.scenario.decoding import convert
+    from swarmsim.core.scenario.file import World
 
     return convert(keys, World)
 
@@ -263,7 +263,7 @@ def _start(plan: FloorPlan, answers: Answers) -> list[float]:
 
 def _inspected(keys: Keys, answers: Answers) -> tuple[float, Inspection]:
     """The building as a swarm finds it, with cells that are not too many."""
-    from swarmsim.core.scenario import decode
+    from swarmsim.core.scenario.file import decode
     from swarmsim.engine.inspection import inspect
     from swarmsim.world.source import floor_plan, read_world
 
@@ -291,7 +291,7 @@ def _write(path: Path, keys: Keys, cell: float, found: Inspection) -> None:
 
     import tomli_w
 
-    from swarmsim.core.files import write_whole
+    from swarmsim.core.scenario.files import write_whole
 
     file = os.path.relpath(keys["file"], path.parent)
     robots = min(ROBOTS, max(found.seats, 1))

@@ -12,7 +12,7 @@ from swarmsim.cli.waiting import told_how_long
 
 def _let_code_run(context: typer.Context, allowed: bool) -> bool:
     """For as long as the verb runs, whether scenarios may name code of their own."""
-    from swarmsim.core import registry
+    from swarmsim.core.scenario import registry
 
     context.with_resource(registry.own_code(allowed))
     return allowed

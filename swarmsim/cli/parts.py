@@ -11,7 +11,7 @@ import typer
 from swarmsim.cli import skeletons
 
 if TYPE_CHECKING:
-    from swarmsim.core.describe import Description
+    from swarmsim.core.scenario.describe import Description
 
 
 def parts(
@@ -22,7 +22,7 @@ def parts(
 
     Example: swarmsim parts topology.knn
     """
-    from swarmsim.core import describe
+    from swarmsim.core.scenario import describe
     from swarmsim.core.seams import SEAMS
 
     seam, _, name = (which or "").partition(".")

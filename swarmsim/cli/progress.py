@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from swarmsim.core.state import Knowledge, Moment
     from swarmsim.engine.build import Run
-    from swarmsim.studies.engine import Task
+    from swarmsim.studies.engine import Job
     from swarmsim.studies.store import Store
 
 
@@ -91,7 +91,7 @@ class RunBar:
         self._progress.update(self._task, completed=measured.progress, text=text)
 
 
-def perform_all(tasks: Sequence[Task], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
+def perform_all(tasks: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
     """Do all tasks and keep each row as it comes, with a bar of rate, time left and failures."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

@@ -33,7 +33,7 @@ def report(
     Two runs in step: swarmsim report runs/sound -o both.html --beside runs/faulty
     """
     from swarmsim.core.errors import InputError
-    from swarmsim.core.files import write_whole
+    from swarmsim.core.scenario.files import write_whole
     from swarmsim.recording.reader import Recording
     from swarmsim.view.page.document import replay_page
 
@@ -52,9 +52,9 @@ def report(
 
 
 def _study(path: Path, out: Path, store: Path | None, replays: bool, keep_old: bool) -> None:
-    from swarmsim.core import distributions
+    from swarmsim.core.code import distributions
     from swarmsim.core.errors import InputError
-    from swarmsim.core.files import write_whole
+    from swarmsim.core.scenario.files import write_whole
     from swarmsim.recording.digests import versions
     from swarmsim.studies import results as res
     from swarmsim.studies.plan import open_study
@@ -96,7 +96,7 @@ def _replays(opened: Plan, found: dict[str, Result], out: Path) -> dict[str, str
 
     import msgspec
 
-    from swarmsim.core.files import write_whole
+    from swarmsim.core.scenario.files import write_whole
     from swarmsim.engine.build import build
     from swarmsim.recording.reader import Recording
     from swarmsim.view.page.document import replay_page

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
-    from swarmsim.core.scenario import Scenario
+    from swarmsim.core.scenario.file import Scenario
     from swarmsim.engine.build import Run
     from swarmsim.recording.reader import Recording
 
@@ -48,7 +48,7 @@ def run(
     Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
     """
     from swarmsim.core.errors import InputError, StorageError
-    from swarmsim.core.scenario import files_outside
+    from swarmsim.core.scenario.file import files_outside
     from swarmsim.recording.reader import Recording
 
     overrides = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
@@ -109,7 +109,7 @@ def verify(
 
     Example: swarmsim verify runs/basilica-1
     """
-    from swarmsim.core.code import differences
+    from swarmsim.core.scenario.identity import differences
     from swarmsim.engine.build import build
     from swarmsim.recording.digests import Digests, versions
     from swarmsim.recording.reader import Recording
@@ -148,7 +148,7 @@ def schema() -> None:
 
     Example: swarmsim schema > scenario.schema.json
     """
-    from swarmsim.core.schema import schema as scenario_schema
+    from swarmsim.core.scenario.schema import schema as scenario_schema
 
     print(json.dumps(scenario_schema(), indent=2))
 
@@ -174,7 +174,7 @@ def scenario_of(path: Path, overrides: list[str], faults: list[str]) -> Scenario
     import msgspec
 
     from swarmsim.core.errors import InputError
-    from swarmsim.core.scenario import load
+    from swarmsim.core.scenario.file import load
     from swarmsim.faults.in_words import fault_in_words
 
     scenario = load(path, overrides)
@@ -213,7 +213,7 @@ def new_folder(asked: Path | None, stem: str) -> Path:
 
 def summarise(recording: Recording, folder: Path) -> None:
     """Write the summary of a run, also of one that was interrupted."""
-    from swarmsim.core.files import write_whole
+    from swarmsim.core.scenario.files import write_whole
 
     write_whole(folder / "summary.json", json.dumps(recording.summary(), indent=2) + "\n")
 
@@ -229,7 +229,7 @@ def _table(recording: Recording, folder: Path) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
-    from swarmsim.view.occurrences import noted
+    from swarmsim.view.timeline import noted
 
     summary = recording.summary()
     table = Table(title=summary["title"], show_header=False)

@@ -17,7 +17,7 @@ from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError, unwritten
 
 if TYPE_CHECKING:
-    from swarmsim.studies.engine import Task
+    from swarmsim.studies.engine import Job
     from swarmsim.studies.plan import Plan
     from swarmsim.studies.results import Result
     from swarmsim.studies.store import Row, Store
@@ -283,7 +283,7 @@ def best(
         if not quiet:
             _notice_other_code(opened, gather(opened, results))
 
-        def more(tasks: Sequence[Task]) -> None:
+        def more(tasks: Sequence[Job]) -> None:
             perform_all(tasks, results, workers, scheduler, quiet)
 
         answer = selection.best(opened, results, more, confidence, budget, tolerance)
@@ -312,23 +312,23 @@ def worst(
 
     Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
     """
-    from swarmsim.core.scenario import load
+    from swarmsim.core.scenario.file import load
     from swarmsim.engine.build import build
     from swarmsim.studies import worst as search
-    from swarmsim.studies.engine import crew
+    from swarmsim.studies.engine import worker_pool
 
     if out.exists():
         raise InputError(f"{out}: is there already; expected the name of a new file")
     opened = load(scenario, set_ or [])
     world = build(opened, str(scenario)).world
-    with progress_bar(quiet) as progress, crew(workers or os.cpu_count() or 1, scheduler) as perform:
+    with progress_bar(quiet) as progress, worker_pool(workers or os.cpu_count() or 1, scheduler) as run_jobs:
         bar = progress.add_task("searching", total=budget, text="")
 
         def tell(words: str) -> None:
             progress.console.print(words, markup=False, highlight=False)
 
-        def performed(tasks: Sequence[Task]) -> Iterator[Row]:
-            for row in perform(tasks):
+        def performed(tasks: Sequence[Job]) -> Iterator[Row]:
+            for row in run_jobs(tasks):
                 end_if_asked()
                 yield row
             progress.update(bar, completed=min(look.timelines, budget), text=f"{look.timelines} timelines")

@@ -33,10 +33,10 @@ def view(
     from swarmsim.core.errors import InputError
     from swarmsim.live.session import Replay, Session
     from swarmsim.recording.reader import Recording
-    from swarmsim.view.look import Look
+    from swarmsim.view.style import Style
     from swarmsim.view.window import Window
 
-    look = Look(theme)
+    look = Style(theme)
     if what.suffix != ".toml":
         recording = Recording(what)
         Window(Replay(recording), recording.path.parent, look=look, speed=speed).run()

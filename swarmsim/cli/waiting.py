@@ -8,14 +8,14 @@ from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from swarmsim.core.budget import Work
+    from swarmsim.core.scenario.budget import Work
 
 EVERY: Final = 10.0  # s between two lines of one piece of work
 
 
 def told_how_long(quiet: bool) -> AbstractContextManager[None]:
     """While this lasts, people are told of work that takes long, if they have not asked for quiet."""
-    from swarmsim.core.budget import told_to
+    from swarmsim.core.scenario.budget import told_to
 
     return told_to(None if quiet else _Waiting())
 
@@ -27,7 +27,7 @@ class _Waiting:
         self._last = 0.0
 
     def __call__(self, work: Work, share: float) -> None:
-        from swarmsim.core.budget import lasting
+        from swarmsim.core.scenario.budget import lasting
 
         now = time.monotonic()
         if share == 0.0:

@@ -13,7 +13,7 @@ from swarmsim.cli import imports
 from swarmsim.cli.bare import CELL, bare
 
 if TYPE_CHECKING:
-    from swarmsim.core.scenario import Scenario, World
+    from swarmsim.core.scenario.file import Scenario, World
     from swarmsim.engine.inspection import Inspection
 
 app = typer.Typer(
@@ -178,7 +178,7 @@ def generate(
 
     Example: swarmsim world generate office office.svg --seed 3 --set width=24
     """
-    from swarmsim.core.scenario import decode, set_key
+    from swarmsim.core.scenario.file import decode, set_key
     from swarmsim.world import drawing, geojson, rosmap
     from swarmsim.world.source import floor_plan, read_world
 
@@ -199,7 +199,7 @@ def generate(
 
 def _scenario(path: Path, overrides: list[str] | None) -> Scenario:
     """The scenario in a TOML file, or a bare one about a world."""
-    from swarmsim.core.scenario import decode, load, set_key
+    from swarmsim.core.scenario.file import decode, load, set_key
 
     if path.suffix.lower() == ".toml":
         return load(path, overrides or ())

@@ -25,7 +25,7 @@ class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Crew(Body, frozen=True, kw_only=True, eq=False):
-    """The bodies of the robots that a part serves; how many these are is what `Setting.ids` and `Setting.swarm` say.
+    """The bodies of the robots that a part serves; `BuildContext.ids` and `BuildContext.swarm` say how many these are.
 
     Of a swarm of several kinds, radius and speed are those of its largest and its fastest robot, even if a part serves
     others alone.

@@ -10,14 +10,14 @@ from typing import ClassVar, Final, Generic, Protocol, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Letters = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes
+Packets = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes
 
 #: What every message starts with: sender (2 bytes) and iteration (4), big-endian.
 HEADER: Final = struct.Struct(">HI")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Columns:
+class MessageBatch:
     """A table of items; every field of a subclass is an array whose first axis counts them."""
 
     __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there
@@ -39,12 +39,12 @@ class Columns:
         return len(self.arrays()[0])
 
 
-C = TypeVar("C", bound=Columns)
-C_co = TypeVar("C_co", bound=Columns, covariant=True)
+C = TypeVar("C", bound=MessageBatch)
+C_co = TypeVar("C_co", bound=MessageBatch, covariant=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Said(Generic[C_co]):
+class Broadcast(Generic[C_co]):
     """What every robot says in one iteration: one message each, of any number of items."""
 
     content: C_co  # (t,): the items of all messages
@@ -53,10 +53,10 @@ class Said(Generic[C_co]):
     one_each: bool = False  # whether item i is all that robot i says, which is faster to look up
 
     @staticmethod
-    def each(content: C, size: int) -> Said[C]:
+    def each(content: C, size: int) -> Broadcast[C]:
         """Item i is what robot i says, in so many bytes."""
         count = len(content)
-        return Said(content, np.arange(1, count + 1), np.full(count, size, np.int32), one_each=True)
+        return Broadcast(content, np.arange(1, count + 1), np.full(count, size, np.int32), one_each=True)
 
     def starts(self) -> NDArray[np.int64]:
         """Where each robot's items begin (n,)."""
@@ -71,8 +71,8 @@ class Said(Generic[C_co]):
 class Delivery:
     """What became, in one iteration, of messages: some are heard, some lost, and others still under way."""
 
-    heard: Letters  # sorted by receiver, sender, iteration sent
-    lost: tuple[tuple[str, Letters], ...]  # by reason
+    heard: Packets  # sorted by receiver, sender, iteration sent
+    lost: tuple[tuple[str, Packets], ...]  # by reason
     oldest: int  # no message still under way was sent before this iteration
 
 
@@ -142,13 +142,13 @@ class PlainCodec(Generic[C]):
         return sender, iteration, self._kind(*columns)
 
 
-class PostOffice(Generic[C]):
+class MessageBuffer(Generic[C]):
     """Keeps what was said until it has arrived; channels decide on letters alone."""
 
     def __init__(self) -> None:
-        self._said: dict[int, Said[C]] = {}  # by iteration
+        self._said: dict[int, Broadcast[C]] = {}  # by iteration
 
-    def post(self, iteration: int, said: Said[C]) -> None:
+    def post(self, iteration: int, said: Broadcast[C]) -> None:
         """Take what all robots say in an iteration."""
         self._said[iteration] = said
 
@@ -168,7 +168,7 @@ class PostOffice(Generic[C]):
             del self._said[t]
         return inbox
 
-    def _of(self, iteration: int, heard: Letters, oldest: int) -> Inbox[C]:
+    def _of(self, iteration: int, heard: Packets, oldest: int) -> Inbox[C]:
         """What letters (m, 4) of one iteration hold, message by message."""
         said = self._said[iteration]
         receivers, senders, sent = heard[:, 0], heard[:, 1], heard[:, 2]

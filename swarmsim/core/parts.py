@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
+from swarmsim.core.context import Gauge
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import C, Codec, Columns, Delivery, Inbox, Said
+from swarmsim.core.messages import Broadcast, C, Codec, Delivery, Inbox, MessageBatch
 from swarmsim.core.probes import ProbeTable
 from swarmsim.core.readings import Channels, Readings
-from swarmsim.core.setting import Gauge
 from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
@@ -71,11 +71,11 @@ class Tracking(Localisation, Protocol):
 class Computation(Protocol[C, K_co]):
     """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know.
 
-    It may be built for any of the swarm's robots, and then has a row for each of these; see `Setting`.
+    It may be built for any of the swarm's robots, and then has a row for each of these; see `BuildContext`.
     """
 
     @property
-    def knows(self) -> type[Knowledge]:
+    def knowledge_type(self) -> type[Knowledge]:
         """What kind of knowledge `hear` gives: that of the strategies and tasks that go with it."""
         ...
 
@@ -84,7 +84,7 @@ class Computation(Protocol[C, K_co]):
         """What its messages look like on the air; there from the start."""
         ...
 
-    def say(self, senses: Senses) -> Said[C]:
+    def say(self, senses: Senses) -> Broadcast[C]:
         """The message of every robot in this iteration, before it has heard anything; nobody hears the dead."""
         ...
 
@@ -95,11 +95,11 @@ class Computation(Protocol[C, K_co]):
         """
         ...
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Let the robots of these rows (r,) know nothing any more, as at the start."""
         ...
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give the robots of these rows (r,) what that of the row `source` knows."""
         ...
 
@@ -107,11 +107,11 @@ class Computation(Protocol[C, K_co]):
 class Sharing(Protocol[C, K]):
     """What robots of one computation say of what they know, and what they take in of what they hear."""
 
-    def say(self, senses: Senses, known: K, /) -> Said[C]:
+    def say(self, senses: Senses, known: K, /) -> Broadcast[C]:
         """The message of every robot, from what it senses now and what it knew before this iteration."""
         ...
 
-    def taken(self, senses: Senses, inbox: Inbox[C]) -> Inbox[Columns]:
+    def taken(self, senses: Senses, inbox: Inbox[C]) -> Inbox[MessageBatch]:
         """The items of the inbox that are taken in."""
         ...
 
@@ -120,11 +120,11 @@ class Strategy(Protocol[K]):
     """What robots do with what they know."""
 
     @property
-    def reads(self) -> type[Knowledge]:
+    def requires_knowledge(self) -> type[Knowledge]:
         """What kind of knowledge it needs; `Knowledge` itself if any will do."""
         ...
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: K) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: K) -> Intents:
         """The intents of all robots, of which row i follows from row i of what is given alone."""
         ...
 
@@ -171,7 +171,7 @@ class Task(Protocol[K]):
     """What is measured of the swarm, and when it has done what it was asked."""
 
     @property
-    def reads(self) -> type[Knowledge]:
+    def requires_knowledge(self) -> type[Knowledge]:
         """What kind of knowledge it measures; `Knowledge` itself if any will do."""
         ...
 
@@ -262,7 +262,7 @@ class Bodies(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Now:
+class Tick:
     """The time between two iterations, as what happens then may know it."""
 
     iteration: int  # the one that is about to begin
@@ -271,32 +271,32 @@ class Now:
     progress: float  # 0 to 1: how much of the task was done in the last iteration
 
 
-class Happening(Protocol):
+class EventSource(Protocol):
     """Something that happens at times of its own: a door, a death, an empty battery."""
 
-    def advance(self, now: Now) -> Sequence[Event]:
+    def advance(self, now: Tick) -> Sequence[Event]:
         """Let whatever is due happen; gives what did. To be asked once between any two iterations, and at the start."""
         ...
 
 
-class Calendar:
+class Schedule:
     """All that happens in a run, in the order in which it was entered."""
 
     def __init__(self, start: State) -> None:
-        self._entries: list[Happening] = []
-        self._start = Now(0, start, start, 0.0)
+        self._entries: list[EventSource] = []
+        self._start = Tick(0, start, start, 0.0)
         self._due: list[Event] = []
 
     def __bool__(self) -> bool:
         """Whether anything can ever happen."""
         return bool(self._entries)
 
-    def enter(self, happening: Happening) -> None:
+    def enter(self, happening: EventSource) -> None:
         """Add something, and let happen what is due at the start. Raises InputError if that cannot be."""
         self._entries.append(happening)
         self._due += happening.advance(self._start)
 
-    def advance(self, now: Now) -> tuple[Event, ...]:
+    def advance(self, now: Tick) -> tuple[Event, ...]:
         """Let everything happen that is due in the iteration about to begin; gives what did."""
         for entry in self._entries if now.iteration else ():
             self._due += entry.advance(now)
@@ -318,7 +318,7 @@ class Parts:
     bodies: Bodies
     task: AnyTask
     building: Building
-    calendar: Calendar
+    schedule: Schedule
     lattice: Lattice  # of tiles and maps
     gauges: tuple[Gauge, ...] = ()  # what can be read off them
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from swarmsim.core import parts
-from swarmsim.core.forms import (
+from swarmsim.core.adapters.forms import (
     FunctionComputation,
     FunctionStrategy,
     FunctionTask,
@@ -15,8 +15,8 @@ from swarmsim.core.forms import (
     OfFunction,
     OfMind,
 )
-from swarmsim.core.minds import MindComputation, MindStrategy
-from swarmsim.core.setting import Field, Setting, Site
+from swarmsim.core.adapters.minds import MindComputation, MindStrategy
+from swarmsim.core.context import BuildContext, Field, WorldContext
 
 _ABSENT: Final = object()
 
@@ -33,7 +33,7 @@ class Seam:
     many: bool = False  # whether its place holds a list of tables
     more: str = ""  # the key of a list of further tables, of the scenario and of groups, if there can be several
     of_groups: bool = False  # whether a group of robots may have its own, at the key of the seam's name
-    given: type = Setting  # what `build` of its parts gets
+    given: type = BuildContext  # what `build` of its parts gets
     function: OfFunction | None = None  # makes a part of a function
     mind: OfMind | None = None  # makes a part of a class of one robot's mind
 
@@ -70,7 +70,7 @@ class Seam:
 SEAMS: Final = {
     seam.name: seam
     for seam in (
-        Seam("generator", ("world", "generate"), parts.Generator, given=Site),
+        Seam("generator", ("world", "generate"), parts.Generator, given=WorldContext),
         Seam("physics", ("physics",), parts.Bodies, "pymunk"),
         Seam("sensor", ("sensor",), parts.Sensor, "ir-ring", more="sensors", of_groups=True),
         Seam("field", ("field",), Field),

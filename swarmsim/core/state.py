@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
+from swarmsim.core.context import BuildContext
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Columns, Delivery, Inbox
+from swarmsim.core.messages import Delivery, Inbox, MessageBatch
 from swarmsim.core.readings import Readings
-from swarmsim.core.setting import Setting
 
 UNKNOWN = 0  #: value of a cell that nobody observed
 FREE = 1  #: value of a cell observed to be empty
@@ -53,14 +53,14 @@ class Record:
 class Auditor:
     """Checks that knowledge follows from what was sensed and heard; this one takes everything on trust."""
 
-    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[Columns]) -> str | None:
+    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         """What is wrong with the knowledge that a computation gives for what was sensed and heard, or None."""
         return None
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Robots (r,) know nothing any more."""
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Robots (r,) know what another one does."""
 
 
@@ -82,7 +82,7 @@ class Knowledge(ABC):
         return None
 
     @classmethod
-    def auditor(cls, setting: Setting) -> Auditor:
+    def auditor(cls, context: BuildContext) -> Auditor:
         """What holds a computation of somebody else's to its word in one run."""
         return Auditor()
 
@@ -111,7 +111,7 @@ class Estimates(Knowledge):
 class Senses:
     """What minds know of an iteration before anything is heard; a robot may use its own row alone.
 
-    There is a row for each robot that the mind was built for: row i is the robot of the number `Setting.ids[i]`.
+    There is a row for each robot that the mind was built for: row i is the robot of the number `BuildContext.ids[i]`.
     """
 
     iteration: int
@@ -205,7 +205,7 @@ class Done(Generic[K_co]):
     readings: Readings  # where the robots believe them to be
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
-    inbox: Inbox[Columns]
+    inbox: Inbox[MessageBatch]
     knowledge: K_co  # after this iteration
     intents: Intents
     believed: NDArray[np.float64] | None = None  # (n, 3): where robots estimate to be; None: as it is

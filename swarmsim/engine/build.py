@@ -15,31 +15,31 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from swarmsim.core import budget, registry
+from swarmsim.core.adapters.minds import OF_ME
 from swarmsim.core.building import Building, Survey
-from swarmsim.core.code import Code, code_of
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import lent
-from swarmsim.core.minds import OF_ME
 from swarmsim.core.own import not_ending
-from swarmsim.core.part import Buildable, Part
 from swarmsim.core.parts import (
     AnyComputation,
     AnyStrategy,
     AnyTask,
-    Calendar,
     Observer,
     Parts,
+    Schedule,
     Sensor,
 )
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
-from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
+from swarmsim.core.scenario import budget, registry
+from swarmsim.core.scenario.file import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
+from swarmsim.core.scenario.identity import Code, code_of
+from swarmsim.core.scenario.part import Buildable, Part
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.seams import SEAMS
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine import contracts
@@ -92,7 +92,7 @@ class Run:
     arena: Arena
     domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 % at the start
     simulation: Simulation
-    setting: Setting  # what its parts were built for
+    context: BuildContext  # what its parts were built for
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
     probes: tuple[Watching, ...]
@@ -128,7 +128,7 @@ class Run:
     def astray(self) -> list[int]:
         """The robots whose bodies are in a wall, or where nobody can get to from where they started."""
         parts, arena = self.simulation.parts, self.arena
-        if not self.scenario.physics.says("walled", False):
+        if not self.scenario.physics.declares("walled", False):
             return []
         places = self.simulation.state.pose[:, :2]
         cells = arena.lattice.cells(places)
@@ -188,29 +188,31 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     building = Building(plain.walls, plain.occupied, plain.domain, plain.entrance, survey, bounds=arena.plan.page)
     streams = Streams(scenario.seed)
     start = _start(robots, arena.lattice, streams, plain.entrance, arena.name)
-    setting = Setting.of(robots, arena.lattice, scenario.period, streams, building, start)
+    context = BuildContext.of(robots, arena.lattice, scenario.period, streams, building, start)
     clock = Clock()
     if scenario.field:
-        field = _make(scenario.field, setting)
-        setting = replace(
-            setting, scalar_field=field if registry.is_ours(field) else held("field", field, setting, clock)
+        field = _make(scenario.field, context)
+        context = replace(
+            context, scalar_field=field if registry.is_ours(field) else held("field", field, context, clock)
         )
-    sensor = with_field(_sensors(scenario, setting, strict, clock), setting, float(scenario.field.says("noise", 0.0)))
-    setting = replace(setting, channels=sensor.channels)
+    sensor = with_field(
+        _sensors(scenario, context, strict, clock), context, float(scenario.field.declares("noise", 0.0))
+    )
+    context = replace(context, channels=sensor.channels)
     mind, network = scenario.mind, scenario.network
-    bodies = _make(scenario.physics, setting)
+    bodies = _make(scenario.physics, context)
     parts = Parts(
         sensor=sensor,
-        localisation=tracked(_make(scenario.localisation, setting), setting),
-        computation=_make(mind.computation, setting),
-        strategy=_make(mind.strategy, setting),
-        topology=_make(network.topology, setting),
-        channel=_make(network.channel, setting),
-        motion=_make(scenario.motion, setting),
+        localisation=tracked(_make(scenario.localisation, context), context),
+        computation=_make(mind.computation, context),
+        strategy=_make(mind.strategy, context),
+        topology=_make(network.topology, context),
+        channel=_make(network.channel, context),
+        motion=_make(scenario.motion, context),
         bodies=bodies,
-        task=_make(scenario.task, setting),
+        task=_make(scenario.task, context),
         building=building,
-        calendar=Calendar(bodies.state()),
+        schedule=Schedule(bodies.state()),
         lattice=arena.lattice,
     )
     for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
@@ -218,16 +220,16 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     _check_channels(parts, asked)
     _check_names(parts, asked)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    parts = guarded(parts, setting, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock)  # those are held
+    parts = guarded(parts, context, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock)  # those are held
     parts = parts if watch is None else watch(parts)
     for number, one in enumerate(scenario.faults):
-        fault = _make(one, replace(setting, number=number), f"faults[{number}]")
+        fault = _make(one, replace(context, number=number), f"faults[{number}]")
         try:
             parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
-            parts = replace(parts, localisation=tracked(parts.localisation, setting))
+            parts = replace(parts, localisation=tracked(parts.localisation, context))
         except InputError as problem:
             raise InputError(f"faults[{number}].{problem}") from problem
-    probes = watching(scenario, setting, parts, clock)
+    probes = watching(scenario, context, parts, clock)
     used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(_beams(one, arena.lattice.cell)[:2] for _, one in sensors)
@@ -236,14 +238,14 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
     return Run(
-        scenario, world, arena, plain.domain, simulation, setting, ground.reachable, ground.notices, probes,
+        scenario, world, arena, plain.domain, simulation, context, ground.reachable, ground.notices, probes,
         code_of(scenario),
     )  # fmt: skip
 
 
-def _sensors(scenario: Scenario, setting: Setting, strict: bool, clock: Clock) -> Sensor:
+def _sensors(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock) -> Sensor:
     """The sensors of a swarm as one; of a mixed swarm, those of its groups. Raises InputError."""
-    suites = [_suite(sensors, setting, strict, clock) for sensors in fitted(scenario)]
+    suites = [_suite(sensors, context, strict, clock) for sensors in fitted(scenario)]
     if len(suites) == 1:
         return suites[0]
     counts = [group.count for group in scenario.robots.groups]
@@ -253,18 +255,18 @@ def _sensors(scenario: Scenario, setting: Setting, strict: bool, clock: Clock) -
     )
 
 
-def _suite(sensors: Sensors, setting: Setting, strict: bool, clock: Clock) -> Sensor:
+def _suite(sensors: Sensors, context: BuildContext, strict: bool, clock: Clock) -> Sensor:
     """The sensors of the same robots as one. Raises InputError that starts with the place in the scenario."""
     made: list[Sensor] = []
     for number, (place, one) in enumerate(sensors):
-        part = _make(one, replace(setting, number=number), place)
-        wrong = contracts.declared(part.channels, setting.swarm) or _wrong_names(part.channels)
+        part = _make(one, replace(context, number=number), place)
+        wrong = contracts.declared(part.channels, context.swarm) or _wrong_names(part.channels)
         if wrong is not None:
             raise InputError(f"{place}.use: {one.use!r} declares {wrong}")
         if strict or not registry.is_ours(part):
-            part = held("sensor", part, setting, clock, not registry.is_ours(part))
+            part = held("sensor", part, context, clock, not registry.is_ours(part))
         made.append(part)
-    names = [str(one.says("name", None) or "") for _, one in sensors]
+    names = [str(one.declares("name", None) or "") for _, one in sensors]
     try:
         return made[0] if len(made) == 1 and not names[0] else Suite(made, names)
     except TwiceError as problem:
@@ -311,10 +313,10 @@ def _giving(name: str) -> str:
 
 def _check_knowledge(place: str, part: AnyStrategy | AnyTask, computation: AnyComputation, asked: Asked) -> None:
     """Raise InputError unless the part reads what the computation gives."""
-    if not issubclass(computation.knows, part.reads):
+    if not issubclass(computation.knowledge_type, part.requires_knowledge):
         raise InputError(
-            f"{place}.use: {asked[place.rpartition('.')[2]].use!r} reads {part.reads.__name__}, and "
-            f"{asked['computation'].use!r} gives {computation.knows.__name__}; expected a "
+            f"{place}.use: {asked[place.rpartition('.')[2]].use!r} reads {part.requires_knowledge.__name__}, and "
+            f"{asked['computation'].use!r} gives {computation.knowledge_type.__name__}; expected a "
             f"{place.rpartition('.')[2]} and a computation that go together"
         )
 
@@ -408,18 +410,18 @@ def _walls_alone(arena: Arena) -> Building:
     return Building(arena.segments, arena.occupied, nothing, np.empty((0, 2)), survey)
 
 
-def _surveying(sensor: Buildable[Sensor], setting: Setting, place: str) -> Sensor:
+def _surveying(sensor: Buildable[Sensor], context: BuildContext, place: str) -> Sensor:
     """A sensor that finds out what can be observed. Raises InputError that starts with its place in the scenario."""
     try:
-        return sensor.build(setting)
+        return sensor.build(context)
     except InputError as problem:
         raise InputError(f"{place}.{problem}") from problem
 
 
-def _make(part: Part[P], setting: Setting, place: str = "") -> P:
+def _make(part: Part[P], context: BuildContext, place: str = "") -> P:
     """The part, built. Raises InputError that starts with its place in the scenario."""
     try:
-        return built(part, setting)
+        return built(part, context)
     except InputError as problem:
         raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
 
@@ -437,14 +439,14 @@ def _observable(
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
     lattice = arena.lattice
     alone = msgspec.structs.replace(robots, groups=(), count=1)
-    setting = Setting.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    context = BuildContext.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
     # What robots can see in the end does not depend on gaps between their beams.
-    surveying: Buildable[Sensor] | None = part.says("surveying", None)
-    sensor = _make(part, setting, place) if surveying is None else _surveying(surveying, setting, place)
+    surveying: Buildable[Sensor] | None = part.declares("surveying", None)
+    sensor = _make(part, context, place) if surveying is None else _surveying(surveying, context, place)
     if "tiles" not in sensor.channels:
         return None
     if not registry.is_ours(sensor):
-        sensor = held("sensor", sensor, setting, Clock())
+        sensor = held("sensor", sensor, context, Clock())
     places = np.argwhere(reachable)
     observed = np.zeros(lattice.shape, np.bool_)
     work = budget.survey(len(places), *_beams(part, lattice.cell))
@@ -460,7 +462,7 @@ def _observable(
 def _beams(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
     """A sensor's beams, how many cells of side `cell` (m) they reach into its tile, and the tile's cells; about."""
     margin = margin_of(sensor)
-    beams, reach, beyond = sensor.says("rays", (1, math.inf, False))
+    beams, reach, beyond = sensor.declares("rays", (1, math.inf, False))
     return beams, reach / cell if beyond else min(reach / cell, margin), margin**2
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swarmsim.core.declarations import wrong_channels
 from swarmsim.core.errors import nearest
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import C, Codec, Columns, Delivery, Said
+from swarmsim.core.messages import Broadcast, C, Codec, Delivery, MessageBatch
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
 from swarmsim.core.readings import Channel, Channels, Column, Readings
@@ -134,7 +134,7 @@ def located(found: object, state: State) -> str | None:
 
 def said(found: object, senses: Senses) -> str | None:
     """One message of each robot, whose items are counted without a gap."""
-    if not isinstance(found, Said) or not isinstance(found.content, Columns):
+    if not isinstance(found, Broadcast) or not isinstance(found.content, MessageBatch):
         return f"say: {type(found).__name__}; expected Said, with Columns as its content"
     n, items = len(senses.alive), len(found.content)
     wrong = first_of(array("ends", found.ends, np.int64, n), array("sizes", found.sizes, np.int32, n))
@@ -271,7 +271,7 @@ def summary(found: object, taken: Collection[str]) -> str | None:
     return None
 
 
-def message_sizes(said: Said[C], codec: Codec[C], iteration: int) -> str | None:
+def message_sizes(said: Broadcast[C], codec: Codec[C], iteration: int) -> str | None:
     """Whether every message is as long as its sender says, and comes out of the codec as it went in."""
     for robot, size in enumerate(said.sizes.tolist()):
         items = said.of(robot)

@@ -9,15 +9,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any, Final, TypeVar
 
-from swarmsim.core import registry
+from swarmsim.core.adapters.minds import OwnMinds
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
-from swarmsim.core.minds import OwnMinds
 from swarmsim.core.own import is_failure, line_of, told
-from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault, Parts, Sensor
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.seams import SEAMS
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Estimates
 
 P = TypeVar("P")
@@ -27,15 +27,15 @@ MARGIN: Final = 12  # cells around a building for a sensor that does not say how
 
 def margin_of(sensor: Part[Sensor]) -> int:
     """How many cells a sensor's tiles reach beyond the cell of their robot, at most."""
-    return sensor.says("margin", MARGIN)
+    return sensor.declares("margin", MARGIN)
 
 
-def built(asked: Part[P], setting: Setting) -> P:
+def built(asked: Part[P], context: BuildContext) -> P:
     """The part that a scenario asks for. Raises InputError, also for whatever somebody else's `build` raises."""
     if registry.is_ours(asked.parameters):
-        return asked.build(setting)
+        return asked.build(context)
     try:
-        part = asked.build(lent(setting))
+        part = asked.build(lent(context))
     except InputError:
         raise
     except BaseException as problem:
@@ -79,10 +79,14 @@ def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
     if seam == "task":
         yield part.curve.name, f"measures {part.curve.name!r}", line_of(kind)
         return
-    for name in getattr(part, "shows", ()) if issubclass(part.knows, OwnMinds) else ():
-        yield name, f"shows {name!r}", line_of(kind, "shows")
-    for field in fields(part.knows) if issubclass(part.knows, Estimates) else ():
-        yield field.name, f"gives {part.knows.__name__} with a field {field.name!r}", line_of(part.knows, field.name)
+    for name in getattr(part, "recorded", ()) if issubclass(part.knowledge_type, OwnMinds) else ():
+        yield name, f"records {name!r}", line_of(kind, "recorded")
+    for field in fields(part.knowledge_type) if issubclass(part.knowledge_type, Estimates) else ():
+        yield (
+            field.name,
+            f"gives {part.knowledge_type.__name__} with a field {field.name!r}",
+            line_of(part.knowledge_type, field.name),
+        )
 
 
 def installed(fault: Fault, use: str, parts: Parts) -> Parts:

@@ -10,15 +10,15 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Final
 
-from swarmsim.core import registry
+from swarmsim.core.adapters.minds import MindComputation, MindStrategy
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Event
 from swarmsim.core.lending import Lender, copied, frozen
-from swarmsim.core.minds import MindComputation, MindStrategy
 from swarmsim.core.own import is_failure, line_of, told
-from swarmsim.core.parts import Calendar, Happening, Now, Parts
+from swarmsim.core.parts import EventSource, Parts, Schedule, Tick
+from swarmsim.core.scenario import registry
 from swarmsim.core.seams import SEAMS
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Knowledge
 from swarmsim.engine import promises
 from swarmsim.engine.promises import Check, Checks
@@ -121,39 +121,41 @@ def _same(value: object) -> object:
     return value
 
 
-def held(seam: str, part: Any, setting: Setting, clock: Clock, is_foreign: bool = True) -> Any:
+def held(seam: str, part: Any, context: BuildContext, clock: Clock, is_foreign: bool = True) -> Any:
     """A part, held to its contract."""
-    author, checks = registry.author_of(part), promises.CHECKS[seam](part, setting)
+    author, checks = registry.author_of(part), promises.CHECKS[seam](part, context)
     guard = Guard(seam, part, author, checks, clock, is_foreign)
     if seam == "task":
         summaries = vars(guard)["summaries"]
-        judged = promises.of_summaries(part.curve, setting)
+        judged = promises.of_summaries(part.curve, context)
         vars(guard)["summaries"] = lambda: [
             Guard("task", one, registry.author_of(one), judged, clock, is_foreign) for one in summaries()
         ]
     return guard
 
 
-def guarded(parts: Parts, setting: Setting, seams: Collection[str], theirs: Collection[str], clock: Clock) -> Parts:
+def guarded(
+    parts: Parts, context: BuildContext, seams: Collection[str], theirs: Collection[str], clock: Clock
+) -> Parts:
     """The same parts, those of some seams held to their contracts; in those of `theirs` there is code of others."""
-    changed = {seam: held(seam, getattr(parts, seam), setting, clock, seam in theirs) for seam in HELD if seam in seams}
+    changed = {seam: held(seam, getattr(parts, seam), context, clock, seam in theirs) for seam in HELD if seam in seams}
     return replace(parts, **changed)
 
 
-class Lending(Calendar):
+class Lending(Schedule):
     """The calendar for somebody else's fault, of whom what happens is held."""
 
-    def __init__(self, calendar: Calendar, author: Author, clock: Clock) -> None:
-        self._calendar, self._author, self._clock = calendar, author, clock
+    def __init__(self, schedule: Schedule, author: Author, clock: Clock) -> None:
+        self._schedule, self._author, self._clock = schedule, author, clock
 
-    def enter(self, happening: Happening) -> None:
+    def enter(self, happening: EventSource) -> None:
         """Add something that cannot write to what it is told."""
         checks = {"advance": promises.nothing}
-        self._calendar.enter(Guard("fault", happening, self._author, checks, self._clock, is_foreign=True))
+        self._schedule.enter(Guard("fault", happening, self._author, checks, self._clock, is_foreign=True))
 
-    def advance(self, now: Now) -> tuple[Event, ...]:
+    def advance(self, now: Tick) -> tuple[Event, ...]:
         """Let everything happen that is due."""
-        return self._calendar.advance(now)
+        return self._schedule.advance(now)
 
 
 def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
@@ -161,8 +163,8 @@ def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], c
     if registry.is_ours(fault):
         return install(parts)
     author = registry.author_of(fault)
-    found = install(replace(parts, calendar=Lending(parts.calendar, author, clock)))
-    changed: dict[str, Any] = {"calendar": parts.calendar}
+    found = install(replace(parts, schedule=Lending(parts.schedule, author, clock)))
+    changed: dict[str, Any] = {"schedule": parts.schedule}
     for seam in HELD:
         part = getattr(found, seam)
         if part is not getattr(parts, seam):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, sensors_of
+from swarmsim.core.scenario.file import Scenario, sensors_of
 from swarmsim.engine.build import build, explored, told_to_scale
 from swarmsim.engine.foreign import margin_of
 from swarmsim.world.arena import Arena

@@ -7,25 +7,25 @@ from typing import Any
 
 import msgspec
 
-from swarmsim.core import registry
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.own import brief, is_failure, told
 from swarmsim.core.parts import Parts, Probe
 from swarmsim.core.probes import Declared, ProbeTable, Sampled, wrong
-from swarmsim.core.scenario import Scenario
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario
 from swarmsim.engine.foreign import built
 from swarmsim.engine.guard import Clock, Guard
 from swarmsim.recording import layout
 from swarmsim.recording.probes import Watching
 
 
-def watching(scenario: Scenario, setting: Setting, parts: Parts, clock: Clock) -> tuple[Watching, ...]:
+def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> tuple[Watching, ...]:
     """The probes of a scenario, which can read what the parts let be read. Raises InputError."""
     found: list[Watching] = []
     for number, part in enumerate(scenario.probes):
         try:
-            probe = built(part, replace(setting, gauges=parts.gauges))
+            probe = built(part, replace(context, gauges=parts.gauges))
             declared = _declared(part.parameters, probe, part.use)
             if declared.name in (one.declared.name for one in found):
                 raise InputError(f"name: another probe is called {declared.name!r} already; expected a name for each")
@@ -34,7 +34,7 @@ def watching(scenario: Scenario, setting: Setting, parts: Parts, clock: Clock) -
                     raise InputError(f"name: {problem}")
         except InputError as problem:
             raise InputError(f"probes[{number}].{problem}") from problem
-        found.append(Watching(declared, _held(probe, declared.tables, setting.swarm, clock)))
+        found.append(Watching(declared, _held(probe, declared.tables, context.swarm, clock)))
     return tuple(found)
 
 

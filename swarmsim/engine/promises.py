@@ -7,9 +7,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from swarmsim.core.messages import Columns, Inbox
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyTask, Curve
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Knowledge, Measured, Record, Senses
 from swarmsim.engine import contracts
 from swarmsim.recording.measures import RunMeasures
@@ -22,11 +22,11 @@ def nothing(found: object, *given: object) -> None:
     """There is nothing to check."""
 
 
-def _of_computation(part: AnyComputation, setting: Setting) -> Checks:
-    auditor, form, count = part.knows.auditor(setting), _Form("computation"), setting.swarm
+def _of_computation(part: AnyComputation, context: BuildContext) -> Checks:
+    auditor, form, count = part.knowledge_type.auditor(context), _Form("computation"), context.swarm
 
-    def heard(found: object, senses: Senses, inbox: Inbox[Columns]) -> str | None:
-        wrong = contracts.knowledge(found, part.knows)
+    def heard(found: object, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
+        wrong = contracts.knowledge(found, part.knowledge_type)
         if wrong is not None or not isinstance(found, Knowledge):
             return wrong
         wrong = form.check(found.record(), count)
@@ -35,13 +35,13 @@ def _of_computation(part: AnyComputation, setting: Setting) -> Checks:
     return {
         "say": contracts.said,
         "hear": heard,
-        "forget": lambda found, robots: auditor.forget(robots),
-        "adopt": lambda found, robots, source: auditor.adopt(robots, source),
+        "reset": lambda found, robots: auditor.reset(robots),
+        "copy_from": lambda found, robots, source: auditor.copy_from(robots, source),
     }
 
 
-def _of_task(part: AnyTask, setting: Setting) -> Checks:
-    form, count = _Form("task"), setting.swarm
+def _of_task(part: AnyTask, context: BuildContext) -> Checks:
+    form, count = _Form("task"), context.swarm
 
     def measures(found: object, done: Done[Knowledge]) -> str | None:
         wrong = contracts.measured(found, count, part.curve)
@@ -52,9 +52,9 @@ def _of_task(part: AnyTask, setting: Setting) -> Checks:
     return {"measure": measures, "summaries": nothing}
 
 
-def of_summaries(curve: Curve, setting: Setting) -> Checks:
+def of_summaries(curve: Curve, context: BuildContext) -> Checks:
     """What the probes of a task promise that has this curve."""
-    taken = RunMeasures(setting.robots, setting.period, curve).summary().keys()
+    taken = RunMeasures(context.robots, context.period, curve).summary().keys()
     return {"sample": nothing, "summary": lambda found: contracts.summary(found, taken)}
 
 
@@ -71,23 +71,23 @@ class _Form:
 
 
 #: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
-CHECKS: Final[Mapping[str, Callable[[Any, Setting], Checks]]] = {
-    "sensor": lambda part, setting: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
-    "field": lambda part, setting: {
+CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
+    "sensor": lambda part, context: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
+    "field": lambda part, context: {
         "value": lambda found, time, points: contracts.array("value", found, np.float64, len(points))
     },
-    "localisation": lambda part, setting: {"locate": contracts.located},
+    "localisation": lambda part, context: {"locate": contracts.located},
     "computation": _of_computation,
-    "strategy": lambda part, setting: {
-        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, setting.lattice)
+    "strategy": lambda part, context: {
+        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice)
     },
-    "topology": lambda part, setting: {"links": contracts.links},
-    "channel": lambda part, setting: {
+    "topology": lambda part, context: {"links": contracts.links},
+    "channel": lambda part, context: {
         "deliver": lambda found, state, linked, sizes: contracts.delivery(found, state, len(linked))
     },
-    "motion": lambda part, setting: {
+    "motion": lambda part, context: {
         "follow": nothing,
-        "command": lambda found, pose: contracts.array("command", found, np.float64, setting.swarm, 2),
+        "command": lambda found, pose: contracts.array("command", found, np.float64, context.swarm, 2),
     },
     "task": _of_task,
 }

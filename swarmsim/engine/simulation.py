@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
-from swarmsim.core.messages import Columns, Delivery, Inbox, PostOffice
+from swarmsim.core.messages import Delivery, Inbox, MessageBatch, MessageBuffer
 from swarmsim.core.own import is_failure
-from swarmsim.core.parts import Motion, Now, Observer, Parts, Tracking, WheelSpeeds
+from swarmsim.core.parts import Motion, Observer, Parts, Tick, Tracking, WheelSpeeds
 from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
 from swarmsim.engine.guard import Clock
 
@@ -28,7 +28,7 @@ class Perceived:
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
     senses: Senses
-    inbox: Inbox[Columns]
+    inbox: Inbox[MessageBatch]
     knowledge: Knowledge
 
 
@@ -74,8 +74,8 @@ class Simulation:
         self._blamed = blamed
         self.name = name
         self.clock = clock or Clock()
-        self._post: PostOffice[Columns] = PostOffice()
-        self._now = Now(0, self.state, self.state, 0.0)
+        self._post: MessageBuffer[MessageBatch] = MessageBuffer()
+        self._now = Tick(0, self.state, self.state, 0.0)
         self._decided: Intents | None = None
 
     @property
@@ -131,8 +131,8 @@ class Simulation:
     def _perceive(self) -> Perceived:
         parts = self.parts
         self.clock.turn(self.state.iteration)
-        events = parts.calendar.advance(self._now)
-        state = parts.bodies.state() if parts.calendar else self.state
+        events = parts.schedule.advance(self._now)
+        state = parts.bodies.state() if parts.schedule else self.state
         sensed = parts.sensor.sense(state)
         pose = parts.localisation.locate(state)
         readings = sensed.put(state.pose, pose, parts.lattice)
@@ -158,7 +158,7 @@ class Simulation:
         measured = parts.task.measure(Done(state, perceived.events, *all_of_it))
         if measured.finished and not self.finished:
             self.finished_after = self.state.iteration
-        self._now = Now(self.state.iteration, state, self.state, measured.progress)
+        self._now = Tick(self.state.iteration, state, self.state, measured.progress)
         events = (*perceived.events, *self._ending())
         moment = Moment(state, events, *all_of_it, measured)
         for observer in observers:

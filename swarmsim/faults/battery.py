@@ -11,11 +11,11 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext, Gauge
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Bodies, Channel, Links, Now, Parts
-from swarmsim.core.setting import Gauge, Setting
+from swarmsim.core.parts import Bodies, Channel, Links, Parts, Tick
 from swarmsim.core.state import State
 from swarmsim.faults.timeline import Mark
 
@@ -42,27 +42,27 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """How an empty robot is marked."""
         return "removed" if self.empty == "remove" else "fault"
 
-    def build(self, setting: Setting) -> BatteryFault:
+    def build(self, context: BuildContext) -> BatteryFault:
         """The fault; raises InputError for batteries that cannot be or can never be empty."""
-        count = setting.swarm
+        count = context.swarm
         for robot in self.robots or ():
             if robot >= count:
                 raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {count - 1}")
         if self.per_metre == self.per_byte == self.idle == 0.0:
             raise InputError("idle: nothing costs energy; expected idle, per_metre or per_byte above 0")
-        return BatteryFault(self, Batteries(self, setting), setting)
+        return BatteryFault(self, Batteries(self, context), context)
 
 
 class Batteries:
     """The energy of every robot."""
 
-    def __init__(self, battery: Battery, setting: Setting) -> None:
-        count = setting.swarm
+    def __init__(self, battery: Battery, context: BuildContext) -> None:
+        count = context.swarm
         variance = math.log1p(battery.spread**2)  # of the logarithm: mean and spread of the law are as given
         #: What is left in each (n,) in J; infinite for robots without a battery.
         self.left: NDArray[np.float64] = np.full(count, np.inf)
         for robot in range(count) if battery.robots is None else battery.robots:
-            draw = setting.streams.open(f"fault battery {setting.number}", robot).standard_normal()
+            draw = context.streams.open(f"fault battery {context.number}", robot).standard_normal()
             self.left[robot] = battery.capacity * math.exp(math.sqrt(variance) * draw - 0.5 * variance)
 
     def spend(self, energy: NDArray[np.floating]) -> None:
@@ -81,12 +81,12 @@ class BatteryFault:
 
     battery: Battery
     batteries: Batteries
-    setting: Setting
+    context: BuildContext
 
     def install(self, parts: Parts) -> Parts:
         """The parts, wrapped."""
         channel = MeteredChannel(parts.channel, self.batteries, self.battery.per_byte)
-        parts.calendar.enter(Exhaustion(parts.bodies, self))
+        parts.schedule.enter(Exhaustion(parts.bodies, self))
         energy = Gauge("energy", "J", self.batteries.left.copy)
         return replace(parts, channel=channel, gauges=(*parts.gauges, energy))
 
@@ -107,13 +107,13 @@ class Exhaustion:
     """Takes robots out that have no energy left."""
 
     def __init__(self, bodies: Bodies, fault: BatteryFault) -> None:
-        self._bodies, self._batteries, self._number = bodies, fault.batteries, fault.setting.number
+        self._bodies, self._batteries, self._number = bodies, fault.batteries, fault.context.number
         self._per_metre, self._idle = fault.battery.per_metre, fault.battery.idle
-        self._farthest, self._period = fault.setting.robots.speed * fault.setting.period, fault.setting.period
+        self._farthest, self._period = fault.context.robots.speed * fault.context.period, fault.context.period
         self._take_out = bodies.remove if fault.battery.empty == "remove" else bodies.crash
-        self._reported = np.zeros(fault.setting.swarm, np.bool_)
+        self._reported = np.zeros(fault.context.swarm, np.bool_)
 
-    def advance(self, now: Now) -> Sequence[Event]:
+    def advance(self, now: Tick) -> Sequence[Event]:
         """Charge everybody for the last iteration, and take out those that it has left empty."""
         if now.iteration == 0:
             return ()

@@ -9,11 +9,11 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import AnyComputation, Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Duration, Mark, Robots, Timed, Timeline
 from swarmsim.operations.mapping.maps import Maps
 
@@ -28,10 +28,10 @@ class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They are gone."""
         return "removed"
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault."""
-        effect = Removal(setting, self.map)
-        return TimedFault(Timeline(self, setting), effect, setting.number)
+        effect = Removal(context, self.map)
+        return TimedFault(Timeline(self, context), effect, context.number)
 
 
 class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -44,9 +44,9 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They are drawn as dead."""
         return ""
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault."""
-        return TimedFault(Timeline(self, setting), Crashing(self.map), setting.number)
+        return TimedFault(Timeline(self, context), Crashing(self.map), context.number)
 
 
 class Push(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -57,15 +57,15 @@ class Push(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     velocity: tuple[float, float]  # m/s, to the right and up
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault. Raises InputError for a velocity that no blow gives."""
         if not all(-10.0 <= one <= 10.0 for one in self.velocity):
             raise InputError(f"velocity: {list(self.velocity)} m/s; expected at most 10 m/s either way")
         once = self if self.lasts or self.between else msgspec.structs.replace(self, lasts=1)
-        return TimedFault(Timeline(once, setting), Blow(self.velocity), setting.number)
+        return TimedFault(Timeline(once, context), Blow(self.velocity), context.number)
 
 
-class Blow(Lasting):
+class Blow(StatelessEffect):
     """Pushes bodies once."""
 
     def __init__(self, velocity: tuple[float, float]) -> None:
@@ -96,15 +96,15 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They are not there yet."""
         return "late"
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError unless somebody is there at the start."""
         late = self.count * self.times
-        if late >= setting.swarm:
-            raise InputError(f"count: {late} of {setting.swarm} robots are late; expected one at the start at least")
+        if late >= context.swarm:
+            raise InputError(f"count: {late} of {context.swarm} robots are late; expected one at the start at least")
         if self.times > 1 and self.every is None:
             raise InputError(f"every: required key is missing; expected iterations between {self.times} times")
-        effect = Joining(setting, self.map)
-        return TimedFault(Lateness(self, setting.swarm), effect, setting.number)
+        effect = Joining(context, self.map)
+        return TimedFault(Lateness(self, context.swarm), effect, context.number)
 
 
 class Lateness:
@@ -128,8 +128,8 @@ class Lateness:
 class Removal:
     """Takes bodies out of the world, and puts them back at its entrance."""
 
-    def __init__(self, setting: Setting, memory: Literal["kept", "lost"]) -> None:
-        self._setting, self._memory, self._number = setting, memory, setting.number
+    def __init__(self, context: BuildContext, memory: Literal["kept", "lost"]) -> None:
+        self._context, self._memory, self._number = context, memory, context.number
         self._streams: dict[int, np.random.Generator] = {}  # of those that have returned
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -141,11 +141,11 @@ class Removal:
         """They vanish."""
         self._bodies.remove(robots)
         if self._memory == "lost":
-            self._computation.forget(robots)
+            self._computation.reset(robots)
 
     def end(self, robots: Robots, state: State) -> Robots:
         """They return to places of the spawn area drawn at random; those who find it full wait."""
-        centres, radius, entered = self._building.entrance, self._setting.robots.radius, []
+        centres, radius, entered = self._building.entrance, self._context.robots.radius, []
         for robot in robots.tolist():
             bodies = self._bodies.state().pose[self._bodies.solid, :2]
             there = np.vstack([np.column_stack([bodies, np.full(len(bodies), radius)]), self._building.walkers()])
@@ -160,15 +160,15 @@ class Removal:
 
     def _stream(self, robot: int) -> np.random.Generator:
         if robot not in self._streams:
-            self._streams[robot] = self._setting.streams.open(f"fault {self._number} entrance", robot)
+            self._streams[robot] = self._context.streams.open(f"fault {self._number} entrance", robot)
         return self._streams[robot]
 
 
 class Joining:
     """Keeps latecomers out of the world until they enter, with the map they are given."""
 
-    def __init__(self, setting: Setting, memory: Literal["empty", "copied"]) -> None:
-        self._absence = Removal(setting, "kept")
+    def __init__(self, context: BuildContext, memory: Literal["empty", "copied"]) -> None:
+        self._absence = Removal(context, "kept")
         self._memory = memory
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -193,7 +193,7 @@ class Joining:
             known = np.where(state.alive, observed.reshape(len(observed), -1).sum(axis=1), -1)
             best = int(known.argmax())
             if state.alive[best]:
-                self._computation.adopt(entered, best)
+                self._computation.copy_from(entered, best)
         return entered
 
 
@@ -212,7 +212,7 @@ class Crashing:
         """They stand still."""
         self._bodies.crash(robots)
         if self._memory == "lost":
-            self._computation.forget(robots)
+            self._computation.reset(robots)
 
     def end(self, robots: Robots, state: State) -> Robots:
         """They go on from where they are by now."""

@@ -10,10 +10,10 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box, BoxGone, BoxStands, BoxWaits, Event
-from swarmsim.core.parts import Now, Parts
-from swarmsim.core.setting import Setting
+from swarmsim.core.parts import Parts, Tick
 from swarmsim.faults.timeline import Duration, Iteration, Share
 
 _TRIES = 100  # places drawn for a piece of rubble before it stays where it was
@@ -34,10 +34,10 @@ class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     box: Box  # m: left, lower, right, upper
 
-    def build(self, setting: Setting) -> ChangingBuilding:
+    def build(self, context: BuildContext) -> ChangingBuilding:
         """The fault. Raises InputError for keys that contradict each other."""
         layout = Fixed((), (("box", self.box),))
-        return ChangingBuilding(Schedule(self, again=False), layout, setting)
+        return ChangingBuilding(Schedule(self, again=False), layout, context)
 
 
 class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -46,12 +46,12 @@ class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True
     box: Box  # m: left, lower, right, upper
     to: Box | None = None  # m: where it is moved, and from where it returns when the change ends
 
-    def build(self, setting: Setting) -> ChangingBuilding:
+    def build(self, context: BuildContext) -> ChangingBuilding:
         """The fault. Raises InputError for keys that contradict each other."""
         before = (("box", self.box),) if self.to else ()
         after = (("to", self.to),) if self.to else (("box", self.box),)
         layout = Fixed(before, after)
-        return ChangingBuilding(Schedule(self, again=False), layout, setting)
+        return ChangingBuilding(Schedule(self, again=False), layout, context)
 
 
 class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -61,7 +61,7 @@ class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     count: Annotated[int, Meta(ge=1, le=1000)] = 1  # boxes at a time
     size: tuple[Annotated[float, Meta(gt=0.0)], Annotated[float, Meta(gt=0.0)]] = (0.15, 0.5)  # m: least, largest side
 
-    def build(self, setting: Setting) -> ChangingBuilding:
+    def build(self, context: BuildContext) -> ChangingBuilding:
         """The fault. Raises InputError for boxes that the region cannot hold."""
         left, low, right, high = self.region
         least, most = self.size
@@ -70,7 +70,7 @@ class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"size: {least:g} to {most:g} m in a region of {right - left:g} m x {high - low:g} m; expected the "
                 "least side first, and no more than the region's sides"
             )
-        return ChangingBuilding(Schedule(self, again=True), Falling(self, setting), setting)
+        return ChangingBuilding(Schedule(self, again=True), Falling(self, context), context)
 
 
 class Schedule:
@@ -132,8 +132,8 @@ class Fixed:
 class Falling:
     """Boxes drawn anew for each strike, from a stream of its own."""
 
-    def __init__(self, rubble: Rubble, setting: Setting) -> None:
-        self._rubble, self._streams, self._purpose = rubble, setting.streams, f"fault {setting.number} rubble"
+    def __init__(self, rubble: Rubble, context: BuildContext) -> None:
+        self._rubble, self._streams, self._purpose = rubble, context.streams, f"fault {context.number} rubble"
         self._fallen: dict[int, tuple[Box, ...]] = {}
 
     @property
@@ -174,13 +174,13 @@ class ChangingBuilding:
 
     schedule: Schedule
     layout: Layout
-    setting: Setting
+    context: BuildContext
 
     def install(self, parts: Parts) -> Parts:
         """The same parts, with the changes in their calendar. Raises InputError for boxes that cannot stand here."""
         for key, box in self.layout.places:
             parts.building.check(box, key)
-        parts.calendar.enter(Builder(parts, self))
+        parts.schedule.enter(Builder(parts, self))
         return parts
 
 
@@ -192,9 +192,9 @@ class Builder:
         self._standing: tuple[Box, ...] = ()
         self._waits = False
 
-    def advance(self, now: Now) -> Sequence[Event]:
+    def advance(self, now: Tick) -> Sequence[Event]:
         """Make the change that is due, as a whole and once all of its places are clear."""
-        building, change, number = self._parts.building, self._change, self._change.setting.number
+        building, change, number = self._parts.building, self._change, self._change.context.number
         strikes = change.schedule.strikes(now.iteration, now.progress)
         wanted = change.layout.wanted(strikes, self._is_clear)
         if wanted == self._standing:
@@ -218,11 +218,11 @@ class Builder:
 
     def _is_clear(self, box: Box) -> bool:
         """Whether no body would be in a box, nor meet it on the step that it is taking."""
-        building, setting = self._parts.building, self._change.setting
+        building, context = self._parts.building, self._change.context
         pose = self._parts.bodies.state().pose[self._parts.bodies.solid]
         walkers = building.walkers()
-        room = walkers[:, 2] + _STRIDE * setting.lattice.cell
-        robots = (_distance(box, pose) >= setting.robots.radius).all()
+        room = walkers[:, 2] + _STRIDE * context.lattice.cell
+        robots = (_distance(box, pose) >= context.robots.radius).all()
         return bool(robots and (_distance(box, walkers) >= room).all())
 
 

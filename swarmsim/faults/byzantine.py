@@ -10,16 +10,16 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import C, Columns, Inbox, Said
+from swarmsim.core.messages import Broadcast, C, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Senses
-from swarmsim.faults.disguise import WrappedComputation
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.delegate import ComputationDelegate
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
 from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.sharing.codecs import TileItems
 
 Cells = Annotated[int, Meta(ge=-10_000, le=10_000)]
 KEYS = {"offset": "origin", "age": "replay", "id": "spoof"}  # which failure has which key
@@ -41,20 +41,20 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
     id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: whom it pretends to be; default: anybody, anew each time
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have, or lacks."""
         for key, failure in KEYS.items():
             if getattr(self, key) is not None and self.failure != failure:
                 raise InputError(f"{key}: a lie of kind {self.failure!r} has none; expected failure = {failure!r}")
-        others = setting.swarm - 1
+        others = context.swarm - 1
         if self.id is not None and self.id > others:
             raise InputError(f"id: there is no robot {self.id}; expected one from 0 to {others}")
         if self.failure == "spoof" and others == 0:
             raise InputError(
                 "failure: a robot alone has nobody to pass itself off as; expected robots.count = 2 or more"
             )
-        effect = Lying(self.failure, self._lie(), self._names(setting))
-        return TimedFault(Timeline(self, setting), effect, setting.number)
+        effect = Lying(self.failure, self._lie(), self._names(context))
+        return TimedFault(Timeline(self, context), effect, context.number)
 
     def _lie(self) -> Lie | None:
         """What happens to tiles, if anything does."""
@@ -72,9 +72,9 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             return Replayed(self.age)
         return None
 
-    def _names(self, setting: Setting) -> FalseNames | None:
+    def _names(self, context: BuildContext) -> FalseNames | None:
         """Whom liars pretend to be, if they do."""
-        return FalseNames(setting, self.id, f"fault byzantine {setting.number}") if self.failure == "spoof" else None
+        return FalseNames(context, self.id, f"fault byzantine {context.number}") if self.failure == "spoof" else None
 
 
 class Lie(Protocol):
@@ -85,7 +85,7 @@ class Lie(Protocol):
         """Whether it can be told of tiles alone."""
         ...
 
-    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
+    def told(self, said: Broadcast[TileItems], rows: NDArray[np.bool_]) -> Broadcast[TileItems]:
         """What is said, but for some items, `rows` (t,), that are lies; asked in every iteration."""
         ...
 
@@ -95,7 +95,7 @@ class Inverted:
 
     needs_tiles = True
 
-    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
+    def told(self, said: Broadcast[TileItems], rows: NDArray[np.bool_]) -> Broadcast[TileItems]:
         """Swap the two."""
         values = said.content.values.copy()
         values[rows] = SWAPPED[values[rows]]
@@ -109,7 +109,7 @@ class Uniform:
     value: int
     needs_tiles: bool = True
 
-    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
+    def told(self, said: Broadcast[TileItems], rows: NDArray[np.bool_]) -> Broadcast[TileItems]:
         """Write it everywhere."""
         values = said.content.values.copy()
         values[rows] = self.value
@@ -123,7 +123,7 @@ class Displaced:
     offset: NDArray[np.int32]  # (2,): rows, columns
     needs_tiles: bool = True
 
-    def told(self, said: Said[TileItems], rows: NDArray[np.bool_]) -> Said[TileItems]:
+    def told(self, said: Broadcast[TileItems], rows: NDArray[np.bool_]) -> Broadcast[TileItems]:
         """Move them."""
         origins = said.content.origins.copy()
         origins[rows] += self.offset
@@ -136,9 +136,9 @@ class Replayed:
     needs_tiles = False
 
     def __init__(self, age: int) -> None:
-        self._past: deque[Said[Columns]] = deque(maxlen=age + 1)
+        self._past: deque[Broadcast[MessageBatch]] = deque(maxlen=age + 1)
 
-    def told(self, said: Said[C], rows: NDArray[np.bool_]) -> Said[C]:
+    def told(self, said: Broadcast[C], rows: NDArray[np.bool_]) -> Broadcast[C]:
         """Put old items in the place of new ones; where the old message had fewer, tiles are unknown all over.
 
         Tiles are told as if they had been sensed now.
@@ -163,11 +163,11 @@ class Replayed:
 class FalseNames:
     """Under whose name each liar's message goes, remembered while messages are under way."""
 
-    def __init__(self, setting: Setting, name: int | None, purpose: str) -> None:
+    def __init__(self, context: BuildContext, name: int | None, purpose: str) -> None:
         """`name` is the one robot that all pass themselves off as; without it they draw from streams of `purpose`."""
-        robots = setting.swarm
+        robots = context.swarm
         self._name, self._ids = name, np.arange(robots, dtype=np.int32)
-        self._streams = [setting.streams.open(purpose, robot) for robot in range(robots)]
+        self._streams = [context.streams.open(purpose, robot) for robot in range(robots)]
         self._given: dict[int, NDArray[np.int32]] = {}  # (n,) by iteration
 
     def give(self, iteration: int, liars: NDArray[np.bool_]) -> None:
@@ -181,7 +181,7 @@ class FalseNames:
                 names[robot] = self._name
         self._given[iteration] = names
 
-    def signed(self, inbox: Inbox[Columns]) -> Inbox[Columns]:
+    def signed(self, inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
         """The inbox as its receivers believe it to be."""
         names = inbox.senders.copy()
         for iteration in np.unique(inbox.sent).tolist():
@@ -198,7 +198,7 @@ class FalseNames:
         return believed.take(np.lexsort([names, inbox.receivers]))
 
 
-class Lying(Lasting):
+class Lying(StatelessEffect):
     """Wraps the computation."""
 
     def __init__(self, failure: str, lie: Lie | None, names: FalseNames | None) -> None:
@@ -206,7 +206,7 @@ class Lying(Lasting):
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the computation wrapped. Raises InputError for a lie that their messages cannot hold."""
-        if self._lie is not None and self._lie.needs_tiles and not issubclass(parts.computation.knows, Maps):
+        if self._lie is not None and self._lie.needs_tiles and not issubclass(parts.computation.knowledge_type, Maps):
             raise InputError(
                 f"failure: {self._failure!r} is a lie about tiles, and these robots tell none; expected 'replay' or "
                 "'spoof'"
@@ -214,7 +214,7 @@ class Lying(Lasting):
         return replace(parts, computation=LyingComputation(parts.computation, active, self._lie, self._names))
 
 
-class LyingComputation(WrappedComputation):
+class LyingComputation(ComputationDelegate):
     """A computation of which some robots do not say what they know, or not who they are."""
 
     def __init__(
@@ -223,7 +223,7 @@ class LyingComputation(WrappedComputation):
         super().__init__(inner)
         self._active, self._lie, self._names = active, lie, names
 
-    def say(self, senses: Senses) -> Said[TileItems]:
+    def say(self, senses: Senses) -> Broadcast[TileItems]:
         """The message of every robot, with lies in those of the liars, who know the truth themselves."""
         said = self._inner.say(senses)
         if self._lie is not None:
@@ -232,6 +232,6 @@ class LyingComputation(WrappedComputation):
             self._names.give(senses.iteration, self._active & senses.alive)
         return said
 
-    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
         """What robots know by what they heard of those who seem to have said it."""
         return self._inner.hear(senses, inbox if self._names is None else self._names.signed(inbox))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.events import Begins, Ends, Event
-from swarmsim.core.parts import Now, Parts
+from swarmsim.core.parts import Parts, Tick
 from swarmsim.core.state import State
 from swarmsim.faults.timeline import Robots
 
@@ -31,7 +31,7 @@ class Effect(Protocol):
         ...
 
 
-class Lasting:
+class StatelessEffect:
     """An effect that needs nothing done when it begins or ends: its wrapper looks at who is affected."""
 
     def begin(self, robots: Robots, state: State) -> None:
@@ -42,7 +42,7 @@ class Lasting:
         return robots
 
 
-class Course(Protocol):
+class ActivitySchedule(Protocol):
     """Says, between two iterations, who has a fault in the next one."""
 
     active: NDArray[np.bool_]  # (n,): a live view; for the clock alone to write
@@ -59,25 +59,25 @@ class Course(Protocol):
 class TimedFault:
     """An effect on a timeline: one part is wrapped by the effect, and the calendar has its clock."""
 
-    course: Course
+    course: ActivitySchedule
     effect: Effect
     number: int  # the fault's place in the scenario
 
     def install(self, parts: Parts) -> Parts:
         """The parts, wrapped. Raises InputError for parts that cannot have this fault."""
         wrapped = self.effect.wrap(parts, self.course.active)
-        parts.calendar.enter(Clock(wrapped, self))
+        parts.schedule.enter(FaultDriver(wrapped, self))
         return wrapped
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class FaultDriver:
     """Moves a fault's timeline forward between two iterations."""
 
     parts: Parts
     fault: TimedFault
 
-    def advance(self, now: Now) -> Sequence[Event]:
+    def advance(self, now: Tick) -> Sequence[Event]:
         """Let the fault begin and end where its time has come."""
         state, course, effect = self.parts.bodies.state(), self.fault.course, self.fault.effect
         begins, ends = course.advance(state, now.progress, self.parts)

@@ -8,11 +8,11 @@ import tomllib
 
 import msgspec
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table
-from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.files import Table
+from swarmsim.core.scenario.part import Part
 
 KIND = re.compile(r"[A-Za-z][\w-]*|[A-Za-z_][\w.]*:[A-Za-z_]\w*|[\w./-]+\.py:[A-Za-z_]\w*", re.ASCII)  # a name, or code
 WORD = re.compile(r"[A-Za-z_][\w.:/-]*", re.ASCII)  # what may stand without quotes

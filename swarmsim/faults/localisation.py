@@ -13,12 +13,12 @@ from scipy import ndimage
 
 from swarmsim.core import chance
 from swarmsim.core.building import Building
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts, Tracking
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.robots.localisation import Belief
 
@@ -45,7 +45,7 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
     sigma: Spread | None = None  # for drift: m per square root of an iteration
     sigma_yaw: Spread | None = None  # for drift: rad per square root of an iteration
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
         constant, random = ("dx", "dy", "dyaw"), ("sigma", "sigma_yaw")
         own = {"bias": constant, "drift": (*constant, *random), "kidnap": ()}[self.failure]
@@ -56,26 +56,26 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
                 raise InputError(f"{key}: localisation with {self.failure!r} has none; expected {right}")
         if own and not any(getattr(self, key) for key in given):
             raise InputError(f"{own[0]}: no error is given; expected a number other than 0 for {' or '.join(own)}")
-        return TimedFault(Timeline(self, setting), self._effect(setting), setting.number)
+        return TimedFault(Timeline(self, context), self._effect(context), context.number)
 
-    def _effect(self, setting: Setting) -> Misplacement:
+    def _effect(self, context: BuildContext) -> Misplacement:
         constant = np.array([self.dx or 0.0, self.dy or 0.0, self.dyaw or 0.0])
         if self.failure == "kidnap":
-            return Kidnapping(setting)
+            return Kidnapping(context)
         if self.failure == "bias":
-            return Bias(setting, constant)
+            return Bias(context, constant)
         spread = np.array([self.sigma or 0.0, self.sigma or 0.0, self.sigma_yaw or 0.0])
-        stream = setting.streams.open(f"fault localisation {setting.number}")
-        return Drift(setting, constant, spread, int(stream.integers(0, 2**64, dtype=np.uint64)))
+        stream = context.streams.open(f"fault localisation {context.number}")
+        return Drift(context, constant, spread, int(stream.integers(0, 2**64, dtype=np.uint64)))
 
 
-class Misplacement(Lasting):
+class Misplacement(StatelessEffect):
     """Wraps the localisation: its estimates have an error, which is 0 until the fault begins."""
 
-    def __init__(self, setting: Setting) -> None:
-        self._lattice = setting.lattice
+    def __init__(self, context: BuildContext) -> None:
+        self._lattice = context.lattice
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
-        self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
+        self.error: NDArray[np.float64] = np.zeros((context.swarm, 3))
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the localisation wrapped."""
@@ -94,8 +94,8 @@ class Misplacement(Lasting):
 class Bias(Misplacement):
     """An error that stays."""
 
-    def __init__(self, setting: Setting, constant: NDArray[np.float64]) -> None:
-        super().__init__(setting)
+    def __init__(self, context: BuildContext, constant: NDArray[np.float64]) -> None:
+        super().__init__(context)
         self._constant = constant
 
     def begin(self, robots: Robots, state: State) -> None:
@@ -106,8 +106,10 @@ class Bias(Misplacement):
 class Drift(Misplacement):
     """An error that grows, from the first iteration on, by a constant and by normal steps."""
 
-    def __init__(self, setting: Setting, constant: NDArray[np.float64], spread: NDArray[np.float64], salt: int) -> None:
-        super().__init__(setting)
+    def __init__(
+        self, context: BuildContext, constant: NDArray[np.float64], spread: NDArray[np.float64], salt: int
+    ) -> None:
+        super().__init__(context)
         self._constant, self._spread, self._salt = constant, spread, salt
 
     def grow(self, iteration: int, robots: Robots) -> None:
@@ -119,10 +121,10 @@ class Drift(Misplacement):
 class Kidnapping(Misplacement):
     """An error as large as the way that robots have been carried."""
 
-    def __init__(self, setting: Setting) -> None:
-        super().__init__(setting)
-        self._radius = setting.robots.radius
-        self._streams = [setting.streams.open(f"fault localisation {setting.number}", i) for i in range(setting.swarm)]
+    def __init__(self, context: BuildContext) -> None:
+        super().__init__(context)
+        self._radius = context.robots.radius
+        self._streams = [context.streams.open(f"fault localisation {context.number}", i) for i in range(context.swarm)]
         self._version = -1  # of the building whose places these are
         self._places = np.empty((0, 2))
 

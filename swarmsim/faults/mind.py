@@ -11,13 +11,13 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, Inbox
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents, Knowledge, Senses, State
 from swarmsim.faults.body import check_maps
-from swarmsim.faults.disguise import WrappedComputation
+from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.faults.effect import TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.kernels import search
@@ -39,20 +39,20 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     failure: Literal["frozen", "random-walk", "reboot"]
     reach: Annotated[float, Meta(gt=0.0)] | None = None  # for random-walk: m, the longest way to a place; default 1.5
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have."""
         if self.reach is not None and self.failure != "random-walk":
             raise InputError(f"reach: a mind that fails by {self.failure!r} has none; expected failure = 'random-walk'")
         timed: Mind = self
         if self.failure == "reboot" and self.lasts is None and self.between is None and self.duty is None:
             timed = msgspec.structs.replace(self, lasts=1)
-        confusion: Confusion = Reboot()
+        confusion: FailureMode = Reboot()
         if self.failure == "frozen":
-            confusion = Frozen(setting)
+            confusion = Frozen(context)
         elif self.failure == "random-walk":
-            confusion = RandomWalk(setting, self.reach or REACH, f"fault mind {setting.number}")
-        effect = MindFailure(confusion)
-        return TimedFault(Timeline(timed, setting), effect, setting.number)
+            confusion = RandomWalk(context, self.reach or REACH, f"fault mind {context.number}")
+        effect = ControllerFault(confusion)
+        return TimedFault(Timeline(timed, context), effect, context.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Decision:
     twist: NDArray[np.float64] | None = None  # (2,): m/s ahead, rad/s, instead of a way
 
 
-class Confusion(Protocol):
+class FailureMode(Protocol):
     """What one failure puts in the place of sound perception and decisions."""
 
     needs_maps: bool  # whether it makes sense for robots that map alone
@@ -80,10 +80,10 @@ class Confusion(Protocol):
         ...
 
 
-class MindFailure:
+class ControllerFault:
     """Wraps the strategy, and for robots that perceive nothing the computation as well."""
 
-    def __init__(self, confusion: Confusion) -> None:
+    def __init__(self, confusion: FailureMode) -> None:
         self._confusion = confusion
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -105,14 +105,14 @@ class MindFailure:
         return robots
 
 
-class BlankComputation(WrappedComputation):
+class BlankComputation(ComputationDelegate):
     """A computation that some robots do not feed: neither their readings nor what they hear."""
 
     def __init__(self, inner: AnyComputation, active: NDArray[np.bool_]) -> None:
         super().__init__(inner)
         self._active = active
 
-    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
         """What robots know, of whom those that fail take in nothing."""
         blank = self._active & senses.alive
         if not blank.any():
@@ -124,18 +124,18 @@ class BlankComputation(WrappedComputation):
 class FailingMind:
     """A strategy of which some robots decide something else."""
 
-    def __init__(self, inner: AnyStrategy, active: NDArray[np.bool_], confusion: Confusion) -> None:
+    def __init__(self, inner: AnyStrategy, active: NDArray[np.bool_], confusion: FailureMode) -> None:
         self._inner, self._active, self._confusion = inner, active, confusion
         self._failed = np.zeros_like(active)  # whose decision was not its own in the iteration before
         #: What all robots decided in the iteration before.
         self.last: Intents | None = None
 
     @property
-    def reads(self) -> type[Knowledge]:
+    def requires_knowledge(self) -> type[Knowledge]:
         """What the strategy inside reads."""
-        return self._inner.reads
+        return self._inner.requires_knowledge
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """The intents of all robots, with those of failing minds replaced."""
         failing = self._active & senses.alive
         perceived = senses
@@ -177,8 +177,8 @@ class Frozen:
 
     needs_maps = is_blank = False
 
-    def __init__(self, setting: Setting) -> None:
-        self._window = _window(setting)
+    def __init__(self, context: BuildContext) -> None:
+        self._window = _window(context)
         self._kept: dict[int, Decision] = {}
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
@@ -203,14 +203,14 @@ class RandomWalk:
 
     needs_maps, is_blank = True, False
 
-    def __init__(self, setting: Setting, reach: float, purpose: str) -> None:
+    def __init__(self, context: BuildContext, reach: float, purpose: str) -> None:
         """`reach` is the longest way to a place in m; `purpose` names the streams."""
-        lattice, robots = setting.lattice, setting.robots
-        self._lattice, self._window = lattice, _window(setting)
+        lattice, robots = context.lattice, context.robots
+        self._lattice, self._window = lattice, _window(context)
         self._reach = max(1, int(min(reach / lattice.cell, lattice.rows * lattice.columns)))  # steps
-        self._pace = lattice.cell / (robots.speed * setting.period)  # iterations a step
+        self._pace = lattice.cell / (robots.speed * context.period)  # iterations a step
         self._under = search.footprint(robots.radius / lattice.cell)
-        self._streams = [setting.streams.open(purpose, robot) for robot in range(setting.swarm)]
+        self._streams = [context.streams.open(purpose, robot) for robot in range(context.swarm)]
         self._walks: dict[int, tuple[Decision, float]] = {}  # and for how many iterations more
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
@@ -273,15 +273,15 @@ class Reboot:
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """They know nothing."""
-        computation.forget(robots)
+        computation.reset(robots)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> None:
         """Nothing of its own: as if dead, it stands."""
 
 
-def _window(setting: Setting) -> int:
+def _window(context: BuildContext) -> int:
     """How many waypoints, one a cell, a robot can pass within one iteration, with some to spare."""
-    return math.ceil(setting.robots.speed * setting.period / setting.lattice.cell) + 3
+    return math.ceil(context.robots.speed * context.period / context.lattice.cell) + 3
 
 
 def _ahead(way: NDArray[np.float64], pose: NDArray[np.float64], window: int) -> NDArray[np.float64]:

@@ -9,11 +9,11 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Bodies, Motion, Parts, WheelSpeeds
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
 
 SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
@@ -31,21 +31,21 @@ class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     factor: Annotated[float, Meta(ge=0.0)] | None = None  # for slow; default 0.5
     speed: float | None = None  # for stuck: m/s at the rim, backwards if negative; default: the robots' top speed
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have."""
         for key, failure in (("factor", "slow"), ("speed", "stuck")):
             if getattr(self, key) is not None and self.failure != failure:
                 raise InputError(f"{key}: a motor that is {self.failure!r} has none; expected failure = {failure!r}")
-        top = setting.robots.speed
+        top = context.robots.speed
         if self.speed is not None and abs(self.speed) > top:
             raise InputError(f"speed: {self.speed:g} m/s is more than the motors give; expected at most {top:g}")
         gain = (0.5 if self.factor is None else self.factor) if self.failure == "slow" else 0.0
         bias = (top if self.speed is None else self.speed) if self.failure == "stuck" else 0.0
         effect = MotorFailure(SIDES[self.wheel], gain, bias)
-        return TimedFault(Timeline(self, setting), effect, setting.number)
+        return TimedFault(Timeline(self, context), effect, context.number)
 
 
-class MotorFailure(Lasting):
+class MotorFailure(StatelessEffect):
     """Wraps the motion: what the wheels do is a gain times what is wanted, plus a bias."""
 
     def __init__(self, wheels: tuple[bool, bool], gain: float, bias: float) -> None:

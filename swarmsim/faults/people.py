@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts
-from swarmsim.core.setting import Setting
 from swarmsim.kernels import search, walk
 
 _TRIES = 8  # destinations that somebody thinks of before resting
@@ -28,31 +28,31 @@ class People(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Annotated[float, Meta(gt=0.0)] = 0.3  # m/s
     patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step until somebody thinks of another place
 
-    def build(self, setting: Setting) -> Visit:
+    def build(self, context: BuildContext) -> Visit:
         """The fault."""
-        return Visit(self, setting)
+        return Visit(self, context)
 
 
 class Visit:
     """Lets people into the building."""
 
-    def __init__(self, people: People, setting: Setting) -> None:
-        self._people, self._setting = people, setting
+    def __init__(self, people: People, context: BuildContext) -> None:
+        self._people, self._context = people, context
 
     def install(self, parts: Parts) -> Parts:
         """The same parts, with people in their building. Raises InputError if it has no room for them."""
-        parts.building.admit(Walkers(self._people, self._setting, parts))
+        parts.building.admit(Walkers(self._people, self._context, parts))
         return parts
 
 
 class Walkers:
     """A crowd whose ways lead through cells that no wall touches."""
 
-    def __init__(self, people: People, setting: Setting, parts: Parts) -> None:
-        self._people, self._building, self._lattice = people, parts.building, setting.lattice
-        self._radius, self._speed = setting.robots.radius, setting.robots.speed
-        count, cells = people.count, setting.lattice.rows * setting.lattice.columns
-        self._streams = [setting.streams.open(f"fault {setting.number} people", person) for person in range(count)]
+    def __init__(self, people: People, context: BuildContext, parts: Parts) -> None:
+        self._people, self._building, self._lattice = people, parts.building, context.lattice
+        self._radius, self._speed = context.robots.radius, context.robots.speed
+        count, cells = people.count, context.lattice.rows * context.lattice.columns
+        self._streams = [context.streams.open(f"fault {context.number} people", person) for person in range(count)]
         self._scratch = search.scratch(cells)
         self._path = np.zeros(cells, np.int32)
         self._cells = [np.zeros(0, np.int64)] * count  # of everybody's way, row-major ...
@@ -61,8 +61,8 @@ class Walkers:
         self._waited = np.zeros(count)  # s
         self._rests = np.zeros(count, np.bool_)
         self._velocity = np.zeros((count, 2))
-        under = search.footprint(people.radius / setting.lattice.cell)
-        x0, y0, cell = setting.lattice.x0, setting.lattice.y0, setting.lattice.cell
+        under = search.footprint(people.radius / context.lattice.cell)
+        x0, y0, cell = context.lattice.x0, context.lattice.y0, context.lattice.cell
         self._rules = search.Rules(x0, y0, cell, under, 0, 8, True, 1, 1)
         self._look_around()
         floor = parts.building.domain & ~parts.building.occupied
@@ -70,7 +70,7 @@ class Walkers:
         self.discs: NDArray[np.float64] = np.zeros((0, 3))  # x, y, radius in m; a live view
         self._enter(parts)
         # The cells, row-major, at the two ends of the leg that somebody is on: the one to retreat to, the one ahead.
-        here = (setting.lattice.cells(self.discs[:, :2]) * (setting.lattice.columns, 1)).sum(axis=1)
+        here = (context.lattice.cells(self.discs[:, :2]) * (context.lattice.columns, 1)).sum(axis=1)
         self._leg = np.stack([here, here], axis=1)
 
     def _look_around(self) -> None:

@@ -11,13 +11,13 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Channel, Links, Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
-from swarmsim.faults.effect import Lasting, TimedFault
+from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline
 from swarmsim.network.channel import but_lost, in_order, letters
 
@@ -43,12 +43,12 @@ class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     x: float | None = None  # for partition: m
     y: float | None = None  # for partition: m
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for keys that contradict each other, its failure or the swarm."""
-        _check(self, setting.swarm)
+        _check(self, context.swarm)
         of_robots = self.failure not in ("jam", "partition")
-        course = Timeline(self, setting) if of_robots else Occasions(self, setting)
-        return TimedFault(course, _disturbance(self, setting), setting.number)
+        course = Timeline(self, context) if of_robots else NetworkSchedule(self, context)
+        return TimedFault(course, _disturbance(self, context), context.number)
 
 
 def _check(fault: Radio, robots: int) -> None:
@@ -87,28 +87,28 @@ def _check_groups(groups: tuple[Group, ...], robots: int) -> None:
         raise InputError("groups: everybody is in one; expected two groups or more")
 
 
-def _disturbance(fault: Radio, setting: Setting) -> Disturbance:
+def _disturbance(fault: Radio, context: BuildContext) -> Disturbance:
     if fault.loss is not None:
-        stream = setting.streams.open(f"fault radio {setting.number}")
+        stream = context.streams.open(f"fault radio {context.number}")
         return Loss(fault.loss, int(stream.integers(0, 2**64, dtype=np.uint64)))
     if fault.delay is not None:
         return Delay(fault.delay)
     if fault.area is not None:
         return Jam(fault.area)
     if fault.failure == "partition":
-        return Partition(fault, setting.swarm)
+        return Partition(fault, context.swarm)
     return Silence(fault.failure)
 
 
-class Occasions:
+class NetworkSchedule:
     """When a fault of the whole network is there: then everybody has it, and its events name nobody."""
 
-    def __init__(self, fault: Timed, setting: Setting) -> None:
+    def __init__(self, fault: Timed, context: BuildContext) -> None:
         # The network takes the part of the only robot that there is to strike.
-        alone = replace(setting, swarm=1)
+        alone = replace(context, swarm=1)
         self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone)
         #: Who has the fault (n,): everybody or nobody; a live view.
-        self.active: NDArray[np.bool_] = np.zeros(setting.swarm, np.bool_)
+        self.active: NDArray[np.bool_] = np.zeros(context.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives [-1] for a beginning and for an end, else nothing."""
@@ -118,7 +118,7 @@ class Occasions:
         return begins - 1, ends - 1
 
 
-class Disturbance(Lasting):
+class Disturbance(StatelessEffect):
     """Wraps the channel, together with all other disturbances; this one does nothing to any message."""
 
     reason = ""  # why messages are lost
@@ -139,15 +139,15 @@ class Disturbance(Lasting):
             return replace(parts, channel=DisturbedChannel(channel.inner, (*channel.disturbances, self)))
         return replace(parts, channel=DisturbedChannel(channel, (self,)))
 
-    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+    def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
         """Which of the messages (m, 4) sent now never reach the channel."""
         return np.zeros(len(sent), np.bool_)
 
-    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+    def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
         """Which of the messages (m, 4) that the channel delivers now are not heard."""
         return np.zeros(len(arrived), np.bool_)
 
-    def delays(self, arrived: Letters) -> NDArray[np.int64]:
+    def delays(self, arrived: Packets) -> NDArray[np.int64]:
         """By how many iterations each of the messages (m, 4) that the channel delivers now is late."""
         return np.zeros(len(arrived), np.int64)
 
@@ -161,11 +161,11 @@ class Silence(Disturbance):
         super().__init__()
         self._sends, self._hears = failure == "receive", failure == "transmit"
 
-    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+    def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
         """Those that robots without a transmitter would send."""
         return self._active[sent[:, 1]] & (not self._sends)
 
-    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+    def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
         """Those that robots without a receiver would hear."""
         return self._active[arrived[:, 0]] & (not self._hears)
 
@@ -179,7 +179,7 @@ class Loss(Disturbance):
         super().__init__()
         self._probability, self._salt = probability, salt
 
-    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+    def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
         """Those to or from robots with the fault for which the draw says so, one draw each."""
         draw = chance.uniform(self._salt, sent[:, 2], sent[:, 0], sent[:, 1])
         return self._active[sent[:, :2]].any(axis=1) & (draw < self._probability)
@@ -192,7 +192,7 @@ class Delay(Disturbance):
         super().__init__()
         self._iterations = iterations
 
-    def delays(self, arrived: Letters) -> NDArray[np.int64]:
+    def delays(self, arrived: Packets) -> NDArray[np.int64]:
         """The delay for messages to or from robots with the fault."""
         return np.where(self._active[arrived[:, :2]].any(axis=1), self._iterations, 0)
 
@@ -211,11 +211,11 @@ class Jam(Disturbance):
         x, y = state.pose[:, 0], state.pose[:, 1]
         return self._active & (x >= left) & (x <= right) & (y >= low) & (y <= high)
 
-    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+    def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
         """Those from inside."""
         return self._inside(state)[sent[:, 1]]
 
-    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+    def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
         """Those for somebody inside."""
         return self._inside(state)[arrived[:, 0]]
 
@@ -239,11 +239,11 @@ class Partition(Disturbance):
         if self._y is not None:
             self._part[:] = state.pose[:, 1] < self._y
 
-    def leaving(self, state: State, sent: Letters) -> NDArray[np.bool_]:
+    def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
         """Those between two parts."""
         return np.asarray(self._active[sent[:, 0]] & (self._part[sent[:, 0]] != self._part[sent[:, 1]]))
 
-    def arriving(self, state: State, arrived: Letters) -> NDArray[np.bool_]:
+    def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
         """Those between two parts that were sent before it began."""
         return self.leaving(state, arrived)
 

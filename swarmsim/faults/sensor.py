@@ -12,14 +12,14 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
 from swarmsim.core.parts import Sensor as SensorPart
 from swarmsim.core.readings import Channels, Readings
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
-from swarmsim.faults.effect import Effect, Lasting, TimedFault
+from swarmsim.faults.effect import Effect, StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.robots.suites import maimed
 
@@ -49,7 +49,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     offset: tuple[Cells, Cells] | None = None  # for offset: rows, columns
     beams: Annotated[tuple[Annotated[int, Meta(ge=0)], ...], Meta(min_length=1)] | None = None  # for beams: 0 is ahead
 
-    def build(self, setting: Setting) -> TimedFault:
+    def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure lacks or does not have."""
         keys = (
             ("value", "stuck"), ("sigma", "noisy"), ("range", "range"), ("offset", "offset"), ("beams", "beams")
@@ -63,32 +63,32 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.channels and (self.failure not in ("off", "stuck", "noisy") or self.value):
             what = "has a value" if self.value else f"is {self.failure!r}"
             raise InputError(f"channels: a sensor that {what} has none; expected failure = 'off', 'stuck' or 'noisy'")
-        return TimedFault(Timeline(self, setting), _effect(self, setting), setting.number)
+        return TimedFault(Timeline(self, context), _effect(self, context), context.number)
 
 
-def _effect(fault: Sensor, setting: Setting) -> Effect:
+def _effect(fault: Sensor, context: BuildContext) -> Effect:
     """What the fault does to parts."""
     if fault.beams:
         return DeadBeams(fault.beams)
     if fault.failure == "off":
         return ChannelFailure(fault.channels, None, lambda active: _blank)
     if fault.failure == "noisy":
-        salt = int(setting.streams.open(f"fault sensor {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        salt = int(context.streams.open(f"fault sensor {context.number}").integers(0, 2**64, dtype=np.uint64))
         return ChannelFailure(fault.channels, "noisy", lambda active: _noisy(salt, fault.sigma or 0.0))
     if fault.channels:
         return ChannelFailure(fault.channels, "stuck", lambda active: Stuck(len(active)))
-    return TileFailure(_spoil(fault, setting))
+    return TileFailure(_spoil(fault, context))
 
 
-def _spoil(fault: Sensor, setting: Setting) -> Spoil:
+def _spoil(fault: Sensor, context: BuildContext) -> Spoil:
     """What the failure does to tiles."""
     if fault.failure == "stuck":
         return _filled(OCCUPIED if fault.value == "occupied" else FREE)
     if fault.range is not None:
-        return _cut(fault.range, setting.lattice)
+        return _cut(fault.range, context.lattice)
     if fault.offset is not None:
         return _aside(fault.offset)
-    return _garbage([setting.streams.open(f"fault sensor {setting.number}", i) for i in range(setting.swarm)])
+    return _garbage([context.streams.open(f"fault sensor {context.number}", i) for i in range(context.swarm)])
 
 
 def _blank(state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
@@ -181,7 +181,7 @@ def _aside(offset: tuple[int, int]) -> Spoil:
     return move
 
 
-class TileFailure(Lasting):
+class TileFailure(StatelessEffect):
     """Wraps the sensor: its tiles are spoilt."""
 
     def __init__(self, spoil: Spoil) -> None:
@@ -193,7 +193,7 @@ class TileFailure(Lasting):
         return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, places)) if places else parts
 
 
-class ChannelFailure(Lasting):
+class ChannelFailure(StatelessEffect):
     """Wraps the sensor: some of its channels are spoilt."""
 
     def __init__(
@@ -249,7 +249,7 @@ class FailingSensor:
         return self.spoil(state, failing, readings, self.places) if len(failing) else readings
 
 
-class DeadBeams(Lasting):
+class DeadBeams(StatelessEffect):
     """Wraps the ring of beams beneath all failures that spoil its tiles, whichever was installed first."""
 
     def __init__(self, beams: tuple[int, ...]) -> None:

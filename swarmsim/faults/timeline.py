@@ -9,9 +9,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 Iteration = Annotated[int, Meta(ge=0, le=100_000)]  # no run is longer
@@ -57,23 +57,23 @@ class Timeline:
     It is moved forward between two iterations, so that a fault `at` an iteration is there from its first beam on.
     """
 
-    def __init__(self, fault: Timed, setting: Setting) -> None:
+    def __init__(self, fault: Timed, context: BuildContext) -> None:
         """Its streams are named by the fault's place in the scenario. Raises InputError."""
-        number = setting.number
-        _check(fault, setting.swarm)
+        number = context.number
+        _check(fault, context.swarm)
         self._fault = fault
-        self._stream = setting.streams.open("fault", number)
-        self._since = np.full(setting.swarm, -1, np.int64)  # the iteration in which it struck; -1 for not
-        self._spent = np.zeros(setting.swarm, np.bool_)  # whose life has ended already
+        self._stream = context.streams.open("fault", number)
+        self._since = np.full(context.swarm, -1, np.int64)  # the iteration in which it struck; -1 for not
+        self._spent = np.zeros(context.swarm, np.bool_)  # whose life has ended already
         self._reached = False
-        self._lives = np.full(setting.swarm, np.inf)
+        self._lives = np.full(context.swarm, np.inf)
         if fault.life is not None:
             scale = fault.life.mean / math.gamma(1.0 + 1.0 / fault.life.shape)
-            for robot in range(setting.swarm):
-                stream = setting.streams.open(f"fault {number} life", robot)
+            for robot in range(context.swarm):
+                stream = context.streams.open(f"fault {number} life", robot)
                 self._lives[robot] = np.ceil(scale * stream.weibull(fault.life.shape))
         #: Who has the fault in this iteration (n,); a live view.
-        self.active: NDArray[np.bool_] = np.zeros(setting.swarm, np.bool_)
+        self.active: NDArray[np.bool_] = np.zeros(context.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
         """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends."""

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 
-class Witnesses(NamedTuple):
+class Votes(NamedTuple):
     """On whose word each cell stands; arrays are (n, rows, columns), the sets empty, (n, 0, 0), for a quorum of 1.
 
     A set of senders is a word of 64 bits: the bit of a sender is its id modulo 64, so that in larger swarms

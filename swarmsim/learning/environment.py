@@ -14,7 +14,7 @@ from pettingzoo import ParallelEnv
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import array_of
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment
 from swarmsim.engine.build import Run, build
 from swarmsim.engine.simulation import Perceived
@@ -102,7 +102,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         self._seed = self._scenario.seed
         self._fresh = self._scenario.seed
         shape = self._tile_shape()
-        lattice = self._run.setting.lattice
+        lattice = self._run.context.lattice
         right, top = lattice.x0 + lattice.columns * lattice.cell, lattice.y0 + lattice.rows * lattice.cell
         room = max(right - lattice.x0, top - lattice.y0)
         low, high = np.array([lattice.x0, lattice.y0]) - room, np.array([right, top]) + room
@@ -208,7 +208,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 if robot in self._learners
             }
             fresh = np.zeros(robots.count, np.bool_)
-            mine = Intents.along(ways, robots.count, self._run.setting.lattice, fresh)
+            mine = Intents.along(ways, robots.count, self._run.context.lattice, fresh)
         else:
             speed, base = robots.each("speed"), robots.each("wheel_base")
             if self._action == "twist":
@@ -239,7 +239,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
 
     def _of(self, seen: Perceived, robot: int) -> Observation:
         tiles, inbox = seen.senses.readings.tiled, seen.inbox
-        cell, lattice = self._run.setting.lattice.cell, self._run.setting.lattice
+        cell, lattice = self._run.context.lattice.cell, self._run.context.lattice
         shape = tiles.values.shape[1:]
         x, y, yaw = seen.senses.pose[robot]
         low, high = np.searchsorted(inbox.receivers, [robot, robot + 1])

@@ -7,10 +7,10 @@ from pathlib import Path
 import msgspec
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table
-from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault
-from swarmsim.core.scenario import Scenario
+from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.files import Table
+from swarmsim.core.scenario.part import Part
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import Recorder

@@ -6,10 +6,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Delivery, Letters
-from swarmsim.core.part import Part
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Channel, Links
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import State
 
 
@@ -26,7 +26,7 @@ class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Whether messages can be on their way for longer than an iteration."""
         return False
 
-    def build(self, setting: Setting) -> PerfectChannel:
+    def build(self, context: BuildContext) -> PerfectChannel:
         """The channel."""
         return PerfectChannel()
 
@@ -50,23 +50,23 @@ class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def delays(self) -> bool:
         """Whether messages can be on their way for longer than an iteration."""
-        return self.over.says("delays", True)
+        return self.over.declares("delays", True)
 
-    def below(self, setting: Setting) -> Channel:
+    def below(self, context: BuildContext) -> Channel:
         """The channel that this one lies over. Raises InputError, naming the path to the key, if it cannot work."""
-        return self.over.build(setting, "over")
+        return self.over.build(context, "over")
 
-    def salt(self, setting: Setting) -> int:
+    def salt(self, context: BuildContext) -> int:
         """The random number that this channel's draws are hashed with.
 
         It follows from the number of channels below, so that channels of one kind in one stack draw
         independently, and one more on top changes nothing below.
         """
         level = sum(1 for _ in self.over.inside())
-        return int(setting.streams.open("channel", level - 1).integers(0, 2**64, dtype=np.uint64))
+        return int(context.streams.open("channel", level - 1).integers(0, 2**64, dtype=np.uint64))
 
 
-def letters(iteration: int, links: Links, sizes: NDArray[np.int32]) -> Letters:
+def letters(iteration: int, links: Links, sizes: NDArray[np.int32]) -> Packets:
     """One new message (m, 4) for each link, of its sender's size in bytes."""
     new = np.empty((len(links), 4), np.int32)
     new[:, :2] = links
@@ -75,7 +75,7 @@ def letters(iteration: int, links: Links, sizes: NDArray[np.int32]) -> Letters:
     return new
 
 
-def in_order(unsorted: Letters) -> Letters:
+def in_order(unsorted: Packets) -> Packets:
     """The same messages, sorted by receiver, sender, iteration sent."""
     return unsorted[np.lexsort((unsorted[:, 2], unsorted[:, 1], unsorted[:, 0]))]
 

@@ -10,10 +10,10 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Channel, Links
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost, in_order
 
@@ -35,16 +35,16 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They do."""
         return True
 
-    def build(self, setting: Setting) -> LatentChannel:
+    def build(self, context: BuildContext) -> LatentChannel:
         """The channel. Raises InputError for a fixed delay that is no whole number."""
-        below = self.below(setting)
+        below = self.below(context)
         if self.law == "fixed":
             if not self.delay.is_integer():
                 raise InputError(f'delay: {self.delay:g} with law = "fixed"; expected a whole number of iterations')
             return LatentChannel(below, lambda arrived: np.full(len(arrived), self.delay, np.int64))
-        salt, stay = self.salt(setting), self.delay / (1.0 + self.delay)
+        salt, stay = self.salt(context), self.delay / (1.0 + self.delay)
 
-        def geometric(arrived: Letters) -> NDArray[np.int64]:
+        def geometric(arrived: Packets) -> NDArray[np.int64]:
             if stay == 0.0:
                 return np.zeros(len(arrived), np.int64)
             draw = 1.0 - chance.uniform(salt, arrived[:, 2], arrived[:, 0], arrived[:, 1])  # in (0, 1]
@@ -56,7 +56,7 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class LatentChannel:
     """Messages on the air, each with the iteration in which it is due."""
 
-    def __init__(self, below: Channel, delays: Callable[[Letters], NDArray[np.int64]]) -> None:
+    def __init__(self, below: Channel, delays: Callable[[Packets], NDArray[np.int64]]) -> None:
         """`delays` gives, for messages (m, 4), how many iterations each is under way."""
         self._below = below
         self._delays = delays
@@ -88,12 +88,12 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They do."""
         return True
 
-    def build(self, setting: Setting) -> QueueingChannel:
+    def build(self, context: BuildContext) -> QueueingChannel:
         """The channel."""
-        robots = setting.swarm
-        income = np.full(robots, self.bytes_per_second * setting.period)
+        robots = context.swarm
+        income = np.full(robots, self.bytes_per_second * context.period)
         queues = TransmitQueues(robots, self.queue, self.expiry)
-        return QueueingChannel(self.below(setting), queues, lambda iteration: income)
+        return QueueingChannel(self.below(context), queues, lambda iteration: income)
 
 
 class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -114,9 +114,9 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """They do."""
         return True
 
-    def build(self, setting: Setting) -> QueueingChannel:
+    def build(self, context: BuildContext) -> QueueingChannel:
         """The channel."""
-        robots, period = setting.swarm, setting.period
+        robots, period = context.swarm, context.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
         capacity = np.inf if self.bytes is None else self.bytes
 
@@ -125,7 +125,7 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
             return np.where(after > before, capacity * np.maximum(after - before, 1.0), 0.0)
 
         queues = TransmitQueues(robots, None, int(self.expiry / period * (1.0 + SLACK)))
-        return QueueingChannel(self.below(setting), queues, income)
+        return QueueingChannel(self.below(context), queues, income)
 
 
 class QueueingChannel:
@@ -186,7 +186,7 @@ def _running(amounts: NDArray[np.integer], groups: NDArray[np.int32]) -> NDArray
     return np.asarray(total - (total - amounts)[first])
 
 
-def _received(state: State, arrived: Letters, rest: Delivery, under_way: Letters) -> Delivery:
+def _received(state: State, arrived: Packets, rest: Delivery, under_way: Packets) -> Delivery:
     """The delivery of what has `arrived`, besides what else was lost, while more is still `under_way`."""
     oldest = min(rest.oldest, state.iteration, int(under_way[:, 2].min(initial=state.iteration)))
     delivery = Delivery(in_order(arrived), rest.lost, oldest)

@@ -8,8 +8,8 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from swarmsim.core.building import Building
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Links
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.network.topology import Degree, check_degree
@@ -26,7 +26,7 @@ class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     radius: Range  # m
 
-    def build(self, setting: Setting) -> RadiusLinks:
+    def build(self, context: BuildContext) -> RadiusLinks:
         """The disc graph."""
         return RadiusLinks(self.radius)
 
@@ -52,9 +52,9 @@ class LineOfSight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     radius: Range | None = None  # m
 
-    def build(self, setting: Setting) -> SightLinks:
+    def build(self, context: BuildContext) -> SightLinks:
         """The visibility graph."""
-        return SightLinks(math.inf if self.radius is None else self.radius, setting.building)
+        return SightLinks(math.inf if self.radius is None else self.radius, context.building)
 
 
 class SightLinks:
@@ -79,9 +79,9 @@ class FarthestRobots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     k: Degree  # others heard
 
-    def build(self, setting: Setting) -> FarthestLinks:
+    def build(self, context: BuildContext) -> FarthestLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
-        check_degree(self.k, setting.swarm)
+        check_degree(self.k, context.swarm)
         return FarthestLinks(self.k)
 
 

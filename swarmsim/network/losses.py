@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.building import Building, Walls
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Channel, Links
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost
 
-Law = Callable[[State, Letters], NDArray[np.bool_]]  # which of the messages (m, 4) are lost now
+Law = Callable[[State, Packets], NDArray[np.bool_]]  # which of the messages (m, 4) are lost now
 
 
 class LossyChannel:
@@ -40,14 +40,14 @@ class Bernoulli(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     loss: Annotated[float, Meta(ge=0.0, le=1.0)]  # probability that a message is lost
 
-    def build(self, setting: Setting) -> LossyChannel:
+    def build(self, context: BuildContext) -> LossyChannel:
         """The channel, which loses messages for the reason "loss"."""
-        salt = self.salt(setting)
+        salt = self.salt(context)
 
-        def law(state: State, heard: Letters) -> NDArray[np.bool_]:
+        def law(state: State, heard: Packets) -> NDArray[np.bool_]:
             return chance.uniform(salt, heard[:, 2], heard[:, 0], heard[:, 1]) < self.loss
 
-        return LossyChannel(self.below(setting), "loss", law)
+        return LossyChannel(self.below(context), "loss", law)
 
 
 class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -61,7 +61,7 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     loss: Annotated[float, Meta(ge=0.0, lt=1.0)]  # mean share of messages lost
     burst: Annotated[float, Meta(ge=1.0)]  # mean length of a bad state, iterations
 
-    def build(self, setting: Setting) -> LossyChannel:
+    def build(self, context: BuildContext) -> LossyChannel:
         """The channel, which loses messages for the reason "burst". Raises InputError if p would exceed 1."""
         recovery = 1.0 / self.burst
         failure = self.loss * recovery / (1.0 - self.loss)
@@ -70,8 +70,8 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
                 f"burst: bursts of {self.burst:g} iterations are too short for a mean loss of {self.loss:g}; "
                 f"expected at least loss / (1 - loss) = {self.loss / (1.0 - self.loss):g}"
             )
-        states = PairStates(self.salt(setting), setting.swarm, self.loss, failure, recovery)
-        return LossyChannel(self.below(setting), "burst", states.lost)
+        states = PairStates(self.salt(context), context.swarm, self.loss, failure, recovery)
+        return LossyChannel(self.below(context), "burst", states.lost)
 
 
 class PairStates:
@@ -86,7 +86,7 @@ class PairStates:
         # The chain starts from its stationary distribution: there is no time before the run in which to settle.
         self._bad = self._draw() < loss  # (n, n): receiver, sender
 
-    def lost(self, state: State, heard: Letters) -> NDArray[np.bool_]:
+    def lost(self, state: State, heard: Packets) -> NDArray[np.bool_]:
         """Which messages travel between a pair that is bad now."""
         while self._iteration < state.iteration:
             self._iteration += 1
@@ -103,14 +103,14 @@ class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     metres: Annotated[float, Meta(gt=0.0)]  # m, as far as messages go
 
-    def build(self, setting: Setting) -> LossyChannel:
+    def build(self, context: BuildContext) -> LossyChannel:
         """The channel, which loses messages for the reason "range"."""
 
-        def law(state: State, heard: Letters) -> NDArray[np.bool_]:
+        def law(state: State, heard: Packets) -> NDArray[np.bool_]:
             gap = state.pose[heard[:, 0], :2] - state.pose[heard[:, 1], :2]
             return np.asarray(np.hypot(gap[:, 0], gap[:, 1]) > self.metres)
 
-        return LossyChannel(self.below(setting), "range", law)
+        return LossyChannel(self.below(context), "range", law)
 
 
 class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -128,10 +128,10 @@ class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sigma: Annotated[float, Meta(ge=0.0)] = 3.0  # dB, shadowing
     wall_loss: Annotated[float, Meta(ge=0.0)] = 15.0  # dB for each wall (concrete in MAES)
 
-    def build(self, setting: Setting) -> LossyChannel:
+    def build(self, context: BuildContext) -> LossyChannel:
         """The channel, which loses messages for the reason "weak"."""
-        radio = Radio(self, self.salt(setting), setting.building)
-        return LossyChannel(self.below(setting), "weak", radio.lost)
+        radio = Radio(self, self.salt(context), context.building)
+        return LossyChannel(self.below(context), "weak", radio.lost)
 
 
 class Radio:
@@ -142,7 +142,7 @@ class Radio:
         self._salt = salt
         self._building = building
 
-    def lost(self, state: State, heard: Letters) -> NDArray[np.bool_]:
+    def lost(self, state: State, heard: Packets) -> NDArray[np.bool_]:
         """Which messages arrive too weak to be understood."""
         ends = np.sort(heard[:, :2], axis=1)
         pairs, which = np.unique(ends, axis=0, return_inverse=True)

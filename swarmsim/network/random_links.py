@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Links
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import draws
 from swarmsim.network.topology import Degree, FixedLinks, check_degree
@@ -24,9 +24,9 @@ class RandomLinks(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     p: Probability  # probability of a link
 
-    def build(self, setting: Setting) -> PairLottery:
+    def build(self, context: BuildContext) -> PairLottery:
         """The topology, with a salt from the stream `topology`."""
-        return PairLottery(_salt(setting), self.p)
+        return PairLottery(_salt(context), self.p)
 
 
 class PairLottery:
@@ -51,10 +51,10 @@ class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
     k: Degree  # others heard
 
-    def build(self, setting: Setting) -> SenderLottery:
+    def build(self, context: BuildContext) -> SenderLottery:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
-        check_degree(self.k, setting.swarm)
-        return SenderLottery(_salt(setting), self.k)
+        check_degree(self.k, context.swarm)
+        return SenderLottery(_salt(context), self.k)
 
 
 class SenderLottery:
@@ -82,13 +82,13 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     k: Degree  # others heard
     p: Probability  # probability that a link is rewired
 
-    def build(self, setting: Setting) -> FixedLinks:
+    def build(self, context: BuildContext) -> FixedLinks:
         """The topology, with a salt from the stream `topology`; raises InputError unless k is less than the robots."""
-        count = setting.swarm
+        count = context.swarm
         check_degree(self.k, count)
-        links = draws.small_world(_salt(setting), count, self.k, self.p)
+        links = draws.small_world(_salt(context), count, self.k, self.p)
         return FixedLinks([(int(receiver), int(sender)) for receiver, sender in links])
 
 
-def _salt(setting: Setting) -> np.uint64:
-    return setting.streams.open("topology").integers(2**64, dtype=np.uint64)
+def _salt(context: BuildContext) -> np.uint64:
+    return context.streams.open("topology").integers(2**64, dtype=np.uint64)

@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Links
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 
@@ -36,10 +36,10 @@ class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only
     mutual: bool = False
     periodic: bool = False
 
-    def build(self, setting: Setting) -> NearestNeighbourLinks | MutualNeighbourLinks:
+    def build(self, context: BuildContext) -> NearestNeighbourLinks | MutualNeighbourLinks:
         """The topology; raises InputError unless k is less than the number of robots."""
-        check_degree(self.k, setting.swarm)
-        left, low, right, high = setting.building.bounds
+        check_degree(self.k, context.swarm)
+        left, low, right, high = context.building.bounds
         nearest = NearestNeighbourLinks(self.k, (right - left, high - low) if self.periodic else None)
         return MutualNeighbourLinks(nearest) if self.mutual else nearest
 
@@ -75,7 +75,7 @@ class MutualNeighbourLinks:
 class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Nobody hears anybody."""
 
-    def build(self, setting: Setting) -> FixedLinks:
+    def build(self, context: BuildContext) -> FixedLinks:
         """The topology without links."""
         return FixedLinks(())
 
@@ -86,17 +86,17 @@ class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     A dead robot leaves a gap: the chain is cut in two.
     """
 
-    def build(self, setting: Setting) -> FixedLinks:
+    def build(self, context: BuildContext) -> FixedLinks:
         """The open chain."""
-        return FixedLinks(_both_ways((i, i + 1) for i in range(setting.swarm - 1)))
+        return FixedLinks(_both_ways((i, i + 1) for i in range(context.swarm - 1)))
 
 
 class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the chain with its two ends linked. A dead robot leaves a gap: the ring opens."""
 
-    def build(self, setting: Setting) -> FixedLinks:
+    def build(self, context: BuildContext) -> FixedLinks:
         """The closed chain."""
-        count = setting.swarm
+        count = context.swarm
         return FixedLinks(_both_ways((i, (i + 1) % count) for i in range(count) if count > 1))
 
 
@@ -105,9 +105,9 @@ class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     hub: Id = 0  # id of the robot in the middle
 
-    def build(self, setting: Setting) -> FixedLinks:
+    def build(self, context: BuildContext) -> FixedLinks:
         """The star; raises InputError if no robot has the hub's id."""
-        count = setting.swarm
+        count = context.swarm
         if self.hub >= count:
             raise InputError(f"hub: there is no robot {self.hub}; expected an id from 0 to {count - 1}")
         return FixedLinks(_both_ways((self.hub, i) for i in range(count) if i != self.hub))
@@ -121,9 +121,9 @@ class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     links: tuple[tuple[Id, Id], ...]  # pairs of ids: receiver, sender
 
-    def build(self, setting: Setting) -> FixedLinks:
+    def build(self, context: BuildContext) -> FixedLinks:
         """The listed links; raises InputError for a robot that there is not, a robot that hears itself, or a repeat."""
-        count = setting.swarm
+        count = context.swarm
         first: dict[tuple[int, int], int] = {}
         for place, link in enumerate(self.links):
             if max(link) >= count:
@@ -155,7 +155,7 @@ class FixedLinks:
 class Full(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every live robot hears every other."""
 
-    def build(self, setting: Setting) -> AllLinks:
+    def build(self, context: BuildContext) -> AllLinks:
         """The complete topology."""
         return AllLinks()
 

@@ -18,8 +18,8 @@ from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay as Triangulation
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Links
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph, triangulation
 
@@ -37,7 +37,7 @@ class Delaunay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     live robots: around a dead one it closes.
     """
 
-    def build(self, setting: Setting) -> ProximityLinks:
+    def build(self, context: BuildContext) -> ProximityLinks:
         """The Delaunay graph."""
         return ProximityLinks(delaunay)
 
@@ -49,7 +49,7 @@ class Gabriel(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Matula & Sokal 1980. Around a dead robot the graph closes.
     """
 
-    def build(self, setting: Setting) -> ProximityLinks:
+    def build(self, context: BuildContext) -> ProximityLinks:
         """The Gabriel graph."""
         return ProximityLinks(gabriel)
 
@@ -60,7 +60,7 @@ class RelativeNeighbourhood(Struct, frozen=True, forbid_unknown_fields=True, kw_
     Toussaint 1980: the lune of the two, open, is empty. Around a dead robot the graph closes.
     """
 
-    def build(self, setting: Setting) -> ProximityLinks:
+    def build(self, context: BuildContext) -> ProximityLinks:
         """The relative neighbourhood graph."""
         return ProximityLinks(relative_neighbourhood)
 

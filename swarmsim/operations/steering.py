@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import Tiles
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import OCCUPIED, Intents, Senses
 
 STILL: Final = 0.01  # of the top speed: whoever wants to go slower than that stands
@@ -41,11 +41,11 @@ def away_from_walls(
 class Steering:
     """Turns wanted velocities into twists: on the spot to what lies behind, on a bend to what lies ahead."""
 
-    def __init__(self, setting: Setting, speed: float | None, clearance: float) -> None:
+    def __init__(self, context: BuildContext, speed: float | None, clearance: float) -> None:
         """`speed` (m/s) at most, by default two thirds of what wheels can; `clearance` (m) from walls."""
         #: m/s, at most.
-        self.speed = speed or setting.robots.speed * 2.0 / 3.0
-        self._clearance, self._lattice, self._period = clearance, setting.lattice, setting.period
+        self.speed = speed or context.robots.speed * 2.0 / 3.0
+        self._clearance, self._lattice, self._period = clearance, context.lattice, context.period
 
     def towards(self, place: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The velocities (n, 2) that lead from places to targets (n, 2) within a period, as far as speed allows."""

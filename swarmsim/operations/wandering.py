@@ -11,10 +11,10 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import wander
 
@@ -33,26 +33,26 @@ class Wander(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     clearance: Annotated[float, Meta(ge=0.0)] = 0.3  # m; 0 avoids nothing
     bend: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.3  # rad after a second
 
-    def build(self, setting: Setting) -> Wandering:
+    def build(self, context: BuildContext) -> Wandering:
         """The strategy."""
-        return Wandering(self, setting)
+        return Wandering(self, context)
 
 
 class Wandering:
     """Velocities from beams."""
 
     requires = ("ranges",)
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def __init__(self, parameters: Wander, setting: Setting) -> None:
-        self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
-        self._clearance, self._period = parameters.clearance, setting.period
-        self._bend = parameters.bend * float(np.sqrt(setting.period))
-        streams = setting.own_streams("wander")
+    def __init__(self, parameters: Wander, context: BuildContext) -> None:
+        self._speed = parameters.speed or context.robots.speed * 2.0 / 3.0
+        self._clearance, self._period = parameters.clearance, context.period
+        self._bend = parameters.bend * float(np.sqrt(context.period))
+        streams = context.own_streams("wander")
         self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
         self._block, self._turns = -1, np.empty((0, 0))
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """On, away from what is near."""
         readings = senses.readings
         block, within = divmod(senses.iteration, AHEAD)
@@ -67,14 +67,14 @@ class Wandering:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Nothing(Columns):
+class EmptyMessage(MessageBatch):
     """What silent robots say: that they are there."""
 
     flag: NDArray[np.uint8]  # (t,): 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Oblivion(Knowledge):
+class NoKnowledge(Knowledge):
     """What robots know that remember nothing: nothing."""
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
@@ -89,32 +89,32 @@ class Oblivion(Knowledge):
 class Reactive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots that compute nothing: they remember nothing, and what they say is a single byte."""
 
-    def build(self, setting: Setting) -> Reacting:
+    def build(self, context: BuildContext) -> Reacting:
         """The computation."""
-        return Reacting(len(setting.ids))
+        return Reacting(len(context.ids))
 
 
 class Reacting:
     """Nothing is computed."""
 
-    knows: type[Knowledge] = Oblivion
+    knowledge_type: type[Knowledge] = NoKnowledge
 
     def __init__(self, robots: int) -> None:
-        self.codec = PlainCodec(Nothing(np.zeros(0, np.uint8)))
-        self._said = Said.each(Nothing(np.zeros(robots, np.uint8)), self.codec.size)
+        self.codec = PlainCodec(EmptyMessage(np.zeros(0, np.uint8)))
+        self._said = Broadcast.each(EmptyMessage(np.zeros(robots, np.uint8)), self.codec.size)
 
-    def say(self, senses: Senses) -> Said[Nothing]:
+    def say(self, senses: Senses) -> Broadcast[EmptyMessage]:
         """That they are there."""
         return self._said
 
-    def hear(self, senses: Senses, inbox: Inbox[Nothing]) -> Oblivion:
+    def hear(self, senses: Senses, inbox: Inbox[EmptyMessage]) -> NoKnowledge:
         """Nothing."""
-        return Oblivion()
+        return NoKnowledge()
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Nothing to forget."""
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Nothing to adopt."""
 
 
@@ -123,20 +123,20 @@ class Travelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     distance: Positive  # m
 
-    def build(self, setting: Setting) -> TravelTask:
+    def build(self, context: BuildContext) -> TravelTask:
         """The task."""
-        return TravelTask(self.distance, setting)
+        return TravelTask(self.distance, context)
 
 
 class TravelTask:
     """Adds up the ways of robots, live ones and others."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("travelled", "way of a robot, m", format=".2f")
 
-    def __init__(self, distance: float, setting: Setting) -> None:
+    def __init__(self, distance: float, context: BuildContext) -> None:
         self._distance, self._way = distance, 0.0
-        self._leap = 2.0 * setting.robots.speed * setting.period  # m; whoever is that far was carried there
+        self._leap = 2.0 * context.robots.speed * context.period  # m; whoever is that far was carried there
         self._last: State | None = None
 
     def measure(self, done: Done[Knowledge]) -> Measured:

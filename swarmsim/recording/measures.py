@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swarmsim.core.crew import Crew
 from swarmsim.core.events import Ended
 from swarmsim.core.parts import Curve
-from swarmsim.core.robots import Robots
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import Knowledge, Moment, State
 
 EDITION: Final = 2  # of what measures mean; raised when that changes, so that studies do not mix old rows with new ones

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swarmsim.core.context import BuildContext, Gauge
 from swarmsim.core.parts import Probe
 from swarmsim.core.probes import Declared, Name, ProbeTable, Row, Sampled
-from swarmsim.core.setting import Gauge, Setting
 from swarmsim.core.state import Knowledge, Moment
 
 
@@ -38,9 +38,9 @@ class Batteries(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     name: Name = "batteries"
 
-    def build(self, setting: Setting) -> BatteryProbe:
+    def build(self, context: BuildContext) -> BatteryProbe:
         """The probe."""
-        return BatteryProbe(tuple(gauge for gauge in setting.gauges if gauge.name == "energy"))
+        return BatteryProbe(tuple(gauge for gauge in context.gauges if gauge.name == "energy"))
 
 
 class BatteryProbe:
@@ -62,7 +62,7 @@ class Believed(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     name: Name = "believed_poses"
 
-    def build(self, setting: Setting) -> BelievedProbe:
+    def build(self, context: BuildContext) -> BelievedProbe:
         """The probe."""
         return BelievedProbe()
 

@@ -16,14 +16,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import declarations, files, hdf5
+from swarmsim.core import declarations
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine, nearest
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Declared, Row
-from swarmsim.core.scenario import Scenario, shape
-from swarmsim.recording import layout
+from swarmsim.core.scenario import files
+from swarmsim.core.scenario.file import Scenario, shape
+from swarmsim.recording import hdf5, layout
 from swarmsim.recording.layout import FAR
 from swarmsim.recording.measures import times_of
 

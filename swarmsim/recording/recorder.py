@@ -18,15 +18,15 @@ from numpy.typing import DTypeLike, NDArray
 from swarmsim.core import declarations
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import encoded
-from swarmsim.core.hdf5 import Growing, to_the_end
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Delivery, Letters
+from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Row
 from swarmsim.core.readings import Channels
-from swarmsim.core.scenario import Scenario, table_of
+from swarmsim.core.scenario.file import Scenario, table_of
 from swarmsim.core.state import Knowledge, Moment, Record
 from swarmsim.recording.digests import DIGESTED, Digests, versions
+from swarmsim.recording.hdf5 import Growing, to_the_end
 from swarmsim.recording.layout import declared_by
 from swarmsim.recording.probes import Watching
 from swarmsim.recording.reader import FORMAT, FORMAT_NAME
@@ -279,5 +279,5 @@ def text_of(scenario: Scenario) -> str:
     return tomli_w.dumps(table_of(scenario))
 
 
-def _with_column(letters: Letters, fate: int) -> NDArray[np.int32]:
+def _with_column(letters: Packets, fate: int) -> NDArray[np.int32]:
     return np.column_stack([letters, np.full(len(letters), fate, np.int32)])

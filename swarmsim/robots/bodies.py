@@ -13,10 +13,10 @@ from pymunk import batch
 from pymunk._chipmunk_cffi import ffi, lib
 
 from swarmsim.core.building import Building, Crowd
+from swarmsim.core.context import BuildContext
 from swarmsim.core.crew import Crew
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
 from swarmsim.robots.motion import WaypointFollower
@@ -41,15 +41,15 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Whether walls stop bodies."""
         return True
 
-    def build(self, setting: Setting) -> DifferentialDrive:
+    def build(self, context: BuildContext) -> DifferentialDrive:
         """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
-        stride = longest_stride(setting.robots, self)
-        if setting.period > MOST * stride:
+        stride = longest_stride(context.robots, self)
+        if context.period > MOST * stride:
             raise InputError(
-                f"substep: an iteration of {setting.period:g} s would have {setting.period / stride:.3g} sub-steps of "
+                f"substep: an iteration of {context.period:g} s would have {context.period / stride:.3g} sub-steps of "
                 f"{stride:.3g} s, which the radius and speed of robots ask for too; expected at most {MOST}"
             )
-        return DifferentialDrive(setting.robots, self, setting.building, setting.start)
+        return DifferentialDrive(context.robots, self, context.building, context.start)
 
 
 class DifferentialDrive:

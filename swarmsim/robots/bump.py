@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.readings import Called, Channel, Channels, Readings
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 
@@ -23,17 +23,17 @@ class Bump(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sectors: Annotated[int, Meta(ge=1, le=360)] = 4  # equal ones all round, each of which tells whether it touches
     slack: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.005  # m, up to which a gap is a contact
 
-    def build(self, setting: Setting) -> BumpSensor:
+    def build(self, context: BuildContext) -> BumpSensor:
         """The sensor."""
-        return BumpSensor(self, setting)
+        return BumpSensor(self, context)
 
 
 class BumpSensor:
     """Looks for the nearest point of every wall and body."""
 
-    def __init__(self, parameters: Bump, setting: Setting) -> None:
-        self._sectors, self._slack, self._building = parameters.sectors, parameters.slack, setting.building
-        self._radii = setting.robots.each("radius")
+    def __init__(self, parameters: Bump, context: BuildContext) -> None:
+        self._sectors, self._slack, self._building = parameters.sectors, parameters.slack, context.building
+        self._radii = context.robots.each("radius")
         middles = np.arange(parameters.sectors) * (2.0 * np.pi / parameters.sectors)
         self.channels = Channels(Channel("bump", "?", (parameters.sectors,), axis=tuple(middles.tolist())))
 

@@ -8,10 +8,10 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext, Field
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import Part
 from swarmsim.core.readings import Called, Channel, Channels, Readings
-from swarmsim.core.setting import Field, Setting
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import State
 
 
@@ -30,24 +30,24 @@ class Ground(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     steps: tuple[float, ...] = ()  # rising values, in the unit of the floor; none: the value itself is told
     error: Annotated[float, Meta(ge=0.0)] = 0.0  # standard deviation, in the unit of the floor, before steps
 
-    def build(self, setting: Setting) -> GroundSensor:
+    def build(self, context: BuildContext) -> GroundSensor:
         """The sensor. Raises InputError for a floor that is no field, and for steps that do not rise."""
         if sorted(set(self.steps)) != list(self.steps):
             raise InputError(f"steps: {list(self.steps)}; expected numbers that rise")
-        floors = [part.build(setting, f"floors[{number}]") for number, part in enumerate(self.floors)]
-        return GroundSensor(self, floors, setting)
+        floors = [part.build(context, f"floors[{number}]") for number, part in enumerate(self.floors)]
+        return GroundSensor(self, floors, context)
 
 
 class GroundSensor:
     """Samples what lies under the robots."""
 
-    def __init__(self, parameters: Ground, floors: list[Field], setting: Setting) -> None:
+    def __init__(self, parameters: Ground, floors: list[Field], context: BuildContext) -> None:
         self._floors, self._steps, self._error = floors, np.array(parameters.steps), parameters.error
         high = float(len(parameters.steps)) if parameters.steps else np.inf
         shape = (len(floors),) if len(floors) > 1 else ()
         self.channels = Channels(Channel("ground", "f8", shape, low=0.0 if parameters.steps else -np.inf, high=high))
-        self._period = setting.period
-        self._salt = int(setting.streams.open(f"ground {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        self._period = context.period
+        self._salt = int(context.streams.open(f"ground {context.number}").integers(0, 2**64, dtype=np.uint64))
 
     def sense(self, state: State) -> Readings:
         """The floor's values; NaN for the dead."""

@@ -9,10 +9,11 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core import chance, registry
+from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Localisation, Tracking
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
 from swarmsim.core.state import State
 
 Spread = Annotated[float, Meta(ge=0.0, le=100.0)]
@@ -21,7 +22,7 @@ Spread = Annotated[float, Meta(ge=0.0, le=100.0)]
 class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every robot knows its pose exactly."""
 
-    def build(self, setting: Setting) -> PerfectLocalisation:
+    def build(self, context: BuildContext) -> PerfectLocalisation:
         """The localisation."""
         return PerfectLocalisation()
 
@@ -46,9 +47,9 @@ class Noisy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sigma: Spread = 0.02  # m, standard deviation in x and in y
     sigma_yaw: Spread = 0.02  # rad
 
-    def build(self, setting: Setting) -> NoisyLocalisation:
+    def build(self, context: BuildContext) -> NoisyLocalisation:
         """The localisation."""
-        return NoisyLocalisation(self, setting)
+        return NoisyLocalisation(self, context)
 
 
 class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -66,9 +67,9 @@ class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bias: Spread = 0.002  # rad/m, between robots
     tick: Spread = 0.0005  # m, a wheel's way between two ticks
 
-    def build(self, setting: Setting) -> OdometryLocalisation:
+    def build(self, context: BuildContext) -> OdometryLocalisation:
         """The localisation."""
-        return OdometryLocalisation(self, setting)
+        return OdometryLocalisation(self, context)
 
 
 class Erring(ABC):
@@ -76,10 +77,10 @@ class Erring(ABC):
 
     exact = False
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, context: BuildContext) -> None:
         #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
-        self.error: NDArray[np.float64] = np.zeros((setting.swarm, 3))
-        self._belief = Belief(self.error, np.ones(setting.swarm, np.bool_), setting.lattice)
+        self.error: NDArray[np.float64] = np.zeros((context.swarm, 3))
+        self._belief = Belief(self.error, np.ones(context.swarm, np.bool_), context.lattice)
 
     def locate(self, state: State) -> NDArray[np.float64]:
         """The estimates (n, 3) of this iteration."""
@@ -98,10 +99,10 @@ class Erring(ABC):
 class NoisyLocalisation(Erring):
     """Errors that know nothing of those before."""
 
-    def __init__(self, parameters: Noisy, setting: Setting) -> None:
-        super().__init__(setting)
+    def __init__(self, parameters: Noisy, context: BuildContext) -> None:
+        super().__init__(context)
         self._spread = np.array([parameters.sigma, parameters.sigma, parameters.sigma_yaw])
-        self._salt = _salt(setting)
+        self._salt = _salt(context)
 
     def err(self, state: State) -> None:
         """Drawn anew."""
@@ -112,14 +113,14 @@ class NoisyLocalisation(Erring):
 class OdometryLocalisation(Erring):
     """Errors that add up on the way."""
 
-    def __init__(self, parameters: Odometry, setting: Setting) -> None:
-        super().__init__(setting)
-        self._parameters, self._salt = parameters, _salt(setting)
-        self._bend = parameters.bias * chance.normal(self._salt, np.arange(setting.swarm), 0)  # rad/m, (n,)
+    def __init__(self, parameters: Odometry, context: BuildContext) -> None:
+        super().__init__(context)
+        self._parameters, self._salt = parameters, _salt(context)
+        self._bend = parameters.bias * chance.normal(self._salt, np.arange(context.swarm), 0)  # rad/m, (n,)
         ticks = parameters.tick / np.sqrt(12.0)
-        self._rounding = ticks / np.sqrt(2.0), ticks * np.sqrt(2.0) / setting.robots.each("wheel_base")
+        self._rounding = ticks / np.sqrt(2.0), ticks * np.sqrt(2.0) / context.robots.each("wheel_base")
         self._before: NDArray[np.float64] | None = None  # (n, 3): true poses when wheels were last counted
-        self._alive = np.zeros(setting.swarm, np.bool_)
+        self._alive = np.zeros(context.swarm, np.bool_)
 
     def err(self, state: State) -> None:
         """Add what was measured wrong since the last iteration; who has just come knows where it is."""
@@ -150,8 +151,8 @@ class OdometryLocalisation(Erring):
         self._before = state.pose.copy()
 
 
-def _salt(setting: Setting) -> int:
-    return int(setting.streams.open("localisation").integers(0, 2**64, dtype=np.uint64))
+def _salt(context: BuildContext) -> int:
+    return int(context.streams.open("localisation").integers(0, 2**64, dtype=np.uint64))
 
 
 def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -159,9 +160,9 @@ def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
-def tracked(localisation: Localisation, setting: Setting) -> Tracking:
+def tracked(localisation: Localisation, context: BuildContext) -> Tracking:
     """The localisation; one that says nothing of the time between two iterations is taken to err."""
-    return localisation if isinstance(localisation, Tracking) else Tracked(localisation, setting)
+    return localisation if isinstance(localisation, Tracking) else Tracked(localisation, context)
 
 
 class Tracked:
@@ -169,11 +170,11 @@ class Tracked:
 
     exact = False
 
-    def __init__(self, inner: Localisation, setting: Setting) -> None:
+    def __init__(self, inner: Localisation, context: BuildContext) -> None:
         #: Whose contract it is to keep.
         self.written_by = registry.author_of(inner)
-        self._inner, self._error = inner, np.zeros((setting.swarm, 3))
-        self._belief = Belief(self._error, np.ones(setting.swarm, np.bool_), setting.lattice)
+        self._inner, self._error = inner, np.zeros((context.swarm, 3))
+        self._belief = Belief(self._error, np.ones(context.swarm, np.bool_), context.lattice)
         self._true = self._found = self._error
 
     def locate(self, state: State) -> NDArray[np.float64]:

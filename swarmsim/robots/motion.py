@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import WheelSpeeds
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Intents
 from swarmsim.kernels import drive
 
@@ -22,19 +22,19 @@ class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     look_ahead: Annotated[float, Meta(gt=0.0)] = 0.05  # m
 
-    def build(self, setting: Setting) -> WaypointFollower:
+    def build(self, context: BuildContext) -> WaypointFollower:
         """The follower for a swarm of such robots."""
-        return WaypointFollower(self, setting)
+        return WaypointFollower(self, context)
 
 
 class WaypointFollower:
     """Follows each robot's waypoints by pure pursuit, or its velocity."""
 
-    def __init__(self, parameters: PurePursuit, setting: Setting) -> None:
-        robots = setting.robots
+    def __init__(self, parameters: PurePursuit, context: BuildContext) -> None:
+        robots = context.robots
         speed, base, braking = robots.each("speed"), robots.each("wheel_base"), 0.5 * robots.each("acceleration")
         self._ahead, self._traits = parameters.look_ahead, np.column_stack([speed, base, braking])
-        count = setting.swarm
+        count = context.swarm
         self._cursor = np.zeros(count, np.int64)
         self._wanted = np.zeros((count, 2))
         self._waypoints = np.empty((count, 0, 2))

@@ -10,8 +10,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.readings import Called, Channels, Readings, ragged
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
@@ -38,22 +38,22 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
     walls: bool = True  # whether they hide what is behind them
 
-    def build(self, setting: Setting) -> NeighbourSensor:
+    def build(self, context: BuildContext) -> NeighbourSensor:
         """The sensor."""
-        return NeighbourSensor(self, setting)
+        return NeighbourSensor(self, context)
 
 
 class NeighbourSensor:
     """Distance, bearing and heading of others."""
 
-    def __init__(self, parameters: Neighbours, setting: Setting) -> None:
+    def __init__(self, parameters: Neighbours, context: BuildContext) -> None:
         self._parameters = parameters
-        self._most = parameters.most or min(max(setting.swarm - 1, 1), 8)
+        self._most = parameters.most or min(max(context.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
         self.channels = Channels(*ragged("neighbours", self._most, names, "m, rad, rad", -far, far))
-        self._sight = Sight(setting.building) if parameters.walls else None
-        self._salt = int(setting.streams.open(f"neighbours {setting.number}").integers(0, 2**64, dtype=np.uint64))
+        self._sight = Sight(context.building) if parameters.walls else None
+        self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
 
     def sense(self, state: State) -> Readings:
         """The nearest robots of each; none for the dead, which nobody sees either."""

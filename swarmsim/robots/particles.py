@@ -8,9 +8,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import State
 
 
@@ -24,19 +24,19 @@ class Particles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     periodic: bool = False
     substeps: Annotated[int, Meta(ge=1, le=1000)] = 1  # orders within a period; robots that follow ways need several
 
-    def build(self, setting: Setting) -> PointBodies:
+    def build(self, context: BuildContext) -> PointBodies:
         """The bodies, where the robots start."""
-        return PointBodies(self, setting)
+        return PointBodies(self, context)
 
 
 class PointBodies:
     """Unicycles, integrated exactly."""
 
-    def __init__(self, parameters: Particles, setting: Setting) -> None:
-        self._parameters, self._page = parameters, setting.building.bounds
-        self._base = setting.robots.each("wheel_base")
-        count = len(setting.start)
-        self._pose, self._velocity = setting.start.copy(), np.zeros((count, 3))
+    def __init__(self, parameters: Particles, context: BuildContext) -> None:
+        self._parameters, self._page = parameters, context.building.bounds
+        self._base = context.robots.each("wheel_base")
+        count = len(context.start)
+        self._pose, self._velocity = context.start.copy(), np.zeros((count, 3))
         self._wheels = np.zeros((count, 2))
         self._alive, self._there = np.ones(count, np.bool_), np.ones(count, np.bool_)
         self._retired = np.zeros(count, np.bool_)

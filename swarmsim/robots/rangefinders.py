@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.readings import Readings
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.kernels import evidence, rays
 from swarmsim.robots.ring import WholeRing, held, radii_of
@@ -27,8 +27,8 @@ class RangefinderSensor:
     Errors are drawn for the robot, the beam and the iteration, so that one more robot shifts nobody's.
     """
 
-    def __init__(self, whole: WholeRing, setting: Setting) -> None:
-        lattice = setting.lattice
+    def __init__(self, whole: WholeRing, context: BuildContext) -> None:
+        lattice = context.lattice
         self._whole, self._lattice = whole, (lattice.x0, lattice.y0, lattice.cell)
         beams = whole.angles()
         self._working = np.ones(len(beams), np.bool_)
@@ -44,10 +44,10 @@ class RangefinderSensor:
         spread = (whole.error, whole.error_share, whole.error_square)
         self._noise = np.array([math.hypot(spread[0], rounding), *spread[1:]])
         self._drawn = np.array(spread)
-        purpose = f"sensor {setting.number}" if setting.number else "sensor"  # two on one robot err differently
-        self._salt = int(setting.streams.open(purpose).integers(0, 2**64, dtype=np.uint64))
+        purpose = f"sensor {context.number}" if context.number else "sensor"  # two on one robot err differently
+        self._salt = int(context.streams.open(purpose).integers(0, 2**64, dtype=np.uint64))
         self.channels = whole.channels(evidence=True)
-        self._building, self._radii = setting.building, setting.robots.each("radius")
+        self._building, self._radii = context.building, context.robots.each("radius")
         self._prepare()
 
     def _prepare(self) -> None:

@@ -12,10 +12,10 @@ from msgspec import Meta, Struct, convert
 from msgspec.structs import force_setattr
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext, Field
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Sensor
 from swarmsim.core.readings import FIELD, Called, Channels, Readings
-from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import UNKNOWN, State
 from swarmsim.kernels import rays
 from swarmsim.robots.rangefinders import RangefinderSensor
@@ -116,9 +116,9 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         ideal = self.bearings is None and not self.whole.errs and self.frame == "map"
         return IrRing(tile=self.tile, reach=self.reach, beams=self.beams if ideal else dense)
 
-    def build(self, setting: Setting) -> IrRingSensor | RangefinderSensor:
+    def build(self, context: BuildContext) -> IrRingSensor | RangefinderSensor:
         """The sensor for a swarm among these walls. Raises InputError for even beams with gaps between them."""
-        whole, cell = self.whole, setting.lattice.cell
+        whole, cell = self.whole, context.lattice.cell
         near = min(whole.corner(cell), whole.reach)
         narrowest = 2.0 * math.pi / whole.beams * near
         if whole.bearings is None and narrowest > 0.8 * cell:
@@ -127,7 +127,7 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"beams: {whole.beams} beams lie {narrowest:.3g} m apart at the tile's corners and would miss "
                 f"cells of {cell:g} m; give bearings to a ring with gaps, or at least {needed} are needed"
             )
-        return RangefinderSensor(whole, setting) if whole.errs else IrRingSensor(whole, setting)
+        return RangefinderSensor(whole, context) if whole.errs else IrRingSensor(whole, context)
 
 
 _ERRORS: Final = ("blind", "cone", "error", "error_share", "error_square", "drop_out", "outliers", "step")
@@ -136,22 +136,22 @@ _ERRORS: Final = ("blind", "cone", "error", "error_share", "error_square", "drop
 class IrRingSensor:
     """Senses the tiles of the whole swarm in one call."""
 
-    def __init__(self, whole: WholeRing, setting: Setting) -> None:
-        lattice = setting.lattice
+    def __init__(self, whole: WholeRing, context: BuildContext) -> None:
+        lattice = context.lattice
         # What lies beyond the tile is looked for only if ranges are asked for.
         self._reach = whole.reach if whole.ranges else min(whole.reach, whole.corner(lattice.cell))
         side = max(0.5 * self._reach, lattice.cell)
         rows = math.ceil(lattice.rows * lattice.cell / side)
         columns = math.ceil(lattice.columns * lattice.cell / side)
         self._coarse = (lattice.x0, lattice.y0, side, rows, columns)
-        self._building = setting.building
+        self._building = context.building
         self._prepare()
         angles = whole.angles()
         self._ring = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._working = np.arange(len(angles))
         self._beams = len(angles)
         self._lattice = (lattice.x0, lattice.y0, lattice.cell)
-        self._radii = setting.robots.each("radius")
+        self._radii = context.robots.each("radius")
         self._whole = whole
         self.channels = whole.channels(evidence=False)
 
@@ -211,12 +211,12 @@ class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """No cell."""
         return 0
 
-    def build(self, setting: Setting) -> Senseless:
+    def build(self, context: BuildContext) -> NullSensor:
         """The sensor."""
-        return Senseless()
+        return NullSensor()
 
 
-class Senseless:
+class NullSensor:
     """Gives nothing."""
 
     channels = Channels()
@@ -243,9 +243,9 @@ class FieldSensor:
         return Readings(self.channels, (np.where(state.alive, value, np.nan),))
 
 
-def with_field(sensor: Sensor, setting: Setting, noise: float) -> Sensor:
+def with_field(sensor: Sensor, context: BuildContext, noise: float) -> Sensor:
     """The sensor, which also samples the setting's field, if there is one; `noise` as in FieldSensor."""
-    if setting.scalar_field is None:
+    if context.scalar_field is None:
         return sensor
-    salt = int(setting.streams.open("field noise").integers(0, 2**64, dtype=np.uint64))
-    return Suite([sensor, FieldSensor(setting.scalar_field, setting.period, noise, salt)])
+    salt = int(context.streams.open("field noise").integers(0, 2**64, dtype=np.uint64))
+    return Suite([sensor, FieldSensor(context.scalar_field, context.period, noise, salt)])

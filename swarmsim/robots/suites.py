@@ -41,7 +41,7 @@ def maimed(sensor: Sensor, beams: Sequence[int], active: NDArray[np.bool_]) -> S
     if isinstance(sensor, Around):
         return sensor.maimed(beams, active)
     if isinstance(sensor, Ring):
-        return MaimedRing(sensor, sensor.without(beams), active)
+        return DegradedRing(sensor, sensor.without(beams), active)
     raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")
 
 
@@ -53,7 +53,7 @@ def checked(beams: Sequence[int], count: int) -> list[int]:
     return list(beams)
 
 
-class MaimedRing:
+class DegradedRing:
     """A ring of beams of which some robots lack some: what these measure is NaN, and their tiles know nothing of it."""
 
     def __init__(self, whole: Sensor, lacking: Sensor, active: NDArray[np.bool_]) -> None:
@@ -61,10 +61,10 @@ class MaimedRing:
         self.channels = whole.channels
         self._whole, self._lacking, self._active = whole, lacking, active
 
-    def without(self, beams: Sequence[int]) -> MaimedRing:
+    def without(self, beams: Sequence[int]) -> DegradedRing:
         """The same with these beams dead for everybody. Raises InputError for one not there."""
         whole, lacking = (one.without(beams) for one in (self._whole, self._lacking) if isinstance(one, Ring))
-        return MaimedRing(whole, lacking, self._active)
+        return DegradedRing(whole, lacking, self._active)
 
     def sense(self, state: State) -> Readings:
         """The readings, those of robots that lack beams sensed without these."""

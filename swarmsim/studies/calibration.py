@@ -54,7 +54,7 @@ def row_of(condition: Condition) -> Row:
     """Which published number a condition is held to."""
     scenario = condition.scenario
     topology = scenario.network.topology
-    network = f"knn {topology.says('k', 0)}" if topology.use == "knn" else topology.use
+    network = f"knn {topology.declares('k', 0)}" if topology.use == "knn" else topology.use
     return scenario.robots.count, network, bool(scenario.faults)
 
 

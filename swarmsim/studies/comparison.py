@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Ended
 from swarmsim.core.parts import Curve
-from swarmsim.operations.mapping.comparing import course, quality_of
-from swarmsim.operations.mapping.measures import Quality
+from swarmsim.operations.mapping.measures.comparing import course, quality_of
+from swarmsim.operations.mapping.measures.quality import Quality
 from swarmsim.recording.measures import mean_value, reached
 from swarmsim.recording.reader import Recording
 from swarmsim.view import plots

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from dask.distributed import Client, LocalCluster, as_completed
 
-from swarmsim.core import distributions, registry, snapshot
-from swarmsim.core.code import OURS, Code, differences
+from swarmsim.core.code import distributions, snapshot
 from swarmsim.core.errors import InputError, StorageError
 from swarmsim.core.parts import Observer
-from swarmsim.core.scenario import Scenario
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.identity import OURS, Code, differences
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests, versions
@@ -33,7 +34,7 @@ AHEAD = 4  # runs handed out for each core: enough to keep all busy, few enough 
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class Job:
     """One run to be done, wherever."""
 
     identity: str
@@ -61,7 +62,7 @@ class CurveKeeper:
         self.values.append(moment.measured.values[self._name])
 
 
-def perform(task: Task) -> Row:
+def run_job(task: Job) -> Row:
     """Simulate one run here; what goes wrong in it becomes a failed row, so that the others go on.
 
     Raises StorageError for a full disk, which is no result of a run.
@@ -78,23 +79,23 @@ def perform(task: Task) -> Row:
     return replace(row, seconds=time.perf_counter() - begun)
 
 
-def _failed(task: Task, text: str) -> Row:
+def _failed(task: Job, text: str) -> Row:
     found = Row(task.identity, task.condition, task.seed, "failed", None, {}, None, None, versions(), 0.0, text)
     return replace(found, asks=task.asks, code=dict(task.code.hashes))
 
 
-def _check(task: Task, found: Mapping[str, str]) -> None:
+def _check(task: Job, found: Mapping[str, str]) -> None:
     if refusal := _refusal(task, found):
         raise InputError(refusal)
 
 
-def _refusal(task: Task, found: Mapping[str, str]) -> str | None:
+def _refusal(task: Job, found: Mapping[str, str]) -> str | None:
     """Why what this code makes is no result of the task, or None."""
     others = differences(task.code.hashes, found, "there")
     return f"refused: a worker has other code: {others}; start workers, and the study, again" if others else None
 
 
-def _simulate(task: Task) -> Row:
+def _simulate(task: Job) -> Row:
     _check(task, {**task.code.hashes, OURS: distributions.ours()})  # before code runs that was not meant to
     made = build(task.scenario, task.condition, task.world)
     _check(task, made.code.hashes)
@@ -127,7 +128,7 @@ def _simulate(task: Task) -> Row:
 
 
 @contextmanager
-def crew(workers: int, scheduler: str | None = None) -> Iterator[Callable[[Sequence[Task]], Iterator[Row]]]:
+def worker_pool(workers: int, scheduler: str | None = None) -> Iterator[Callable[[Sequence[Job]], Iterator[Row]]]:
     """Workers that perform tasks, as often as they are called, and give each row as its run ends, in no fixed order.
 
     A cluster of `workers` processes is started here unless the address of a `scheduler` is given. Raises
@@ -138,20 +139,20 @@ def crew(workers: int, scheduler: str | None = None) -> Iterator[Callable[[Seque
         yield lambda tasks: _performed(client, tasks)
 
 
-def execute(tasks: Sequence[Task], workers: int, scheduler: str | None = None) -> Iterator[Row]:
+def execute(tasks: Sequence[Job], workers: int, scheduler: str | None = None) -> Iterator[Row]:
     """Perform all tasks once, as a `crew` does."""
-    with crew(workers, scheduler) as perform_all:
+    with worker_pool(workers, scheduler) as perform_all:
         yield from perform_all(tasks)
 
 
-def _performed(client: Client, tasks: Sequence[Task]) -> Iterator[Row]:
+def _performed(client: Client, tasks: Sequence[Job]) -> Iterator[Row]:
     waiting = iter(tasks)
-    under_way: dict[Any, Task] = {}
+    under_way: dict[Any, Job] = {}
     done = as_completed()
 
     def hand_out(count: int) -> None:
         for task in islice(waiting, count):
-            future = client.submit(perform, task, pure=False)
+            future = client.submit(run_job, task, pure=False)
             under_way[future.key] = task
             done.add(future)
 
@@ -168,7 +169,7 @@ def _performed(client: Client, tasks: Sequence[Task]) -> Iterator[Row]:
         hand_out(1)
 
 
-def accepted(task: Task, row: Row) -> Row:
+def accepted(task: Job, row: Row) -> Row:
     """The row that a worker has given, or a failed one if other code than the task's has made it."""
     refusal = _refusal(task, getattr(row, "code", {}))  # rows of old workers have none
     return row if refusal is None else _failed(task, refusal)

@@ -9,8 +9,8 @@ from typing import Final
 
 import msgspec
 
-from swarmsim.core.part import plain
-from swarmsim.core.scenario import Scenario
+from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.part import plain
 
 MOST: Final = 4  # names that a notice lists
 

@@ -15,15 +15,15 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta, Struct
 
-from swarmsim.core import budget
-from swarmsim.core.code import Code, known
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import Table
-from swarmsim.core.part import plain
 from swarmsim.core.parts import Curve
-from swarmsim.core.scenario import Scenario, assign, decode, every_part, files_outside, without_later
-from swarmsim.core.toml import read_toml
+from swarmsim.core.scenario import budget
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import Scenario, assign, decode, every_part, files_outside, without_later
+from swarmsim.core.scenario.files import Table
+from swarmsim.core.scenario.identity import Code, known
+from swarmsim.core.scenario.part import plain
+from swarmsim.core.scenario.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
 from swarmsim.recording.digests import versions

@@ -13,7 +13,7 @@ import numpy as np
 from markdown_it import MarkdownIt
 
 from swarmsim.core.errors import InputError, unwritten
-from swarmsim.core.files import write_whole
+from swarmsim.core.scenario.files import write_whole
 from swarmsim.recording.digests import versions
 from swarmsim.studies import reproduction as rep
 from swarmsim.studies.methods import TAUS, Compared

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
-from swarmsim.core import shipped
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import shipped
 from swarmsim.studies import calibration
 from swarmsim.studies.plan import Plan, open_study
 from swarmsim.studies.results import Result, digest, gather

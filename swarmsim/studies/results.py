@@ -14,11 +14,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
-from swarmsim.core.code import differences
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
-from swarmsim.studies.engine import Task
+from swarmsim.studies.engine import Job
 from swarmsim.studies.plan import Condition, Plan, libraries
 from swarmsim.studies.statistics import Description, compare, describe, ranked, runs_needed
 from swarmsim.studies.store import Row, Store
@@ -127,10 +127,10 @@ def of_other_code(plan: Plan, results: Mapping[str, Result]) -> list[str]:
     ]
 
 
-def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
+def missing(plan: Plan, store: Store, retry: bool = False) -> list[Job]:
     """The runs that the store does not have yet; with `retry` those that failed, too. Equal runs come once."""
     found, older = _rows(plan, store)
-    tasks: dict[str, Task] = {}
+    tasks: dict[str, Job] = {}
     for condition, seed in plan.runs:
         identity = plan.identity(condition, seed)
         if identity in found and not (retry and found[identity].status == "failed"):
@@ -139,7 +139,7 @@ def missing(plan: Plan, store: Store, retry: bool = False) -> list[Task]:
         if plan.keep_old and identity not in found and asks in older:
             continue
         keep = plan.study.keep
-        tasks[identity] = Task(
+        tasks[identity] = Job(
             identity=identity,
             condition=condition.name,
             seed=seed,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from swarmsim.core.errors import InputError
-from swarmsim.studies.engine import Task
+from swarmsim.studies.engine import Job
 from swarmsim.studies.plan import Plan, with_seeds
 from swarmsim.studies.results import Result, gather, missing
 from swarmsim.studies.statistics import bootstrap_mean
@@ -45,7 +45,7 @@ class Answer:
 def best(
     plan: Plan,
     store: Store,
-    perform: Callable[[Sequence[Task]], None],
+    run_jobs: Callable[[Sequence[Job]], None],
     confidence: float,
     budget: int,
     tolerance: float,
@@ -74,7 +74,7 @@ def best(
             break
         rounds += 1
         part = with_seeds(plan, seeds, racing)
-        perform(missing(part, store))
+        run_jobs(missing(part, store))
         found |= gather(part, store)
         times |= {name: found[name].times for name in racing}
         whole = _whole(plan, found, racing, led)

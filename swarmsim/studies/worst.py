@@ -19,14 +19,14 @@ import msgspec
 import numpy as np
 import tomli_w
 
-from swarmsim.core import registry
-from swarmsim.core.code import code_of
 from swarmsim.core.errors import InputError, unwritten
-from swarmsim.core.files import Table
-from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault
-from swarmsim.core.scenario import Scenario, table_of
-from swarmsim.studies.engine import Task
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario, table_of
+from swarmsim.core.scenario.files import Table
+from swarmsim.core.scenario.identity import code_of
+from swarmsim.core.scenario.part import Part
+from swarmsim.studies.engine import Job
 from swarmsim.studies.store import Row
 
 #: What entries are made of, by the words that tables name them by.
@@ -103,13 +103,13 @@ class Search:
         self,
         scenario: Scenario,
         world: str,
-        perform: Callable[[Sequence[Task]], Iterator[Row]],
+        run_jobs: Callable[[Sequence[Job]], Iterator[Row]],
         seeds: int = 3,
         factor: float = 2.0,
         tell: Callable[[str], None] = lambda words: None,
     ) -> None:
         """`seeds` are that of the scenario and those after it; `tell` is told what was found on the way."""
-        self._scenario, self._world, self._perform, self._tell = scenario, world, perform, tell
+        self._scenario, self._world, self._perform, self._tell = scenario, world, run_jobs, tell
         self._seeds, self._factor = [scenario.seed + number for number in range(seeds)], factor
         self.timelines = self.runs = 0
         self.sound: tuple[int, ...] = ()
@@ -239,7 +239,7 @@ class Search:
             scenario = msgspec.structs.replace(self._scenario, seed=seed, stop=stop, faults=faults)
             name = "; ".join(entry.words() for entry in timeline) or "no faults"
             tasks.append(
-                Task(
+                Job(
                     str(number),
                     name,
                     seed,

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core import registry
-from swarmsim.core.messages import Codec, Columns, Inbox, Said
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.engine.build import Run
 from swarmsim.engine.foreign import built
-from swarmsim.faults.disguise import WrappedComputation
+from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 
@@ -27,13 +27,13 @@ class Heard:
 
     changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: who forgot everything, or was given whose
     speaks: Senses  # when it spoke
-    hears: tuple[Senses, Inbox[Columns]]  # when it heard
-    decides: tuple[Senses, Inbox[Columns]]  # when it decided
-    said: Said[Columns]
+    hears: tuple[Senses, Inbox[MessageBatch]]  # when it heard
+    decides: tuple[Senses, Inbox[MessageBatch]]  # when it decided
+    said: Broadcast[MessageBatch]
     intents: Intents
 
 
-class Witness(WrappedComputation):
+class Witness(ComputationDelegate):
     """Notes what a computation is given, and what the strategy beside it is."""
 
     def __init__(self, inner: AnyComputation, strategy: AnyStrategy) -> None:
@@ -43,36 +43,36 @@ class Witness(WrappedComputation):
         #: The strategy, followed as well.
         self.strategy = WitnessedStrategy(strategy, self)
         self._changes: list[tuple[NDArray[np.int64], int | None]] = []
-        self._spoken: list[tuple[Senses, Said[Columns]]] = []
-        self._given: list[tuple[Senses, Inbox[Columns]]] = []
+        self._spoken: list[tuple[Senses, Broadcast[MessageBatch]]] = []
+        self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
 
-    def say(self, senses: Senses) -> Said[Columns]:
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """What is said."""
         said = self._inner.say(senses)
         kept = replace(said, content=said.content.take(np.arange(len(said.content))))
         self._spoken.append((_copied(senses), kept))
         return said
 
-    def hear(self, senses: Senses, inbox: Inbox[Columns]) -> Knowledge:
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
         """What is known."""
         self._given.append((_copied(senses), inbox))
         return self._inner.hear(senses, inbox)
 
-    def decided(self, senses: Senses, inbox: Inbox[Columns], intents: Intents) -> None:
+    def decided(self, senses: Senses, inbox: Inbox[MessageBatch], intents: Intents) -> None:
         """The end of an iteration."""
         speaks, said = self._spoken[-1]
         self.heard.append(Heard(self._changes, speaks, self._given[-1], (_copied(senses), inbox), said, intents))
         self._changes = []
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Who forgets."""
         self._changes.append((robots.copy(), None))
-        self._inner.forget(robots)
+        self._inner.reset(robots)
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Who is given what another one knows."""
         self._changes.append((robots.copy(), source))
-        self._inner.adopt(robots, source)
+        self._inner.copy_from(robots, source)
 
 
 class WitnessedStrategy:
@@ -82,11 +82,11 @@ class WitnessedStrategy:
         self._inner, self._witness = inner, witness
 
     @property
-    def reads(self) -> type[Knowledge]:
+    def requires_knowledge(self) -> type[Knowledge]:
         """What the strategy inside reads."""
-        return self._inner.reads
+        return self._inner.requires_knowledge
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """What it decides."""
         intents = self._inner.step(senses, inbox, knowledge)
         self._witness.decided(senses, inbox, intents)
@@ -133,15 +133,15 @@ def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
 Mind = tuple[AnyComputation, AnyStrategy]
 
 
-def _mind(run: Run, setting: Setting) -> Mind:
+def _mind(run: Run, context: BuildContext) -> Mind:
     """A new mind, as built for a run."""
     mind = run.scenario.mind
-    return built(mind.computation, setting), built(mind.strategy, setting)
+    return built(mind.computation, context), built(mind.strategy, context)
 
 
 def _repeated(
-    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[Columns]], decides: tuple[Senses, Inbox[Columns]]
-) -> tuple[Said[Columns], Intents]:
+    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[MessageBatch]], decides: tuple[Senses, Inbox[MessageBatch]]
+) -> tuple[Broadcast[MessageBatch], Intents]:
     computation, strategy = mind
     said = computation.say(speaks)
     return said, strategy.step(*decides, computation.hear(*hears))
@@ -157,7 +157,7 @@ def check_one_robot(
     another one knows is followed no further.
     """
     swarm = _followed(scenario, overrides, iterations, allow_code)
-    count = swarm.run.setting.swarm
+    count = swarm.run.context.swarm
     for robot in sorted({0, count // 2, count - 1}):
         _check_rows(f"{scenario}", "when it is built alone", swarm, np.array([robot]), allow_code)
 
@@ -167,7 +167,7 @@ def check_permutation(
 ) -> None:
     """A mind whose rows are in another order says and does the same, to the last bit: each robot keeps its number."""
     swarm = _followed(scenario, overrides, iterations, allow_code)
-    order = np.random.default_rng(swarm.run.scenario.seed).permutation(swarm.run.setting.swarm)
+    order = np.random.default_rng(swarm.run.scenario.seed).permutation(swarm.run.context.swarm)
     rows = np.empty_like(order)
     rows[order] = np.roll(order, 1)  # one cycle through all robots: nobody keeps its row
     _check_rows(f"{scenario}", "when rows are in another order", swarm, rows, allow_code)
@@ -176,16 +176,16 @@ def check_permutation(
 def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64], allow_code: bool) -> None:
     """Compare what a mind of the robots with these numbers (rows,) says and does with what they did in the swarm."""
     with registry.own_code(allow_code):
-        mind = _mind(swarm.run, swarm.run.setting.serving(ids))
+        mind = _mind(swarm.run, swarm.run.context.serving(ids))
     codec = mind[0].codec  # there is one before anything is said
-    followed, count = np.ones(len(ids), np.bool_), swarm.run.setting.swarm
+    followed, count = np.ones(len(ids), np.bool_), swarm.run.context.swarm
     for heard in swarm.heard:
         for robots, source in heard.changes:
             mine = np.flatnonzero(np.isin(ids, robots))
             if source is None:
-                mind[0].forget(mine)
+                mind[0].reset(mine)
             elif source in ids:
-                mind[0].adopt(mine, int(np.flatnonzero(ids == source)[0]))
+                mind[0].copy_from(mine, int(np.flatnonzero(ids == source)[0]))
             else:  # what that one knows is not to be had here
                 followed[mine] = False
         speaks = _chosen(heard.speaks, ids)
@@ -205,7 +205,9 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
                 assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
 
 
-def _check_said(mine: Said[Columns], row: int, first: Said[Columns], robot: int, wrong: str) -> None:
+def _check_said(
+    mine: Broadcast[MessageBatch], row: int, first: Broadcast[MessageBatch], robot: int, wrong: str
+) -> None:
     """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     assert here == there, wrong.format(f"says {here} bytes, not {there},")
@@ -216,7 +218,7 @@ def _check_said(mine: Said[Columns], row: int, first: Said[Columns], robot: int,
         assert same, wrong.format(f"says other {name}")
 
 
-def _received(inbox: Inbox[Columns], ids: NDArray[np.int64], count: int) -> Inbox[Columns]:
+def _received(inbox: Inbox[MessageBatch], ids: NDArray[np.int64], count: int) -> Inbox[MessageBatch]:
     """What the robots with these numbers (rows,), out of so many, have received, in the order of their rows."""
     row = np.full(count, -1, np.int32)
     row[ids] = np.arange(len(ids))
@@ -234,10 +236,10 @@ def check_locality(
     poses and readings, and no messages.
     """
     swarm = _followed(scenario, overrides, iterations, allow_code)
-    run, count = swarm.run, swarm.run.setting.swarm
+    run, count = swarm.run, swarm.run.context.swarm
     for robot in sorted({0, count // 2, count - 1}):
         with registry.own_code(allow_code):
-            mind = _mind(run, run.setting)
+            mind = _mind(run, run.context)
         for heard in swarm.heard:
             hears, decides = (
                 (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))

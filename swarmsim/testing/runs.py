@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from swarmsim.core import registry
 from swarmsim.core.errors import PartError
-from swarmsim.core.messages import Columns, Said
+from swarmsim.core.messages import Broadcast, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
 from swarmsim.engine.build import Run, build
@@ -75,7 +75,7 @@ def _weighed(computation: AnyComputation, problems: list[str]) -> Iterator[None]
     """For as long as this lasts, every message is packed and unpacked."""
     say = computation.say
 
-    def weighed(senses: Senses) -> Said[Columns]:
+    def weighed(senses: Senses) -> Broadcast[MessageBatch]:
         said = say(senses)
         wrong = contracts.message_sizes(said, computation.codec, senses.iteration)
         if wrong is not None:

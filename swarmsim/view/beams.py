@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.scenario import Sensors, fitted
+from swarmsim.core.scenario.file import Sensors, fitted
 from swarmsim.kernels import rays
 from swarmsim.recording.reader import Recording
 from swarmsim.robots.ring import WholeRing

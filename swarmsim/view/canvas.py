@@ -10,15 +10,15 @@ import pygame
 from numpy.typing import NDArray
 
 from swarmsim.core.drawing import Mark
+from swarmsim.view.background import FINEST, Background
 from swarmsim.view.camera import Camera
 from swarmsim.view.discs import Discs
-from swarmsim.view.ground import FINEST, Ground
 from swarmsim.view.layers import Layers
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import Look
 from swarmsim.view.painter import Painter, opaque
 from swarmsim.view.panel import Panel
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
+from swarmsim.view.style import Style
 
 LENS = 0.12  # of the picture's height: the radius of the magnifier
 WHOLE = 4000  # pixels, the greatest side of the ground under the magnifier
@@ -32,14 +32,14 @@ class Canvas:
         self,
         scene: Scene,
         size: tuple[int, int],
-        look: Look | None = None,
+        look: Style | None = None,
         camera: Camera | None = None,
         finest: int = FINEST,
     ) -> None:
         """`camera` is what the map is seen by, if not all of it is to be seen; what stands still is drawn at most
         `finest` pixels wide before it is reduced. Raises InputError for a `look`.
         """
-        self._scene, self._look = scene, look or Look()
+        self._scene, self._look = scene, look or Style()
         self._look.check(scene)
         theme = self._look.colours
         self._surface = opaque(size)
@@ -58,7 +58,7 @@ class Canvas:
         self._layers, self._painter = Layers(scene), Painter(theme, self.camera, unit, letters)
         self.discs = Discs(scene, self.camera.scale, max(8.0 * unit, 5.0))
         self.radius = self.discs.radius
-        self._ground = Ground(self._painter, size, finest)
+        self._ground = Background(self._painter, size, finest)
         self._overlay = self._headline(size[0] - 2 * pad if not wide else panel.left - 2 * pad)
         self._room, self._columns = panel, 1 if wide else 2
         self.renew()
@@ -130,7 +130,7 @@ class Canvas:
             (text, at),
         ]
 
-    def _captions(self, shot: Shot) -> None:
+    def _captions(self, shot: Frame) -> None:
         """Write what has just happened above the lower edge of the map, the newest at the bottom."""
         bottom, left = self.area.bottom, self._captions_from
         for text in shot.captions[::-1]:
@@ -143,7 +143,7 @@ class Canvas:
             bottom -= ground.get_height() + 2
 
     @cached_property
-    def _lens(self) -> tuple[Ground, int, pygame.Surface]:
+    def _lens(self) -> tuple[Background, int, pygame.Surface]:
         """A larger picture of the whole building, of which the magnifier shows a part."""
         left, right, low, high = self._scene.bounds
         wanted = MAGNIFIED * self._unit / self._scene.radius
@@ -151,12 +151,12 @@ class Canvas:
         size = (round(scale * (right - left)), round(scale * (high - low)))
         camera = Camera(scale, -scale * left, scale * high)
         reach = round(LENS * self._surface.get_height())
-        ground = Ground(Painter(self._look.colours, camera, 2.0 * self._unit, self._letters), size)
+        ground = Background(Painter(self._look.colours, camera, 2.0 * self._unit, self._letters), size)
         mask = pygame.Surface((2 * reach, 2 * reach), pygame.SRCALPHA, 32)
         pygame.draw.aacircle(mask, (255, 255, 255, 255), (reach, reach), reach)
         return ground, reach, mask
 
-    def _magnify(self, shot: Shot, marks: Sequence[Mark], focus: int) -> None:
+    def _magnify(self, shot: Frame, marks: Sequence[Mark], focus: int) -> None:
         """Show the surroundings of the robot that is looked at in a circle in a corner."""
         ground, reach, mask = self._lens
         rest, camera = ground.show(marks), ground.camera

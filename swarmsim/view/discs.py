@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
 
 LEAST: Final = 3.0  # pixels, the least radius of a robot's disc, which may then lie over another's
 
@@ -23,7 +23,7 @@ class Discs:
         #: How many times robots are drawn too large, if they are.
         self.enlarged = float((self._wanted / self._true).max())
 
-    def radii(self, shot: Shot) -> NDArray[np.float64]:
+    def radii(self, shot: Frame) -> NDArray[np.float64]:
         """The radii (n,) of discs in pixels: as large as legible or true, but smaller where they would overlap."""
         if self.enlarged <= 1.0:
             return self._true

@@ -9,14 +9,14 @@ from swarmsim.core.drawing import Polygons
 from swarmsim.view.camera import Camera
 from swarmsim.view.layers import Layers
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import Look
 from swarmsim.view.painter import Painter
 from swarmsim.view.scene import Scene
 from swarmsim.view.signs import Sign
+from swarmsim.view.style import Style
 from swarmsim.view.theme import Theme
 
 
-def signs(scene: Scene, look: Look, enlarged: float) -> list[Sign]:
+def signs(scene: Scene, look: Style, enlarged: float) -> list[Sign]:
     """Every sign in the pictures of a scene; robots are drawn `enlarged` so many times."""
     size = f", up to {enlarged:.2g} x its size" if enlarged > 1.0 else ""
     found = Layers(scene).signs(scene, look)

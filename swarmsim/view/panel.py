@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from swarmsim.view.legend import draw_sign, signs
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import Look
 from swarmsim.view.painter import opaque, polygon
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
+from swarmsim.view.style import Style
 from swarmsim.view.theme import Colour, colour_of
 
 Reals = NDArray[np.float64]
@@ -34,7 +34,7 @@ class Panel:
     """A part of the picture; what stands still in it is drawn once."""
 
     def __init__(
-        self, scene: Scene, look: Look, area: pygame.Rect, unit: float, letters: Lettering, enlarged: float,
+        self, scene: Scene, look: Style, area: pygame.Rect, unit: float, letters: Lettering, enlarged: float,
         columns: int = 1,
     ) -> None:  # fmt: skip
         """A panel of one or two columns in `area` of the picture.
@@ -79,7 +79,7 @@ class Panel:
                 sign.means, (legend[0] + round(32 * unit) + 4, middle), self._theme.text, width - round(32 * unit) - 4
             )
 
-    def draw(self, surface: pygame.Surface, shot: Shot) -> None:
+    def draw(self, surface: pygame.Surface, shot: Frame) -> None:
         """Paint the panel as it is at this moment."""
         (left, top), scene, unit = self._area.topleft, self._scene, self._unit
         surface.blit(self._still, (left, top))
@@ -101,12 +101,12 @@ class Panel:
         pygame.draw.aacircle(surface, self._theme.background, at, round(6 * unit) + 1)
         pygame.draw.aacircle(surface, self._theme.curve, at, max(3, round(5 * unit)))
 
-    def _told(self, shot: Shot) -> str:
+    def _told(self, shot: Frame) -> str:
         """The groups and the messages so far; without room for both, the messages alone."""
         messages = f"{shot.messages:,} messages"
         return f"{shot.groups} group{'s' * (shot.groups != 1)}, {messages}" if self._grouped else messages
 
-    def _faulty(self, shot: Shot) -> str:
+    def _faulty(self, shot: Frame) -> str:
         robots = [str(robot) for robot, mark in enumerate(shot.marks) if mark == "fault" and shot.alive[robot]]
         return f"robot{'s' * (len(robots) > 1)} {', '.join(robots)}" if robots else "none"
 

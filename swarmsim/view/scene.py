@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.part import Part
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import UNKNOWN
 from swarmsim.network.analysis import groups
 from swarmsim.operations.fields.replay import FieldReplay, holds_estimates
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 from swarmsim.view.beams import BeamReplay
-from swarmsim.view.occurrences import Mark, Note, Occurrences
+from swarmsim.view.timeline import Mark, Note, Occurrences
 from swarmsim.world.areas import joined
 from swarmsim.world.plan import UNKNOWN_LAYER
 from swarmsim.world.source import floor_plan
@@ -39,7 +39,7 @@ QUARTERED: Final = (1.0, 1.2, 1.6, 2.0, 2.4, 3.2, 4.0, 6.0, 8.0, 10.0)  # a quar
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class Frame:
     """All that moves or counts, at one moment; row i is robot i."""
 
     iteration: int  # iterations that lie behind
@@ -131,7 +131,7 @@ class Scene:
         self._field = FieldReplay(recording, plan.page) if holds_estimates(recording) else None
         self.has_field = self._field is not None
         #: m, of a page whose opposite edges are one: what robots leave by on the right they come back from on the left.
-        around = bool(scenario.physics.says("periodic", False))
+        around = bool(scenario.physics.declares("periodic", False))
         self._around = np.array([plan.width, plan.height] if around else [np.inf, np.inf])
         self.has_headings = "heading" in recording
         self.has_beliefs = "believed" in recording
@@ -172,7 +172,7 @@ class Scene:
     def _beams(self) -> BeamReplay:
         return BeamReplay(self._recording, self._plan)
 
-    def beams(self, robot: int, shot: Shot) -> NDArray[np.float64]:
+    def beams(self, robot: int, shot: Frame) -> NDArray[np.float64]:
         """How far the beams (b,) of a robot go, in m, at the pose that a shot shows; none without a ring."""
         return self._beams.lengths(robot, shot.pose[robot], shot.boxes, shot.people)
 
@@ -209,7 +209,7 @@ class Scene:
         """The recording's row for a moment from 0, the start, to `iterations`, the end of the last one."""
         return min(int(iteration), self.iterations - 1)
 
-    def at(self, iteration: float, focus: int | None = None, chosen: tuple[int, ...] = ()) -> Shot:
+    def at(self, iteration: float, focus: int | None = None, chosen: tuple[int, ...] = ()) -> Frame:
         """The moment after so many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed.
 
         `focus` is the robot that is looked at, `chosen` those whose own things are drawn.
@@ -221,7 +221,7 @@ class Scene:
         told = self._told(row)
         goals = recording["goals"][row]
         aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
-        return Shot(
+        return Frame(
             iteration=int(iteration),
             time=iteration * self.period,
             row=row,
@@ -350,7 +350,7 @@ def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
             signs.add("box")
     if len(recording.fates) > 1:
         signs.add("lost")
-    if recording.scenario.network.channel.says("delays", True):
+    if recording.scenario.network.channel.declares("delays", True):
         signs.add("waiting")
     return signs
 

@@ -23,11 +23,11 @@ from PIL import Image
 from swarmsim.core.errors import OF_THE_MACHINE, InputError, StorageError, unwritten
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
-from swarmsim.view.cards import draw_card, first_lines, last_lines
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import Look
 from swarmsim.view.painter import opaque
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
+from swarmsim.view.title_cards import draw_card, first_lines, last_lines
 
 HOLD = 2.0  # s of film, how long the end and each card stay
 SMALLEST = (480, 270)  # pixels, below which nothing can be read
@@ -49,7 +49,7 @@ class Film:
     fps: int = 30  # frames per second of film
     speed: float = 20.0  # simulated seconds per second of film
     size: tuple[int, int] = (1280, 720)  # width and height in pixels
-    look: Look = field(default_factory=Look)
+    look: Style = field(default_factory=Style)
     cards: bool = True  # whether it begins with the scenario and ends with the result, for two seconds each
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ class Film:
 
 
 def frame(
-    recording: Recording, iteration: float, size: tuple[int, int] = (1280, 720), look: Look | None = None
+    recording: Recording, iteration: float, size: tuple[int, int] = (1280, 720), look: Style | None = None
 ) -> Pixels:
     """The picture (height, width, 3) after so many iterations, from 0 to the recording's `iterations`.
 

@@ -16,8 +16,8 @@ from swarmsim.recording.reader import Recording
 from swarmsim.view.camera import Camera
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import LAYERS, Look
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import LAYERS, Style
 from swarmsim.view.video import SMALLEST, Film, write_film
 
 BAR: Final = 64  # pixels below the picture: the time line and a line of words
@@ -84,7 +84,7 @@ class Window:
         show: Show,
         folder: Path,
         size: tuple[int, int] = (1280, 784),
-        look: Look | None = None,
+        look: Style | None = None,
         speed: int = 20,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
@@ -100,7 +100,7 @@ class Window:
                 f"no window can be opened ({problem}); without a display use swarmsim video or swarmsim report"
             ) from problem
         pygame.display.set_caption("swarmsim")
-        self._show, self._folder, self._look = show, folder, look or Look()
+        self._show, self._folder, self._look = show, folder, look or Style()
         self._clock = clock
         self._speed = min(range(len(SPEEDS)), key=lambda place: abs(SPEEDS[place] - speed))
         self._letters = Lettering()
@@ -317,7 +317,7 @@ class Window:
             self._wear(replace(self._look, focus=focus))
         self.words = "nobody picked" if self.picked is None else f"robot {self.picked} picked"
 
-    def _wear(self, look: Look) -> None:
+    def _wear(self, look: Style) -> None:
         if look != self._look:
             self._look = look
             self._canvas = self._drawn()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event
-from swarmsim.core.part import Part
 from swarmsim.core.parts import Fault
-from swarmsim.core.scenario import Scenario
+from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.part import Part
 from swarmsim.faults.in_words import described
 
 #: What begins and ends with a fault that is not called as its scenario's table.
@@ -34,7 +34,7 @@ def worded(event: Event, scenario: Scenario) -> str:
         return "finished" if event.finished else "not finished"
     fault = scenario.faults[event.fault]
     name = _name(fault)
-    plain = f"{name} {fault.says('failure', '')}".rstrip()
+    plain = f"{name} {fault.declares('failure', '')}".rstrip()
     begins, ends = WORDS.get(fault.use, (plain, f"{plain} over"))
     if isinstance(event, BoxWaits):
         return f"{name} waits"
@@ -46,7 +46,7 @@ def cause_of(event: Event, scenario: Scenario) -> str:
     if isinstance(event, Ended):
         if not event.finished:
             return f"limit of {scenario.stop.iterations} iterations"
-        name, share = _name(scenario.task), scenario.task.says("share", None)
+        name, share = _name(scenario.task), scenario.task.declares("share", None)
         return f"{100.0 * share:g} % {name} reached" if isinstance(share, float) else f"{name} done"
     if isinstance(event, Begins | Ends):
         return described(scenario.faults[event.fault])

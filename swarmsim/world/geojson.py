@@ -15,11 +15,11 @@ from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.file import World
 from swarmsim.world.areas import joined, polygons
-from swarmsim.world.features import Feature, layer_named, not_a_place, not_an_area, thick
-from swarmsim.world.indoor import texts
-from swarmsim.world.maps import drawn
+from swarmsim.world.indoor.drawings import drawn
+from swarmsim.world.indoor.features import Feature, layer_named, not_a_place, not_an_area, thick
+from swarmsim.world.indoor.tags import texts
 from swarmsim.world.plan import SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing, Shape

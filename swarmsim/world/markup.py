@@ -9,7 +9,7 @@ from typing import Protocol, overload
 from lxml import etree
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import content
+from swarmsim.core.scenario.files import content
 
 
 class Node(Protocol):

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.file import World
 from swarmsim.world.areas import connected, joined, polygons, united
 from swarmsim.world.doors import FURNITURE, THICK, cut_by_symbols, inward, make_doors, opened
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from shapely import MultiPolygon, affinity
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError, unwritten
-from swarmsim.core.files import check_plain
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.files import check_plain
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.tracing import traced

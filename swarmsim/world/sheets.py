@@ -10,7 +10,7 @@ from shapely import MultiPolygon, affinity
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.file import World
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS
 from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.viewport import LARGEST

@@ -12,19 +12,23 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon
 
+from swarmsim.core.context import WorldContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
-from swarmsim.core.files import LARGEST
-from swarmsim.core.scenario import World
-from swarmsim.core.setting import Site
+from swarmsim.core.scenario.file import World
+from swarmsim.core.scenario.files import LARGEST
 from swarmsim.core.streams import Streams
-from swarmsim.world import dxf, geojson, ifc, imdf, osm, rosmap, sdf, stage, svg
+from swarmsim.world import geojson, rosmap, svg
 from swarmsim.world.areas import joined, polygons, united
 from swarmsim.world.arena import place_in, spot
+from swarmsim.world.bim import ifc
+from swarmsim.world.cad import dxf
 from swarmsim.world.floor import FIELD, check_outside, floor_of
+from swarmsim.world.indoor import imdf, osm
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
+from swarmsim.world.simulators import sdf, stage
 from swarmsim.world.texts import check_file, text_of
 
 #: What reads a file by its ending, apart from maps in pixels and texts that hold a floor plan as they are.
@@ -185,6 +189,6 @@ def _filled(walls: MultiPolygon, floor: shapely.Polygon, inside: Box) -> MultiPo
 
 def _made(world: World, cell: float) -> str:
     try:
-        return str(world.generate.build(Site(Streams(world.seed), cell)).draw())
+        return str(world.generate.build(WorldContext(Streams(world.seed), cell)).draw())
     except InputError as problem:
         raise InputError(f"world.generate.{problem}") from problem

@@ -15,9 +15,9 @@ from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 from svgelements import Matrix
 
-from swarmsim.core import budget
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario import budget
+from swarmsim.core.scenario.file import World
 from swarmsim.world.areas import OutOfReachError, covered, lines_of, polygons
 from swarmsim.world.elements import Element, ElementError, parse, quoted
 from swarmsim.world.layers import LayerNames, names_of

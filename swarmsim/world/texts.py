@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import LARGEST, check_plain, content
+from swarmsim.core.scenario.files import LARGEST, check_plain, content
 
 _DECLARED: Final = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _MARKS: Final = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}

@@ -163,7 +163,7 @@ def test_a_room_without_a_door_does_not_count_or_is_refused(tmp_path: Path) -> N
 def test_what_cannot_work_is_refused_before_anything_is_written(
     tmp_path: Path, settings: list[str], words: list[str]
 ) -> None:
-    arguments = [part for setting in settings for part in ("--set", setting)]
+    arguments = [part for context in settings for part in ("--set", context)]
     refused(tmp_path, words, "run", plan(tmp_path), *arguments)
 
 

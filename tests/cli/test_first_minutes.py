@@ -16,9 +16,9 @@ from conftest import ROOT
 
 from swarmsim.cli import app
 from swarmsim.cli.completion import example_names, fault_words, set_keys
-from swarmsim.core import shipped
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import shipped
+from swarmsim.core.scenario.file import load
 from swarmsim.faults.in_words import fault_in_words
 
 

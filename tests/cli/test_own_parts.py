@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from msgspec import Struct
 
-from swarmsim.core.messages import Columns, PlainCodec, Said
+from swarmsim.core.messages import MessageBatch, PlainCodec, Broadcast
 from swarmsim.core.state import Estimates, Intents, Knowledge, Measured, Record
 
 
@@ -57,7 +57,7 @@ def mind(body: str, attributes: str = "", asked: str = "None") -> str:
 
 
 def saying(says: str, answer: str) -> str:
-    return mind(f"def say(self, me):\n    return {answer}", f"says = {says}")
+    return mind(f"def say(self, me):\n    return {answer}", f"message_fields = {says}")
 
 
 def function(gives: str, arguments: str) -> str:
@@ -78,30 +78,30 @@ class {kind}({"Knowledge" if record else "Estimates"}):
 {own}
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Nothing(Columns):
+class Nothing(MessageBatch):
     none: np.ndarray
 
 
 class Mine(Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return Computation()
 
 
 class Computation:
-    knows = {kind}
+    knowledge_type = {kind}
     codec = PlainCodec(Nothing(np.zeros(0)))
 
     def say(self, senses):
         self.iteration = senses.iteration
-        return Said.each(Nothing(np.zeros(3)), self.codec.size)
+        return Broadcast.each(Nothing(np.zeros(3)), self.codec.size)
 
     def hear(self, senses, inbox):
         return {kind}({given})
 
-    def forget(self, robots):
+    def reset(self, robots):
         pass
 
-    def adopt(self, robots, source):
+    def copy_from(self, robots, source):
         pass
 """
 
@@ -114,8 +114,8 @@ from {place} import {name}
 
 
 class Mine(Struct, frozen=True):
-    def build(self, setting):
-        return Wrapped({name}().build(setting))
+    def build(self, context):
+        return Wrapped({name}().build(context))
 
 
 class Wrapped:
@@ -133,7 +133,7 @@ FIELD = """
 class Mine(Struct, frozen=True):
     noise: float = 0.0
 
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def value(self, time, points):
@@ -186,65 +186,76 @@ MISTAKES: dict[str, tuple[str, str, int, list[str]]] = {
         "mind",
         saying("('x', 'y')", "1.0, 2.0"),
         2,
-        ["says is ('x', 'y'); expected names with their types, as in {'x': 'f8'}", "in says: says = ('x', 'y')"],
+        [
+            "message_fields is ('x', 'y'); expected names with their types, as in {'x': 'f8'}",
+            "in message_fields: message_fields = ('x', 'y')",
+        ],
     ),
     "says with a type that is none": (
         "mind",
         saying("{'x': 'f9'}", "1.0"),
         2,
-        ["says: x: no type is called 'f9'", "known: ?, f4, f8", "in says"],
+        ["message_fields: x: no type is called 'f9'", "known: ?, f4, f8", "in message_fields"],
     ),
-    "says with objects": ("mind", saying("{'x': object}", "1.0"), 2, ["says: x: <class 'object'> holds no numbers"]),
+    "says with objects": (
+        "mind",
+        saying("{'x': object}", "1.0"),
+        2,
+        ["message_fields: x: <class 'object'> holds no numbers"],
+    ),
     "says a word of Python": (
         "mind",
         saying("{'class': 'f8'}", "1.0"),
         2,
-        ["says: 'class' cannot be a field", "in says"],
+        ["message_fields: 'class' cannot be a field", "in message_fields"],
     ),
     "says who sent it": (
         "mind",
         saying("{'sender': 'i4'}", "1"),
         2,
-        ["says: 'sender' is what messages have besides", "in says"],
+        ["message_fields: 'sender' is what messages have besides", "in message_fields"],
     ),
     "says how columns are taken": (
         "mind",
         saying("{'take': 'f8'}", "1.0"),
         2,
-        ["says: 'take' is what messages have besides"],
+        ["message_fields: 'take' is what messages have besides"],
     ),
     "says without say": (
         "mind",
-        mind("", "says = {'x': 'f8'}"),
+        mind("", "message_fields = {'x': 'f8'}"),
         2,
-        ["Mine: expected both 'says', the fields of a message, and 'say'"],
+        ["Mine: expected both 'message_fields', the fields of a message, and 'say'"],
     ),
     # What minds show
     "shows what was never set": (
         "mind",
-        mind("def __init__(self):\n    self.enrgy = 1.0", "shows = ('energy',)"),
+        mind("def __init__(self):\n    self.enrgy = 1.0", "recorded = ('energy',)"),
         3,
-        ["robot 0 has no 'energy', which 'shows' names; did you mean 'enrgy'?", "in shows: shows = ('energy',)"],
+        [
+            "robot 0 has no 'energy', which 'recorded' names; did you mean 'enrgy'?",
+            "in recorded: recorded = ('energy',)",
+        ],
     ),
     "shows one text": (
         "mind",
-        mind("def __init__(self):\n    self.energy = 1.0", "shows = 'energy'"),
+        mind("def __init__(self):\n    self.energy = 1.0", "recorded = 'energy'"),
         2,
-        ["shows is 'energy'; expected names, as in ('energy',)", "in shows: shows = 'energy'"],
+        ["recorded is 'energy'; expected names, as in ('energy',)", "in recorded: recorded = 'energy'"],
     ),
     "shows text": (
         "mind",
-        mind("mode = 'idle'", "shows = ('mode',)"),
+        mind("mode = 'idle'", "recorded = ('mode',)"),
         3,
-        ["robot 0 shows 'mode': 'idle', which is no number", "in shows"],
+        ["robot 0 shows 'mode': 'idle', which is no number", "in recorded"],
     ),
     "shows what a task finds otherwise": (
         "mind",
-        mind("minds = 1.0", "shows = ('minds',)"),
+        mind("minds = 1.0", "recorded = ('minds',)"),
         2,
-        ["shows: 'minds' is what a task finds otherwise"],
+        ["recorded: 'minds' is what a task finds otherwise"],
     ),
-    "shows a method": ("mind", mind("", "shows = ('step',)"), 2, ["shows: 'step' is a method", "in shows"]),
+    "shows a method": ("mind", mind("", "recorded = ('step',)"), 2, ["recorded: 'step' is a method", "in recorded"]),
     # What minds decide
     "drives at no number": (
         "mind",
@@ -614,9 +625,9 @@ TAKEN = sorted(name for name, table in layout.TABLES.items() if not table.by)
 def test_names_of_the_recording_are_refused_before_anything_runs(tmp_path: Path, name: str) -> None:
     """Whatever the recording has: what minds show, what robots know, and what tasks measure cannot be called so."""
     other = name.removesuffix("_end") + "_last" if name.endswith("_end") else f"own_{name}"
-    shown = mind(f"def __init__(self):\n    self.{name} = 0.5", f"shows = ('{name}',)")
+    shown = mind(f"def __init__(self):\n    self.{name} = 0.5", f"recorded = ('{name}',)")
     for seam, code, where in (
-        ("mind", shown, f"in shows: shows = ('{name}',)"),
+        ("mind", shown, f"in recorded: recorded = ('{name}',)"),
         ("computation", knowing("", fields=f"{name}: np.ndarray"), f"in {name}: {name}: np.ndarray"),
         ("task", function("1.0", "moment").replace("mine", name), f"in {name}: def {name}(moment):"),
     ):

@@ -16,8 +16,8 @@ from msgspec import inspect as types
 from typer.testing import CliRunner
 
 from swarmsim.cli import app, skeletons
-from swarmsim.core import describe, registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import describe, registry
 from swarmsim.core.seams import SEAMS
 
 

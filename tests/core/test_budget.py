@@ -8,9 +8,9 @@ import pytest
 from conftest import ROOT, called, made
 
 from swarmsim.cli import waiting
-from swarmsim.core import budget
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import budget
+from swarmsim.core.scenario.file import load
 from swarmsim.engine import build as engine
 
 ROOM = ROOT / "scenarios" / "room.toml"

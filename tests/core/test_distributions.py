@@ -14,7 +14,7 @@ LAMPS = """import msgspec
 
 
 class Lamp(msgspec.Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         raise NotImplementedError
 """
 #: Says what is hashed, in a process of its own; edits a file after it was hashed first, if there is one to edit.

@@ -9,11 +9,11 @@ import pytest
 from conftest import ROOT, moments_of
 from numpy.testing import assert_allclose, assert_array_equal
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
-from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.recording.reader import Recording
 
 CODE = '''
@@ -24,8 +24,8 @@ from swarmsim.core.state import Measured
 class Follower:
     """Turns to the mean of the directions that it hears."""
 
-    says = {"yaw": "f8", "steps": "i4"}
-    shows = ("steps",)
+    message_fields = {"yaw": "f8", "steps": "i4"}
+    recorded = ("steps",)
 
     def __init__(self, speed: float = 0.05):
         self.speed, self.steps, self.wanted = speed, 0, 0.0
@@ -53,8 +53,8 @@ class Curious:
     """Drives on over a map that another part has made for it."""
 
     def step(self, me):
-        assert me.knows.observed.shape == me.lattice.shape
-        assert not me.knows.observed.flags.writeable
+        assert me.knowledge.observed.shape == me.lattice.shape
+        assert not me.knowledge.observed.flags.writeable
         return me.drive(0.05, me.random.uniform(-1.0, 1.0) if len(me.walls) else 0.0)
 
 
@@ -72,7 +72,7 @@ class Broken:
 
 
 class Half:
-    says = {"x": "f8"}
+    message_fields = {"x": "f8"}
 
     def step(self, me):
         return None
@@ -123,7 +123,7 @@ class Outward:
 class Nearly:
     """Follows a way at first, then a velocity: what it does not do is NaN, which is no mistake."""
 
-    says = {"far": "f4", "yes": "?", "place": "(2,)f8"}
+    message_fields = {"far": "f4", "yes": "?", "place": "(2,)f8"}
 
     def say(self, me):
         return {"far": 0.1, "yes": True, "place": (me.x, me.y)}
@@ -173,7 +173,7 @@ def test_keys_of_a_class_are_those_of_its_constructor(own) -> None:
     slow, fast = (own(f'mind={{use="./mine.py:Follower", speed={speed}}}') for speed in (0.01, 0.1))
     for run in (slow, fast):
         run.simulation.run()
-    gone = [np.hypot(*(r.simulation.state.pose - r.simulation.parts.strategy._part._swarm._setting.start)[:, :2].T)
+    gone = [np.hypot(*(r.simulation.state.pose - r.simulation.parts.strategy._part._swarm._context.start)[:, :2].T)
             for r in (slow, fast)]  # fmt: skip
     assert gone[1].max() > 3 * gone[0].max()
     with pytest.raises(InputError, match=r"mind\.computation\.sped: unknown key; did you mean 'speed'"):
@@ -237,7 +237,9 @@ def test_measures_are_recorded_as_they_are_though_the_first_is_a_whole_number(ow
 
 
 def test_half_a_conversation_is_refused(own) -> None:
-    with pytest.raises(InputError, match="Half: expected both 'says', the fields of a message, and 'say', or neither"):
+    with pytest.raises(
+        InputError, match="Half: expected both 'message_fields', the fields of a message, and 'say', or neither"
+    ):
         own('mind={use="./mine.py:Half"}')
 
 
@@ -247,7 +249,7 @@ def test_minds_forget_and_adopt(own) -> None:
     run = own(MIND)
     run.simulation.run()
     computation = run.simulation.parts.computation._part
-    computation.adopt(np.array([1]), 0)
+    computation.copy_from(np.array([1]), 0)
     minds = computation._swarm.minds
     assert minds[1].steps == minds[0].steps == 6
     assert minds[1] is not minds[0]

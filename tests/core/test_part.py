@@ -13,12 +13,12 @@ import msgspec
 import pytest
 from conftest import ROOT, made
 
-from swarmsim.core import decoding, registry
-from swarmsim.core import part as asked
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import NONE, Part, seam_of
-from swarmsim.core.robots import Group
-from swarmsim.core.scenario import Scenario, all_parts, load, shape, table_of
+from swarmsim.core.scenario import decoding, registry
+from swarmsim.core.scenario import part as asked
+from swarmsim.core.scenario.file import Scenario, all_parts, load, shape, table_of
+from swarmsim.core.scenario.part import NONE, Part, seam_of
+from swarmsim.core.scenario.robots import Group
 from swarmsim.core.seams import SEAMS
 from swarmsim.engine import build as engine
 
@@ -32,7 +32,7 @@ class Own(Struct, frozen=True):
     share: dict[str, float] = {}
     weights: list[float] = []
 
-    def build(self, setting):
+    def build(self, context):
         raise RuntimeError(f"share {self.share}")
 '''
 KINDS = [(seam, name, kind) for seam in SEAMS for name, kind in registry.known(seam).items()]
@@ -137,7 +137,7 @@ def test_what_is_not_installed_keeps_its_table() -> None:
     assert scenario.sensor.use == "nobody-has-this"
     assert scenario.sensor.table == theirs
     assert table_of(scenario) == table
-    assert scenario.sensor.says("margin", 12) == 12
+    assert scenario.sensor.declares("margin", 12) == 12
     assert hash(scenario) == hash(shape(table, "recording"))
     with pytest.raises(InputError, match=r"x: sensor.use: no sensor is called 'nobody-has-this'"):
         engine.build(scenario, "x")
@@ -151,7 +151,7 @@ def test_nothing_is_looked_for_when_a_recording_is_opened(monkeypatch: pytest.Mo
 
 def test_parts_say_what_others_need_to_know() -> None:
     def says(seam: str, name: str, default: object, **keys: Any) -> object:
-        return Part[Any](seam, keys).says(name, default)
+        return Part[Any](seam, keys).declares(name, default)
 
     assert says("physics", "walled", False)
     assert not says("physics", "walled", False, use="particles")
@@ -163,7 +163,7 @@ def test_parts_say_what_others_need_to_know() -> None:
     assert says("computation", "merges", False, share={"use": "merge"})
     assert not says("computation", "merges", False)
     assert says("fault", "mark", "fault", use="remove", at=1) == "removed"
-    assert NONE.says("noise", 0.0) == 0.0
+    assert NONE.declares("noise", 0.0) == 0.0
 
 
 def test_keys_of_other_types_than_parts_are_told_by_their_type() -> None:

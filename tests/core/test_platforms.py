@@ -11,9 +11,9 @@ import pytest
 from conftest import ROOT
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.platforms import PLATFORMS
-from swarmsim.core.scenario import Scenario, decode, table_of
-from swarmsim.core.schema import schema
+from swarmsim.core.scenario.file import Scenario, decode, table_of
+from swarmsim.core.scenario.platforms import PLATFORMS
+from swarmsim.core.scenario.schema import schema
 from swarmsim.core.state import UNKNOWN
 from swarmsim.engine.build import build
 

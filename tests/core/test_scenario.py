@@ -12,10 +12,10 @@ from conftest import ROOT, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import Scenario, assign, decode, load, table_of
-from swarmsim.core.schema import schema
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario, assign, decode, load, table_of
+from swarmsim.core.scenario.schema import schema
 
 SMALL = """
 title = "t"

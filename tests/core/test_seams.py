@@ -14,11 +14,12 @@ from conftest import ROOT
 from typer.testing import CliRunner
 
 from swarmsim.cli import app, skeletons
-from swarmsim.core import describe, distributions, registry, scenario, schema
+from swarmsim.core.adapters.forms import FunctionForm
+from swarmsim.core.code import distributions
 from swarmsim.core.errors import InputError
-from swarmsim.core.forms import FunctionForm
-from swarmsim.core.part import Part as Asked
-from swarmsim.core.part import seam_of
+from swarmsim.core.scenario import describe, file, registry, schema
+from swarmsim.core.scenario.part import Part as Asked
+from swarmsim.core.scenario.part import seam_of
 from swarmsim.core.seams import SEAMS, Seam
 from swarmsim.core.state import State
 from swarmsim.engine import promises
@@ -42,7 +43,7 @@ def places_of_parts(kind: type[msgspec.Struct], place: tuple[str, ...] = ()) -> 
 def test_every_seam_has_its_field_in_scenarios_and_its_entry_points() -> None:
     places = {(seam.name, seam.place) for seam in SEAMS.values() if seam.place}
     places |= {(seam.name, (seam.more,)) for seam in SEAMS.values() if seam.more}
-    assert places == places_of_parts(scenario.Scenario)
+    assert places == places_of_parts(file.Scenario)
     groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
     assert set(groups) == {seam.group for seam in SEAMS.values()}
     for seam in SEAMS.values():
@@ -81,7 +82,7 @@ def test_the_page_about_parts_has_the_table_of_seams_and_what_there_is_to_start_
 
 
 def test_our_parts_have_what_their_seams_ask_for() -> None:
-    parts = build(scenario.load(ROOT / "scenarios" / "room.toml"), "room.toml").simulation.parts
+    parts = build(file.load(ROOT / "scenarios" / "room.toml"), "room.toml").simulation.parts
     for name, seam in SEAMS.items():
         part = {"physics": parts.bodies}.get(name) or getattr(parts, name, None)
         assert part is None or seam.missing(part) == [], name
@@ -130,11 +131,11 @@ class Lamp(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     power: float = 2.0  # W
 
-    def build(self, setting: object) -> object:
+    def build(self, context: object) -> object:
         return object()
 
 
-class Wider(scenario.Scenario, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Wider(file.Scenario, frozen=True, forbid_unknown_fields=True, kw_only=True):
     beacon: Asked[Beacon] = Asked("beacon")
 
 
@@ -142,7 +143,7 @@ class Wider(scenario.Scenario, frozen=True, forbid_unknown_fields=True, kw_only=
 def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     """One more seam: a row, a Protocol, a field of scenarios, a distribution with an entry point and a skeleton."""
     monkeypatch.setitem(SEAMS, "beacon", Seam("beacon", ("beacon",), Beacon, "lamp", function=FunctionBeacon))
-    for module in (scenario, schema):
+    for module in (file, schema):
         monkeypatch.setattr(module, "Scenario", Wider)
     installed = tmp_path / "lamps-1.0.dist-info"
     installed.mkdir()
@@ -163,14 +164,14 @@ def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
 
 def test_one_more_seam_is_seen_by_registry_scenario_and_schema(beacon: Path) -> None:
     assert registry.known("beacon") == {"lamp": Lamp}
-    read = scenario.load(beacon)
-    assert scenario.parts_of(read)["beacon"].table == {"use": "lamp", "power": 2.0}
-    assert scenario.table_of(read)["beacon"] == {"use": "lamp", "power": 2.0}
-    assert scenario.parts_of(scenario.load(beacon, ["beacon.power=3"]))["beacon"].parameters == Lamp(power=3.0)
+    read = file.load(beacon)
+    assert file.parts_of(read)["beacon"].table == {"use": "lamp", "power": 2.0}
+    assert file.table_of(read)["beacon"] == {"use": "lamp", "power": 2.0}
+    assert file.parts_of(file.load(beacon, ["beacon.power=3"]))["beacon"].parameters == Lamp(power=3.0)
     with pytest.raises(InputError, match=r"room\.toml: beacon\.powr: unknown key; did you mean 'power'"):
-        scenario.load(beacon, ["beacon.powr=3"])
+        file.load(beacon, ["beacon.powr=3"])
     with pytest.raises(InputError, match=r"'full' is not what beacon\.power takes: a number"):
-        scenario.load(beacon, ["beacon.power=full"])
+        file.load(beacon, ["beacon.power=full"])
     table = tomllib.loads(beacon.read_text())
     jsonschema.validate({**table, "beacon": {"use": "lamp", "power": 1.0}}, schema.schema())
     with pytest.raises(jsonschema.ValidationError):
@@ -178,12 +179,12 @@ def test_one_more_seam_is_seen_by_registry_scenario_and_schema(beacon: Path) -> 
 
 
 def test_one_more_seam_is_held_to_its_protocol_and_takes_functions(beacon: Path, tmp_path: Path) -> None:
-    run = build(scenario.load(ROOT / "scenarios" / "room.toml"), "room.toml")
+    run = build(file.load(ROOT / "scenarios" / "room.toml"), "room.toml")
     with pytest.raises(InputError, match=r"use: what 'lamp' builds, .*object, lacks shine; expected a beacon"):
-        built(Asked[Beacon]("beacon", {"use": "lamp"}), run.setting)
+        built(Asked[Beacon]("beacon", {"use": "lamp"}), run.context)
     (tmp_path / "mine.py").write_text("def mine(state, *, power: float = 4.0):\n    return power\n")
     with registry.own_code(True):
-        part = built(Asked[Beacon]("beacon", {"use": f"{tmp_path}/mine.py:mine"}), run.setting)
+        part = built(Asked[Beacon]("beacon", {"use": f"{tmp_path}/mine.py:mine"}), run.context)
     assert part.shine(run.simulation.state) == 4.0
 
 

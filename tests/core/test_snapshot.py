@@ -13,11 +13,12 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from swarmsim.core import registry, snapshot
-from swarmsim.core.code import code_of
+from swarmsim.core.code import snapshot
+from swarmsim.core.code.snapshot import PREFIX, Files, Snapshot
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load
-from swarmsim.core.snapshot import PREFIX, Files, Snapshot
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.identity import code_of
 from swarmsim.engine.build import build
 
 MINE = "class Mine:\n    def step(self, me):\n        return None\n"
@@ -264,7 +265,7 @@ def test_a_part_that_a_session_has_made_runs_but_is_in_no_study(tmp_path: Path) 
     (tmp_path / "study.toml").write_text('title = "T"\nscenario = "room.toml"\n')
     session = f"""
 import swarmsim
-from swarmsim.core.registry import own_code
+from swarmsim.core.scenario.registry import own_code
 from swarmsim.studies.plan import open_study
 {MINE}
 print(swarmsim.run("room.toml", overrides={{"stop.iterations": 2}}, allow_code=True).recording.code["__main__"])
@@ -297,8 +298,8 @@ def test_an_edited_sensor_changes_what_can_be_explored(keys: str, tmp_path: Path
     """Which is found out once for equal sensors: they are not equal if their code is not."""
     sensor = (
         "import msgspec\nfrom swarmsim.robots.sensors import IrRing, NoSensor\n"
-        f"class Eye(msgspec.Struct, frozen=True):\n{keys}    def build(self, setting):\n"
-        "        return IrRing(tile=(9, 9), reach=0.6).build(setting)\n"
+        f"class Eye(msgspec.Struct, frozen=True):\n{keys}    def build(self, context):\n"
+        "        return IrRing(tile=(9, 9), reach=0.6).build(context)\n"
     )
     path = scenario(tmp_path, STILL + MINE, eye=sensor)
     path.write_text(path.read_text() + '[sensor]\nuse = "./eye.py:Eye"\n')

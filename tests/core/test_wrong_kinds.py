@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import decode, table_of
+from swarmsim.core.scenario.file import decode, table_of
 from swarmsim.engine.build import build
 
 #: Something at every place: groups of robots with a sensor, a field, a channel over two others, faults of all kinds.

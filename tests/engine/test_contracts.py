@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from swarmsim import testing
 from swarmsim.cli import app
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load, parts_of
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load, parts_of
 from swarmsim.engine.build import build
-from swarmsim.operations.mapping.exploring import Exploring
+from swarmsim.operations.mapping.exploration.strategy import Exploring
 
 PARTS = '''
 from dataclasses import replace
@@ -26,7 +26,7 @@ from swarmsim.core.messages import Delivery
 from swarmsim.core.readings import Readings, Tiles
 from swarmsim.core.state import Intents, Measured
 from swarmsim.operations.mapping.computation import OccupancyGrid
-from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.robots.sensors import IrRing
 
@@ -35,7 +35,7 @@ class Links(Struct, frozen=True):
     rows: tuple = ((0, 1),)
     kind: str = "int32"
 
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def links(self, state):
@@ -47,16 +47,16 @@ class Lying(Struct, frozen=True):
 
     says_so: bool = False
 
-    def build(self, setting):
-        return Liar(OccupancyGrid().build(setting), self.says_so)
+    def build(self, context):
+        return Liar(OccupancyGrid().build(context), self.says_so)
 
 
 class Liar:
-    knows = Maps
+    knowledge_type = Maps
 
     def __init__(self, inner, says_so):
         self.inner, self.says_so, self.codec = inner, says_so, None
-        self.forget, self.adopt, self.say = inner.forget, inner.adopt, inner.say
+        self.reset, self.copy_from, self.say = inner.reset, inner.copy_from, inner.say
 
     def hear(self, senses, inbox):
         maps = self.inner.hear(senses, inbox)
@@ -71,24 +71,24 @@ class Liar:
 
 
 class Honest(Struct, frozen=True):
-    def build(self, setting):
-        return Brief(OccupancyGrid().build(setting), 0)
+    def build(self, context):
+        return Brief(OccupancyGrid().build(context), 0)
 
 
 class Short(Struct, frozen=True):
     """Says that its messages are shorter than they are."""
 
-    def build(self, setting):
-        return Brief(OccupancyGrid().build(setting), 1)
+    def build(self, context):
+        return Brief(OccupancyGrid().build(context), 1)
 
 
 class Brief:
-    knows = Maps
+    knowledge_type = Maps
     codec = property(lambda self: self.inner.codec)
 
     def __init__(self, inner, less):
         self.inner, self.less = inner, less
-        self.hear, self.forget, self.adopt = inner.hear, inner.forget, inner.adopt
+        self.hear, self.reset, self.copy_from = inner.hear, inner.reset, inner.copy_from
 
     def say(self, senses):
         said = self.inner.say(senses)
@@ -98,12 +98,12 @@ class Brief:
 class Strategy(Struct, frozen=True):
     does: str
 
-    def build(self, setting):
-        return Walker(self.does, NearestFrontier().build(setting))
+    def build(self, context):
+        return Walker(self.does, NearestFrontier().build(context))
 
 
 class Walker:
-    reads = Maps
+    requires_knowledge = Maps
 
     def __init__(self, does, inner):
         self.does, self.inner = does, inner
@@ -124,8 +124,8 @@ class Walker:
 class Tiled(Struct, frozen=True):
     """A sensor with tiles of another size."""
 
-    def build(self, setting):
-        return IrRing(tile=(9, 9), reach=2.0, beams=120).build(setting)
+    def build(self, context):
+        return IrRing(tile=(9, 9), reach=2.0, beams=120).build(context)
 
 
 class Unbuildable(Struct, frozen=True):
@@ -212,7 +212,7 @@ from dataclasses import replace
 
 import numpy as np
 from msgspec import Struct
-from swarmsim.operations.mapping.sharing import CurrentTile
+from swarmsim.operations.mapping.sharing.policies import CurrentTile
 from swarmsim.robots.motion import PurePursuit
 from swarmsim.robots.particles import Particles, PointBodies
 
@@ -224,7 +224,7 @@ class Base(Struct, frozen=True):
 class Fields(Base, frozen=True):
     noise: float = 0.0
 
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def value(self, time, points):
@@ -234,8 +234,8 @@ class Fields(Base, frozen=True):
 
 
 class Motions(Base, frozen=True):
-    def build(self, setting):
-        return Motion(PurePursuit().build(setting), self.wrong)
+    def build(self, context):
+        return Motion(PurePursuit().build(context), self.wrong)
 
 
 class Motion:
@@ -253,8 +253,8 @@ class Motion:
 
 
 class Physics(Base, frozen=True):
-    def build(self, setting):
-        return Bodies(Particles(), setting)
+    def build(self, context):
+        return Bodies(Particles(), context)
 
 
 class Bodies(PointBodies):
@@ -265,8 +265,8 @@ class Bodies(PointBodies):
 
 
 class Shares(Base, frozen=True):
-    def build(self, setting):
-        return Sharing(CurrentTile().build(setting), self.wrong)
+    def build(self, context):
+        return Sharing(CurrentTile().build(context), self.wrong)
 
 
 class Sharing:
@@ -284,11 +284,11 @@ class Sharing:
 
 
 class Faults(Base, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def install(self, parts):
-        parts.calendar.enter(self)
+        parts.schedule.enter(self)
         return parts
 
     def advance(self, now):
@@ -357,14 +357,14 @@ from msgspec import Struct
 
 
 class Lacks(Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return self
 
 
 class Fault(Struct, frozen=True):
     gives: bool = False
 
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def install(self, parts):
@@ -377,13 +377,16 @@ def test_parts_that_lack_what_their_seam_asks_for_are_bad_input(own) -> None:
     for keys, words in (
         (
             "mind.strategy={use='./lacking.py:Lacks'}",
-            r"what .*Lacks' builds, .*Lacks, lacks reads, step",
+            r"what .*Lacks' builds, .*Lacks, lacks requires_knowledge, step",
         ),
         (
             "mind.computation={use='./lacking.py:Lacks'}",
-            r"lacks knows, codec, say, hear, forget, adopt; expected",
+            r"lacks knowledge_type, codec, say, hear, reset, copy_from; expected",
         ),
-        ("task={use='./lacking.py:Lacks'}", r"task\.use: .*lacks reads, curve, measure, summaries; expected a task"),
+        (
+            "task={use='./lacking.py:Lacks'}",
+            r"task\.use: .*lacks requires_knowledge, curve, measure, summaries; expected a task",
+        ),
         ("network.topology={use='./lacking.py:Lacks'}", r"network\.topology\.use: .*lacks links"),
         ("faults=[{use='./lacking.py:Fault'}]", r"faults\[0\]\.use: .*cannot be installed: AttributeError"),
         (
@@ -402,9 +405,9 @@ from msgspec import Struct
 
 
 class Old(Struct, frozen=True):
-    knows = reads = codec = property(lambda self: None)
+    knowledge_type = requires_knowledge = codec = property(lambda self: None)
 
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def install(self, parts):
@@ -419,10 +422,10 @@ class Old(Struct, frozen=True):
     def step(self, observations):
         pass
 
-    def forget(self, robots):
+    def reset(self, robots):
         pass
 
-    def adopt(self, robots, source):
+    def copy_from(self, robots, source):
         pass
 """
 
@@ -579,12 +582,12 @@ from swarmsim.core.state import Knowledge, Measured
 class Gap(Struct, frozen=True):
     how: str
 
-    def build(self, setting):
+    def build(self, context):
         return Measuring(self.how)
 
 
 class Measuring:
-    reads, curve = Knowledge, Curve("gap", "gap, m")
+    requires_knowledge, curve = Knowledge, Curve("gap", "gap, m")
 
     def __init__(self, how):
         self.how = how

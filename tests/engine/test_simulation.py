@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from conftest import ROOT, made
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Ended
+from swarmsim.core.scenario import registry
 from swarmsim.core.state import Moment
 from swarmsim.recording.digests import Digests
 

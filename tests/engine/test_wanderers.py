@@ -13,25 +13,25 @@ import pytest
 from conftest import ROOT, called, made
 from wanderers import WANDERING
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import registry
 from swarmsim.core.state import UNKNOWN
 from swarmsim.recording.reader import Recording
 from swarmsim.studies import results as res
 from swarmsim.studies.comparison import costs, head, lines
-from swarmsim.studies.engine import perform
+from swarmsim.studies.engine import run_job
 from swarmsim.studies.plan import open_study
 from swarmsim.studies.report import study_figures
 from swarmsim.studies.store import Store
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.legend import signs
-from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
 from swarmsim.view.theme import DARK
 from swarmsim.view.video import frame
 
 SIZE = (1280, 720)
-SETTINGS = [part for setting in WANDERING for part in ("--set", setting)]
+SETTINGS = [part for context in WANDERING for part in ("--set", context)]
 
 
 def recorded(path: Path, *overrides: str) -> Recording:
@@ -61,7 +61,7 @@ def test_a_picture_shows_the_measure_of_the_task_and_no_map(recording: Recording
     assert (scene.curves.mean, scene.curves.worst) == (None, None)
     assert scene.limits == (0.0, 0.6000000000000001)  # above 0.50, and a quarter of it is round
     assert (scene.cells(3) == UNKNOWN).all()
-    assert not {"free", "seen", "unexplored", "aim"} & {kind for kind, *_ in signs(scene, Look(), 1.0)}
+    assert not {"free", "seen", "unexplored", "aim"} & {kind for kind, *_ in signs(scene, Style(), 1.0)}
     assert Canvas(scene, SIZE)._panel._worded(0.1234) == "0.123 m"
     ways = [len(way) for way in shot.ways]
     assert ways == [0] * scene.robots
@@ -78,7 +78,7 @@ def test_the_floor_without_a_map_is_bright_and_a_line_shows_the_estimated_headin
     column, row = np.rint(ahead).astype(int)
     around = picture[row - 2 : row + 3, column - 2 : column + 3].astype(int)
     assert np.abs(around - DARK.curve).sum(axis=2).min() < 60
-    assert "heading" in {kind for kind, *_ in signs(scene, Look(), 1.0)}
+    assert "heading" in {kind for kind, *_ in signs(scene, Style(), 1.0)}
 
 
 def test_a_comparison_leaves_out_what_only_maps_have(recording: Recording, room: Path, tmp_path: Path) -> None:
@@ -152,7 +152,7 @@ def test_a_study_keeps_the_curve_of_its_task(study: Path, tmp_path: Path) -> Non
         plan = open_study(study)
         tasks = res.missing(plan, store)
         assert all(task.allow_code for task in tasks)
-        rows = [perform(task) for task in tasks]
+        rows = [run_job(task) for task in tasks]
         for row in rows:
             store.add(row)
         found = res.gather(plan, store)
@@ -189,10 +189,10 @@ def test_a_fault_in_words_may_be_code_of_ones_own(tmp_path: Path) -> None:
         "from swarmsim.core.events import Begins\n"
         "class Curse(msgspec.Struct, frozen=True, forbid_unknown_fields=True):\n"
         "    at: int\n"
-        "    def build(self, setting):\n        return Cursed(self.at, setting.number)\n"
+        "    def build(self, context):\n        return Cursed(self.at, context.number)\n"
         "class Cursed:\n"
         "    def __init__(self, at, number):\n        self.at, self.number = at, number\n"
-        "    def install(self, parts):\n        parts.calendar.enter(self)\n        return parts\n"
+        "    def install(self, parts):\n        parts.schedule.enter(self)\n        return parts\n"
         "    def advance(self, now):\n"
         "        return (Begins(now.iteration, self.number, (0,)),) if now.iteration == self.at else ()\n"
     )

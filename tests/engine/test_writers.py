@@ -10,11 +10,11 @@ import pytest
 from conftest import ROOT, called, readings_of
 from numpy.testing import assert_equal
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.lending import Lender, copied, frozen, lent
 from swarmsim.core.readings import Tiles
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import State
 from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests
@@ -32,9 +32,9 @@ from swarmsim.core.lending import copied
 from swarmsim.network.channel import Perfect
 from swarmsim.network.topology import NearestNeighbours
 from swarmsim.operations.mapping.computation import OccupancyGrid
-from swarmsim.operations.mapping.coverage import Coverage
-from swarmsim.operations.mapping.frontier import NearestFrontier
-from swarmsim.operations.mapping.sharing import CurrentTile
+from swarmsim.operations.mapping.measures.coverage import Coverage
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
+from swarmsim.operations.mapping.sharing.policies import CurrentTile
 from swarmsim.robots.localisation import Perfect as Placed
 from swarmsim.robots.motion import PurePursuit
 from swarmsim.robots.sensors import IrRing
@@ -113,53 +113,53 @@ class Base(Struct, frozen=True):
 
 
 class Sensor(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(IrRing().build(setting), self.how, "sense")
+    def build(self, context):
+        return Wrapped(IrRing().build(context), self.how, "sense")
 
 
 class Localisation(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(Placed().build(setting), self.how, "locate")
+    def build(self, context):
+        return Wrapped(Placed().build(context), self.how, "locate")
 
 
 class Computation(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(OccupancyGrid().build(setting), self.how, "say", "hear")
+    def build(self, context):
+        return Wrapped(OccupancyGrid().build(context), self.how, "say", "hear")
 
 
 class Hearing(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(OccupancyGrid().build(setting), self.how, "hear", "say")
+    def build(self, context):
+        return Wrapped(OccupancyGrid().build(context), self.how, "hear", "say")
 
 
 class Sharing(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(CurrentTile().build(setting), self.how, "say", "taken")
+    def build(self, context):
+        return Wrapped(CurrentTile().build(context), self.how, "say", "taken")
 
 
 class Strategy(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(NearestFrontier().build(setting), self.how, "step")
+    def build(self, context):
+        return Wrapped(NearestFrontier().build(context), self.how, "step")
 
 
 class Topology(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(NearestNeighbours(k=1).build(setting), self.how, "links")
+    def build(self, context):
+        return Wrapped(NearestNeighbours(k=1).build(context), self.how, "links")
 
 
 class Channel(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(Perfect().build(setting), self.how, "deliver")
+    def build(self, context):
+        return Wrapped(Perfect().build(context), self.how, "deliver")
 
 
 class Motion(Base, frozen=True):
-    def build(self, setting):
-        return Wrapped(PurePursuit().build(setting), self.how, "follow", "command")
+    def build(self, context):
+        return Wrapped(PurePursuit().build(context), self.how, "follow", "command")
 
 
 class Task(Base, frozen=True):
-    def build(self, setting):
-        return Judging(Coverage().build(setting), self.how, "measure")
+    def build(self, context):
+        return Judging(Coverage().build(context), self.how, "measure")
 
 
 class Judging(Wrapped):
@@ -170,11 +170,11 @@ class Judging(Wrapped):
 class Fault(Base, frozen=True):
     """Wraps the sensor, and looks at what happens between iterations."""
 
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def install(self, parts):
-        parts.calendar.enter(Wrapped(Calm(), self.how, "advance"))
+        parts.schedule.enter(Wrapped(Calm(), self.how, "advance"))
         return replace(parts, sensor=Wrapped(parts.sensor, self.how, "sense"))
 
 
@@ -188,9 +188,9 @@ class Builds(Base, frozen=True):
         if self.how.startswith("early "):
             ended(self.how.removeprefix("early "), ())
 
-    def build(self, setting):
+    def build(self, context):
         ended(self.how, ())
-        return NearestFrontier().build(setting)
+        return NearestFrontier().build(context)
 '''
 PLACES = {
     "Sensor": "sensor",

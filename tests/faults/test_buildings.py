@@ -13,11 +13,11 @@ from numpy.testing import assert_array_equal
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import boxes_at
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.core.state import FREE, OCCUPIED
 from swarmsim.engine.build import build
 from swarmsim.faults.building import Door, Schedule
-from swarmsim.operations.mapping.changes import Change, ChangeMeasures
+from swarmsim.operations.mapping.measures.changes import Change, ChangeMeasures
 from swarmsim.recording.digests import Digests
 from swarmsim.recording.reader import Recording
 
@@ -411,7 +411,7 @@ def test_a_box_waits_for_people_too() -> None:
     run.simulation.parts.building.crowds[0].discs[0, :2] = (3.0, 2.1)
     run.simulation.parts.building.crowds[0]._people = None  # it does not walk in this test
     run.simulation.parts.building.crowds[0].walk = None
-    builder = run.simulation.parts.calendar._entries[-1]
+    builder = run.simulation.parts.schedule._entries[-1]
     assert not builder._is_clear(DOORWAY)
     run.simulation.parts.building.crowds[0].discs[0, :2] = (1.0, 1.0)
     assert builder._is_clear(DOORWAY)

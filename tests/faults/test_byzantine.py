@@ -10,14 +10,14 @@ import pytest
 from conftest import Grids, made, moments_of, seen_as, setting_of, worded_of
 from numpy.testing import assert_array_equal
 
-from swarmsim.core import registry
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
-from swarmsim.core.part import Part
+from swarmsim.core.messages import Broadcast, Delivery, Inbox, MessageBuffer
 from swarmsim.core.parts import Parts
 from swarmsim.core.readings import Tiles
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Senses
 from swarmsim.faults.byzantine import Byzantine, LyingComputation
 from swarmsim.network.channel import letters
@@ -43,7 +43,7 @@ def named(table: dict) -> str:
     return "-".join(str(value) for value in table.values())
 
 
-def setting(robots: int = SWARM) -> Setting:
+def context(robots: int = SWARM) -> BuildContext:
     return setting_of(robots, LATTICE.shape, 1)
 
 
@@ -54,13 +54,13 @@ def grids(robots: int = SWARM) -> Grids:
 class Ears:
     """A computation that maps what it senses alone, and keeps what its policy takes in."""
 
-    knows = Maps
+    knowledge_type = Maps
 
     def __init__(self, policy: str) -> None:
-        self.policy = Part("sharing", {"use": policy}).build(setting())
+        self.policy = Part("sharing", {"use": policy}).build(context())
         self.grids = grids()
 
-    def say(self, senses: Senses) -> Said:
+    def say(self, senses: Senses) -> Broadcast:
         return self.policy.say(senses, self.grids)
 
     def hear(self, senses: Senses, inbox: Inbox) -> Inbox:
@@ -76,11 +76,11 @@ class Talk:
         self.ears = self.computation = Ears(policy)
         self.active = np.zeros(SWARM, np.bool_)
         if lie is not None:
-            effect = Byzantine(at=0, **lie).build(setting()).effect
+            effect = Byzantine(at=0, **lie).build(context()).effect
             parts = Parts(None, None, self.computation, *[None] * 9)
             self.computation = effect.wrap(parts, self.active).computation
             assert isinstance(self.computation, LyingComputation)
-        self.post, self.chance = PostOffice(), np.random.default_rng(seed)
+        self.post, self.chance = MessageBuffer(), np.random.default_rng(seed)
 
     def hear(self, iteration: int, lying: bool) -> SimpleNamespace:
         self.active[LIAR] = lying
@@ -303,7 +303,7 @@ def test_a_lie_that_cannot_be_told_is_refused(keys: str, words: str) -> None:
 
 def test_a_robot_alone_cannot_pass_itself_off_as_another() -> None:
     with pytest.raises(InputError, match="failure: a robot alone has nobody"):
-        Byzantine(at=0, failure="spoof", keep=0).build(setting(1))
+        Byzantine(at=0, failure="spoof", keep=0).build(context(1))
 
 
 def test_a_recording_holds_the_maps_of_those_who_were_told_of_places_outside_of_the_building(tmp_path: Path) -> None:

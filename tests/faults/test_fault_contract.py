@@ -13,8 +13,8 @@ import shapely
 from conftest import made, worded_of
 from numpy.testing import assert_array_equal
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import registry
 from swarmsim.recording.digests import Digests
 
 RADIUS = 0.055  # m: the default of robots

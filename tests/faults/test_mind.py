@@ -91,7 +91,7 @@ def test_nothing_happens_before_the_onset_and_events_tell_when_it_begins_and_end
 def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends: int = END) -> list:
     """What failing minds decide, and know, that are shown what a sound swarm perceived."""
     robots = watch.run.scenario.robots
-    place = watch.run.setting
+    place = watch.run.context
     active = np.zeros(robots.count, np.bool_)
     effect = Mind(at=0, failure=failure).build(place).effect
     plain = Mapper().build(place)

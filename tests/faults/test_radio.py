@@ -12,7 +12,7 @@ from scipy import stats
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Calendar, Now, Parts
+from swarmsim.core.parts import Parts, Schedule, Tick
 from swarmsim.core.state import Moment, State
 from swarmsim.faults.radio import Radio
 from swarmsim.network.channel import PerfectChannel
@@ -44,12 +44,12 @@ class Trial:
 
     def __init__(self, *faults: Radio, inner: object | None = None, pose: np.ndarray = POSE, seed: int = 1) -> None:
         self.bodies = Walking(pose)
-        self.calendar, self.events = Calendar(self.bodies.state()), []
-        setting = setting_of(len(pose), seed=seed)
+        self.schedule, self.events = Schedule(self.bodies.state()), []
+        context = setting_of(len(pose), seed=seed)
         inner = PerfectChannel() if inner is None else inner
-        parts = Parts(*[None] * 5, inner, None, self.bodies, None, None, self.calendar, None)
+        parts = Parts(*[None] * 5, inner, None, self.bodies, None, None, self.schedule, None)
         for number, fault in enumerate(faults):
-            parts = fault.build(replace(setting, number=number)).install(parts)
+            parts = fault.build(replace(context, number=number)).install(parts)
         self.parts = parts
         self._advance()
         self.sent: set[Letter] = set()
@@ -69,7 +69,7 @@ class Trial:
 
     def _advance(self) -> None:
         state = self.bodies.state()
-        self.events += self.calendar.advance(Now(state.iteration, state, state, 0.0))
+        self.events += self.schedule.advance(Tick(state.iteration, state, state, 0.0))
 
     def heard(self, iteration: int) -> set[Letter]:
         return {tuple(row[:3]) for row in self.deliveries[iteration].heard.tolist()}
@@ -356,9 +356,9 @@ def test_in_a_run_nothing_differs_before_the_onset() -> None:
     ],
 )
 def test_a_fault_that_cannot_work_is_refused(keys: dict[str, object], words: str) -> None:
-    setting = setting_of(4)
+    context = setting_of(4)
     with pytest.raises(InputError, match=words):
-        Radio(at=1, **keys).build(setting)
+        Radio(at=1, **keys).build(context)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from conftest import made, moments_of, readings_of
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Ends
 from swarmsim.core.parts import Parts
 from swarmsim.core.readings import Readings, Tiles
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
@@ -46,9 +46,9 @@ def parts(plain: Run) -> Parts:
     return plain.simulation.parts
 
 
-def setting(run: Run, robots: int = 3) -> Setting:
+def context(run: Run, robots: int = 3) -> BuildContext:
     assert run.scenario.robots.count == robots
-    return Setting.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
+    return BuildContext.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
 def check_the_rest(moments: list[Moment], parts: Parts) -> list[tuple[State, Tiles, Tiles]]:
@@ -212,7 +212,7 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
         Sensor(failure="offset", offset=(1, 1), at=0),
         Sensor(failure="stuck", value="free", at=0),
     ):
-        spoilt = fault.build(setting(plain)).install(replace(parts, sensor=Same())).sensor.sense(state).tiles
+        spoilt = fault.build(context(plain)).install(replace(parts, sensor=Same())).sensor.sense(state).tiles
         assert (spoilt.values != own.values).any() or (spoilt.origins != own.origins).any()
     np.testing.assert_array_equal(own.values, before[0])
     np.testing.assert_array_equal(own.origins, before[1])
@@ -225,7 +225,7 @@ def test_a_sensor_without_beams_cannot_lose_any(parts: Parts, plain: Run) -> Non
         def sense(self, state: State) -> Readings:
             return readings_of(Tiles(np.zeros((3, 6, 7), np.uint8), np.zeros((3, 2), np.int32)))
 
-    fault = Sensor(failure="beams", beams=[1], at=0).build(setting(plain))
+    fault = Sensor(failure="beams", beams=[1], at=0).build(context(plain))
     with pytest.raises(InputError, match=r"failure: this sensor has no beams.*ir-ring"):
         fault.install(replace(parts, sensor=Blind()))
 
@@ -252,7 +252,7 @@ def test_a_fault_that_cannot_work_is_refused(fault: str, words: str) -> None:
 
 
 def test_a_beam_that_is_not_there_is_refused_by_its_number(parts: Parts, plain: Run) -> None:
-    fault = Sensor(failure="beams", beams=[3, 72], at=0).build(setting(plain))
+    fault = Sensor(failure="beams", beams=[3, 72], at=0).build(context(plain))
     with pytest.raises(InputError, match="beams: there is no beam 72; expected 0 to 71"):
         fault.install(parts)
 

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.state import State
 from swarmsim.faults.timeline import Timed, Timeline
 
@@ -24,8 +24,8 @@ SLACK = 0.0035  # m: how far contacts give way
 
 
 def timeline(swarm: int = 5, seed: int = 1, number: int = 0, **keys: object) -> Timeline:
-    setting = replace(setting_of(swarm, (8, 8), seed, 1.0), number=number)
-    return Timeline(convert(keys, Timed), setting)
+    context = replace(setting_of(swarm, (8, 8), seed, 1.0), number=number)
+    return Timeline(convert(keys, Timed), context)
 
 
 def state(iteration: int, alive=5, places=None) -> State:

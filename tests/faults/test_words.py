@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner, Result
 
 from swarmsim.cli import app
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import Part
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.faults.in_words import described, fault_in_words
 
 

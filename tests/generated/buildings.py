@@ -10,7 +10,7 @@ from typing import Any
 import shapely
 from generated.keys import drawn
 
-from swarmsim.core import registry
+from swarmsim.core.scenario import registry
 
 #: Of each generator: sizes in m in which it makes something small; all are whole cells of 0.15 m.
 SMALL: dict[str, dict[str, Any]] = {

@@ -354,7 +354,7 @@ class _Ledger:
     def __init__(self, run: Run, says: _Says) -> None:
         self._says, self._under_way = says, set[tuple[int, int, int, int]]()
         self._layers = list(_stack(run.scenario.network.channel.table))
-        late = any(fault.says("failure", "") == "delay" for fault in run.scenario.faults)
+        late = any(fault.declares("failure", "") == "delay" for fault in run.scenario.faults)
         self._at_once = {layer["use"] for layer in self._layers} <= AT_ONCE and not late
         fixed = all(layer["use"] in AT_ONCE or layer.get("law") == "fixed" for layer in self._layers)
         self._delay = sum(int(layer.get("delay", 0)) for layer in self._layers) if fixed and not late else None
@@ -417,7 +417,8 @@ class _Count:
         kinds = {fault.use for fault in scenario.faults} | {scenario.mind.computation.table["share"]["use"]}
         self._excused = [BELIEVED[kind] for kind in BELIEVED if kind in kinds]
         keeps = not any(
-            fault.says("map", "") == "lost" or fault.says("failure", "") == "reboot" for fault in scenario.faults
+            fault.declares("map", "") == "lost" or fault.declares("failure", "") == "reboot"
+            for fault in scenario.faults
         )
         self._keeps = keeps and not scenario.mind.computation.table.get("decay")
         self._share = scenario.task.table["share"]

@@ -13,8 +13,8 @@ from generated.buildings import place
 from generated.keys import OMITTED, Own, drawn
 from generated.timelines import Timelines
 
-from swarmsim.core import registry
-from swarmsim.core.platforms import PLATFORMS
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.platforms import PLATFORMS
 
 Table = dict[str, Any]
 

@@ -12,7 +12,7 @@ from generated.mutants import mutant
 from generated.scenarios import scenario
 from generated.trials import survives, tried, tried_all
 
-from swarmsim.core import registry
+from swarmsim.core.scenario import registry
 from swarmsim.core.seams import SEAMS
 
 SCENARIOS, BATCH = 300, 25

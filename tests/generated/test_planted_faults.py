@@ -17,8 +17,8 @@ from swarmsim.core.state import FREE, UNKNOWN
 from swarmsim.network.channel import PerfectChannel
 from swarmsim.network.delays import LatentChannel
 from swarmsim.network.losses import LossyChannel
-from swarmsim.operations.mapping.coverage import CoverageTask
 from swarmsim.operations.mapping.grids import OccupancyGrids
+from swarmsim.operations.mapping.measures.coverage import CoverageTask
 from swarmsim.robots.bodies import DifferentialDrive
 from swarmsim.robots.sensors import IrRingSensor
 

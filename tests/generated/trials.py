@@ -12,9 +12,9 @@ from generated.mutants import Mutant
 from generated.oracles import Witness
 from generated.scenarios import Scenario, scenario
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.reader import Recording
 

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from shapely.affinity import rotate, scale
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.robots import Robots
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.core.streams import Streams
 from swarmsim.kernels import rays
@@ -67,7 +67,7 @@ def swarm(pose, alive=None):
 
 def sensor(walls=NO_WALLS, grid=None, radius=0.055, **parameters):
     robots = Robots(count=1, spawn="anywhere", radius=radius)
-    return IrRing(**parameters).build(Setting.of(robots, grid or lattice(), 1.0, Streams(1), building(walls)))
+    return IrRing(**parameters).build(BuildContext.of(robots, grid or lattice(), 1.0, Streams(1), building(walls)))
 
 
 def outline(solid):
@@ -484,9 +484,9 @@ def test_ranges_are_those_of_single_beams_and_tiles_stay_as_they_are() -> None:
     pose = np.column_stack([rng.uniform(0.3, 5.7, 9), rng.uniform(0.3, 4.7, 9), rng.uniform(-3.0, 3.0, 9)])
     alive = np.arange(9) != 4
     state = State(0, pose, np.zeros((9, 3)), np.zeros((9, 2)), alive)
-    setting = setting_of(9, shape=(40, 48), walls=walls)
-    plain = IrRing().build(setting).sense(state)
-    both = IrRing(ranges=True, reach=1.0).build(setting).sense(state)
+    context = setting_of(9, shape=(40, 48), walls=walls)
+    plain = IrRing().build(context).sense(state)
+    both = IrRing(ranges=True, reach=1.0).build(context).sense(state)
     assert plain.beams is None
     np.testing.assert_array_equal(both.tiles.values, plain.tiles.values)
     for robot in range(9):
@@ -499,7 +499,7 @@ def test_ranges_are_those_of_single_beams_and_tiles_stay_as_they_are() -> None:
             to = np.concatenate([(side - pose[robot, :2]) / u for side in (np.zeros(2), np.array([6.0, 5.0]))], axis=1)
         expected = np.where(to > 0.0, to, np.inf).min(axis=1)
         np.testing.assert_allclose(both.beams.ranges[robot], np.where(expected <= 1.0, expected, np.inf), atol=1e-9)
-    dead = IrRing(ranges=True).build(setting).without([0, 5]).sense(state).beams.ranges
+    dead = IrRing(ranges=True).build(context).without([0, 5]).sense(state).beams.ranges
     left = np.delete(np.arange(72), [0, 5])
     assert np.isnan(dead[:, [0, 5]]).all()
     np.testing.assert_array_equal(dead[:, left], both.beams.ranges[:, left])

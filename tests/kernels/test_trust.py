@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
+from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 
 SHAPE, TILE, SWARM = (5, 8), (2, 3), 4
 HIT, MISS, LOW, HIGH = (np.float32(np.log(p / (1.0 - p))) for p in (0.9, 0.4, 0.12, 0.97))
@@ -32,7 +32,7 @@ class Believer:
         self.own: set = set()
         self.said: dict = {}
 
-    def forget(self, cells) -> None:
+    def reset(self, cells) -> None:
         """Cells that fade from its map; nothing of what it knew about them stays."""
         for cell in cells:
             known = cell in self.log_odds
@@ -80,7 +80,7 @@ def cells_of(tile, origin):
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.booleans())
 def test_wary_grids_are_those_of_a_plain_believer(seed, quorum, fades) -> None:
     chance = np.random.default_rng(seed)
-    ours, plain = WaryGrids(grids(), quorum), [Believer(quorum) for _ in range(SWARM)]
+    ours, plain = QuorumGrids(grids(), quorum), [Believer(quorum) for _ in range(SWARM)]
     for _ in range(18):
         alive = chance.random(SWARM) < 0.8
         tiles = Tiles(
@@ -115,12 +115,12 @@ def test_wary_grids_are_those_of_a_plain_believer(seed, quorum, fades) -> None:
                 gone = chance.random(SHAPE) < 0.05
                 ours.observed[robot][gone] = False
                 ours.log_odds[robot][gone] = 0.0
-                believer.forget([tuple(cell) for cell in np.argwhere(gone).tolist()])
+                believer.reset([tuple(cell) for cell in np.argwhere(gone).tolist()])
 
 
 def told(quorum: int, *messages: tuple[int, int], own: int = UNKNOWN, swarm: int = 200) -> float:
     """The log-odds of one cell after its robot was told so (sender, value), one a iteration, then sensed it."""
-    wary = WaryGrids(OccupancyGrids(swarm, Lattice(0.0, 0.0, 0.15, 1, 8), 0.9, 0.4, 0.12, 0.97), quorum)
+    wary = QuorumGrids(OccupancyGrids(swarm, Lattice(0.0, 0.0, 0.15, 1, 8), 0.9, 0.4, 0.12, 0.97), quorum)
     alive = np.arange(swarm) == 0
     tiles, origins = np.zeros((swarm, 1, 1), np.uint8), np.zeros((swarm, 2), np.int32)
     for sender, value in messages:
@@ -154,7 +154,7 @@ def test_what_a_robot_senses_voids_all_that_it_was_told(quorum) -> None:
 
 
 def test_a_robot_that_loses_its_map_loses_what_it_was_told() -> None:
-    wary = WaryGrids(grids(2), 2)
+    wary = QuorumGrids(grids(2), 2)
     alive, origins = np.ones(2, bool), np.array([[0, 0], [3, 4]], np.int32)
     tiles = Tiles(np.full((2, *TILE), FREE, np.uint8), origins)
 
@@ -164,7 +164,7 @@ def test_a_robot_that_loses_its_map_loses_what_it_was_told() -> None:
         )
 
     hear(1)
-    wary.forget(np.array([0]))
+    wary.reset(np.array([0]))
     hear(2)
     assert wary.observed[0].sum() == 6
     hear(1)
@@ -216,7 +216,7 @@ def test_liars_who_are_as_many_as_the_quorum_are_believed_and_one_more_witness_s
 
 
 def test_a_quorum_of_names_is_no_defence_against_one_robot_that_invents_them() -> None:
-    """Every false name counts as a sender: the limit that WaryGrids states."""
+    """Every false name counts as a sender: the limit that QuorumGrids states."""
     faults = (
         '{use="byzantine", failure="occupied", at=0, robots=[0]}, {use="byzantine", failure="spoof", at=0, robots=[0]}'
     )

@@ -10,7 +10,7 @@ from conftest import ROOT
 from gymnasium.utils.env_checker import check_env
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.learning import ACTIONS, RobotEnv, SwarmEnv
 from swarmsim.learning.environment import _joined

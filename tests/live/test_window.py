@@ -15,7 +15,7 @@ from conftest import ROOT
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, BoxStands
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.live.session import Replay, Session
 from swarmsim.recording.reader import Recording
 
@@ -95,7 +95,7 @@ def test_a_live_run_goes_on_pauses_steps_and_goes_back(session: Session, tmp_pat
 
 
 def test_what_is_seen_while_it_runs_is_what_is_recorded(session: Session, tmp_path: Path) -> None:
-    from swarmsim.view.look import Look
+    from swarmsim.view.style import Style
     from swarmsim.view.video import frame
 
     opened = window(session, tmp_path)
@@ -109,7 +109,7 @@ def test_what_is_seen_while_it_runs_is_what_is_recorded(session: Session, tmp_pa
 
     assert np.array_equal(Scene(whole).at(12.5).pose, shot.pose)
     assert np.array_equal(Scene(whole).cells(12), opened._scene.cells(12))
-    bare = Look(layers=frozenset())
+    bare = Style(layers=frozenset())
     assert frame(whole, 12.5, (640, 360), bare).any()
 
 

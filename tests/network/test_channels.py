@@ -15,16 +15,17 @@ from conftest import ROOT, building, made
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmsim.core import chance, registry
+from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
-from swarmsim.core.part import Part
 from swarmsim.core.parts import Channel
-from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import decode, load, table_of
-from swarmsim.core.schema import schema
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import decode, load, table_of
+from swarmsim.core.scenario.part import Part
+from swarmsim.core.scenario.robots import Robots
+from swarmsim.core.scenario.schema import schema
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import build
@@ -51,13 +52,13 @@ TABLES = [{"use": name, **REQUIRED.get(name, {})} for name in registry.known("ch
 every_channel = pytest.mark.parametrize("table", TABLES, ids=lambda table: table["use"])
 
 
-def setting(robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Setting:
+def context(robots: int, seed: int = 1, period: float = 1.0, walls=()) -> BuildContext:
     lattice = Lattice(0.0, 0.0, 0.15, 40, 40)
-    return Setting.of(Robots(count=robots, spawn="room"), lattice, period, Streams(seed), building(walls))
+    return BuildContext.of(Robots(count=robots, spawn="room"), lattice, period, Streams(seed), building(walls))
 
 
 def opened(table: dict, robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Channel:
-    return Part("channel", table).build(setting(robots, seed, period, walls))
+    return Part("channel", table).build(context(robots, seed, period, walls))
 
 
 def state_of(iteration: int, alive: np.ndarray, places: np.ndarray | None = None) -> State:

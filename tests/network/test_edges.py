@@ -4,8 +4,8 @@ import pytest
 from test_topology import pairs, topology
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import with_files
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.files import with_files
 
 
 def test_edges_are_the_listed_links_in_order():

@@ -8,12 +8,12 @@ import pytest
 from conftest import ROOT, building
 from numpy.testing import assert_array_equal
 
-from swarmsim.core import registry
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.part import Part
-from swarmsim.core.robots import Robots
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import State
 from swarmsim.core.streams import Streams
 from swarmsim.kernels import graph
@@ -35,7 +35,7 @@ def needed(use, count):
 
 
 def topology(use, count, place=None, seed=1, **parameters):
-    setting = Setting.of(
+    context = BuildContext.of(
         Robots(count=count, spawn="room"),
         Lattice(0.0, 0.0, 0.15, 30, 30),
         1.0,
@@ -43,7 +43,7 @@ def topology(use, count, place=None, seed=1, **parameters):
         building() if place is None else place,
     )
     table = {"use": use, **needed(use, count), **parameters}
-    return Part("topology", table).build(setting)
+    return Part("topology", table).build(context)
 
 
 def swarm(positions, alive=None, iteration=0):

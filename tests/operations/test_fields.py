@@ -14,7 +14,7 @@ from PIL import Image
 from scipy import stats
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.files import read_rows
+from swarmsim.core.scenario.files import read_rows
 from swarmsim.operations.fields.estimate import Basis
 from swarmsim.operations.fields.replay import FieldReplay
 from swarmsim.operations.fields.truth import Formula, FormulaField, Picture, PictureField, Source, SourceField, Sources

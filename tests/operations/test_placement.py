@@ -12,8 +12,8 @@ from scipy.spatial import distance
 
 from swarmsim.core.errors import InputError
 from swarmsim.operations.placement.covering import centroid
-from swarmsim.operations.placement.gathering import centres
 from swarmsim.operations.placement.positions import Positions
+from swarmsim.operations.placement.rendezvous import centres
 
 GO_ON = 'stop.when_done="go-on"'
 SQUARE = shapely.LinearRing([(1.5, 1.5), (6.5, 1.5), (6.5, 6.5), (1.5, 6.5)])

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 import swarmsim
 from swarmsim.cli import app
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import text_of
@@ -36,7 +36,7 @@ class Own(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: str = "own"
     how: str = "well"
 
-    def build(self, setting):
+    def build(self, context):
         return Probe(self.how)
 
 
@@ -83,7 +83,7 @@ class Probe:
 
 
 class Plain(Struct):
-    def build(self, setting):
+    def build(self, context):
         return Probe("well")
 '''
 

@@ -11,7 +11,7 @@ from conftest import made
 from swarmsim.core.parts import Curve
 from swarmsim.operations.consensus import alignment
 from swarmsim.operations.fields import reconstruction
-from swarmsim.operations.mapping.coverage import CURVE
+from swarmsim.operations.mapping.measures.coverage import CURVE
 from swarmsim.recording.measures import SHARES, RunMeasures, times_of
 from swarmsim.recording.reader import Recording
 from swarmsim.view.page.payload import payload

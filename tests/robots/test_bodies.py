@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial import cKDTree
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.robots import Robots
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.engine.build import build
 from swarmsim.kernels import drive
 from swarmsim.robots.bodies import DifferentialDrive, Pymunk

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from conftest import made, moments_of, setting_of
 
-from swarmsim.core import declarations, registry
-from swarmsim.core.decoding import convert
+from swarmsim.core import declarations
 from swarmsim.core.errors import InputError
 from swarmsim.core.readings import Channel, Channels, Readings, ragged, range_channel, tile_channels
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.state import State
 from swarmsim.recording.columns import columns_of
 from swarmsim.recording.digests import hashed
@@ -138,11 +139,11 @@ def test_further_channels_are_recorded_digested_struck_and_read_back(tmp_path: P
 MIND = """
 class Mine:
     requires = ("neighbours",)
-    shows = ("nearest", "rows", "corner")
+    recorded = ("nearest", "rows", "corner")
 
     def hear(self, me):
         self.rows = len(me.neighbours)
-        self.nearest = me.reads.neighbours[0][0] if self.rows else -1.0
+        self.nearest = me.readings.neighbours[0][0] if self.rows else -1.0
         self.corner = 0.0 if me.tile is None else 1.0
         try:
             me.neighbors
@@ -264,10 +265,10 @@ def test_groups_with_equal_rings_wander_and_unequal_ones_are_refused() -> None:
 def test_what_one_group_alone_has_is_blank_for_the_others_and_found_by_its_own_name(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("""
 class Mine:
-    shows = ("rows",)
+    recorded = ("rows",)
 
     def hear(self, me):
-        self.rows = len(me.reads.neighbours) if me.id else -hasattr(me, "neighbours") - 1
+        self.rows = len(me.readings.neighbours) if me.id else -hasattr(me, "neighbours") - 1
 
     def step(self, me):
         pass
@@ -290,10 +291,10 @@ class Mine:
 
 def test_evidence_of_mixed_tiles_is_there_whatever_is_measured() -> None:
     ideal, erring = ({"use": "ir-ring", "tile": size} for size in ([4, 5], [6, 7]))
-    setting = setting_of(2, shape=(40, 40))
+    context = setting_of(2, shape=(40, 40))
     sensors = [convert({k: v for k, v in {**one, **more}.items() if k != "use"}, registry.find("sensor", "ir-ring"))
                for one, more in ((ideal, {}), (erring, {"preset": "gternal"}))]  # fmt: skip
-    mixed = MixedSensor([(one.build(setting), np.array([i])) for i, one in enumerate(sensors)])
+    mixed = MixedSensor([(one.build(context), np.array([i])) for i, one in enumerate(sensors)])
     names = ["tiles.values", "tiles.origins", "tiles.evidence"]
     assert [channel.name for channel in mixed.channels] == names
     found = mixed.sense(state_of([[3.0, 3.0, 0.0], [2.0, 2.0, 0.0]], [True, False])).tiles
@@ -306,8 +307,8 @@ def test_evidence_of_mixed_tiles_is_there_whatever_is_measured() -> None:
 
 
 def test_what_lies_in_the_world_moves_rigidly_with_its_robot_and_the_rest_by_cells_or_not_at_all() -> None:
-    setting = setting_of(2, shape=(99, 99))
-    lattice = setting.lattice
+    context = setting_of(2, shape=(99, 99))
+    lattice = context.lattice
     channels = Channels(
         Channel("place", shape=(2,), frame="world"), Channel("poses", shape=(4, 3), frame="world"),
         Channel("heading", frame="world"), Channel("cell", "i4", (2,), frame="cells", structure=True), Channel("own"),
@@ -345,7 +346,7 @@ def test_a_localisation_of_ones_own_is_recorded_as_erring_and_steered_by(tmp_pat
 from msgspec import Struct
 
 class Mine(Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return self
 
     def locate(self, state):
@@ -394,7 +395,7 @@ from msgspec import Struct
 from swarmsim.core.readings import Channel, Channels, Readings
 
 class Mine(Struct, frozen=True):
-    def build(self, setting):
+    def build(self, context):
         return Sensing()
 
 class Sensing:
@@ -404,7 +405,7 @@ class Sensing:
         return Readings(self.channels, (np.zeros(state.robots),))
 
 class Mind:
-    shows = ("energy",)
+    recorded = ("energy",)
     energy = 0.0
 
     def step(self, me):
@@ -494,8 +495,8 @@ def test_locality_checks_keep_every_column() -> None:
 
 
 def test_a_suite_gives_what_its_sensors_give_alone() -> None:
-    setting = setting_of(3)
-    near, bump = convert({"reach": 5.0}, Neighbours).build(setting), convert({}, Bump).build(setting)
+    context = setting_of(3)
+    near, bump = convert({"reach": 5.0}, Neighbours).build(context), convert({}, Bump).build(context)
     state = state_of([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [1.0, 1.0, 0.0]])
     suite = Suite([near, bump], ["", "front"]).sense(state)
     np.testing.assert_array_equal(suite["neighbours"], near.sense(state)["neighbours"])
@@ -511,7 +512,7 @@ def test_the_sensor_on_the_page_is_recorded_struck_and_seen(tmp_path: Path, root
     (tmp_path / "mind.py").write_text("""
 class Mine:
     requires = ("light",)
-    shows = ("left",)
+    recorded = ("left",)
 
     def hear(self, me):
         self.left = me.light[0]

@@ -7,8 +7,8 @@ import pytest
 from conftest import made, moments_of, readings_of, setting_of
 from scipy import stats
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.readings import Tiles
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.state import State
 from swarmsim.robots.localisation import Noisy, Odometry
 

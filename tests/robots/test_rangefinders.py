@@ -7,9 +7,9 @@ import pytest
 from conftest import made, setting_of
 from scipy import stats
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, State
 from swarmsim.kernels import evidence, occupancy
 from swarmsim.recording.digests import Digests

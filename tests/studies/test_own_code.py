@@ -16,9 +16,9 @@ import pytest
 from conftest import ROOT, called
 
 import swarmsim
-from swarmsim.core import registry
+from swarmsim.core.scenario import registry
 from swarmsim.studies import results as res
-from swarmsim.studies.engine import accepted, crew, perform
+from swarmsim.studies.engine import accepted, run_job, worker_pool
 from swarmsim.studies.plan import open_study
 from swarmsim.studies.store import Row, Store
 
@@ -101,7 +101,7 @@ def by(workers: Callable[..., Iterator[Row]], folder: Path) -> tuple[str, dict[s
 
 @pytest.fixture(scope="module")
 def local() -> Iterator[Answer]:
-    with crew(1) as workers:
+    with worker_pool(1) as workers:
         yield lambda folder: by(workers, folder)
 
 
@@ -133,7 +133,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def standing(address: str) -> Iterator[Answer]:
-    with crew(1, address) as workers:
+    with worker_pool(1, address) as workers:
         yield lambda folder: by(workers, folder)
 
 
@@ -207,10 +207,10 @@ def test_a_run_that_is_under_way_keeps_the_code_that_it_was_planned_with(folder:
     with registry.own_code(True), Store(Path(":memory:")) as store:
         plan = open_study(folder / "study.toml")
         (task,) = res.missing(plan, store)
-    before = perform(task)
+    before = run_job(task)
     edited.write_text(after)
     (folder / "mind.py").unlink()
-    assert (perform(pickle.loads(pickle.dumps(task))).digest, before.message) == (before.digest, None)
+    assert (run_job(pickle.loads(pickle.dumps(task))).digest, before.message) == (before.digest, None)
 
 
 def test_a_worker_with_another_swarmsim_refuses(folder: Path, tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_a_row_that_tells_other_code_is_no_result(folder: Path) -> None:
     written(folder, "one file")
     with registry.own_code(True), Store(Path(":memory:")) as store:
         (task,) = res.missing(open_study(folder / "study.toml"), store)
-    row = replace(perform(task), code={})
+    row = replace(run_job(task), code={})
     kept = accepted(task, row)
     assert (kept.status, kept.digest) == ("failed", None)
     assert "refused: a worker has other code" in kept.message

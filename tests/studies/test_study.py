@@ -17,12 +17,12 @@ import pyarrow.parquet as parquet
 import pytest
 from conftest import ROOT, called
 
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import registry
 from swarmsim.recording import measures
 from swarmsim.studies import results as res
 from swarmsim.studies import selection
-from swarmsim.studies.engine import execute, perform
+from swarmsim.studies.engine import execute, run_job
 from swarmsim.studies.plan import open_study
 from swarmsim.studies.selection import Answer, best
 from swarmsim.studies.store import Row, Store
@@ -194,7 +194,7 @@ def test_results_are_those_of_single_runs(done) -> None:
     assert all(result.missing == 0 and len(result.rows) == 3 for result in found.values())
     with Store(Path(":memory:")) as empty:
         task = next(t for t in res.missing(plan, empty) if t.condition == "k=2" and t.seed == 2)
-    alone, kept_row = perform(task), found["k=2"].rows[1]
+    alone, kept_row = run_job(task), found["k=2"].rows[1]
     assert (alone.digest, alone.iterations, alone.summary) == (kept_row.digest, kept_row.iterations, kept_row.summary)
     np.testing.assert_array_equal(alone.curve, kept_row.curve)
     assert len(kept_row.curve) == kept_row.iterations
@@ -220,7 +220,7 @@ def test_a_run_that_raises_is_kept_as_failed_and_the_others_go_on(study: Path, t
     (tmp_path / "broken_part.py").write_text(
         "import msgspec\n"
         "class Broken(msgspec.Struct, frozen=True, forbid_unknown_fields=True):\n"
-        "    def build(self, setting):\n        return self\n"
+        "    def build(self, context):\n        return self\n"
         "    def links(self, state):\n        raise RuntimeError('the mast broke')\n"
     )
     study.write_text(
@@ -332,7 +332,7 @@ def test_times_in_a_table_are_of_coverage_and_not_of_the_share_asked_for(tmp_pat
     study.write_text(text[: text.index("[[vary]]")])
     with Store(store) as kept:
         for task in res.missing(open_study(study), kept):
-            kept.add(perform(task))
+            kept.add(run_job(task))
     assert called("study", "export", study, "--store", store, "--csv", out).returncode == 0
     (row,) = csv.DictReader(out.read_text().splitlines())
     assert row["status"] == "finished"

@@ -9,7 +9,7 @@ import pytest
 from conftest import ROOT, called
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
 from swarmsim.studies import worst
 from swarmsim.studies.store import Row
 
@@ -20,14 +20,14 @@ SOUND = 200
 def search(fails, scenario=SCENARIO, **keys) -> worst.Search:
     """A search in which runs are not simulated: they last twice as long if `fails` says so of their faults."""
 
-    def perform(tasks):
+    def run_jobs(tasks):
         for task in reversed(tasks):  # in any order
             took = 2 * SOUND + 50 if fails(task.scenario.faults, task.seed) else SOUND
             done = took <= task.scenario.stop.iterations
             status = "finished" if done else "not finished"
             yield Row(task.identity, task.condition, task.seed, status, min(took, 5000), {}, None, None, {}, 0.0, None)
 
-    return worst.Search(scenario, "", perform, **keys)
+    return worst.Search(scenario, "", run_jobs, **keys)
 
 
 def test_shrinking_finds_the_least_that_fails() -> None:

@@ -9,9 +9,9 @@ import pytest
 from conftest import ROOT, made, setting_of
 
 from swarmsim import testing
-from swarmsim.core import registry
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import Part
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.engine import contracts
 
 SCENARIOS = sorted(
@@ -83,7 +83,7 @@ def test_a_robot_of_a_mixed_swarm_has_the_body_of_its_own_kind(check) -> None:
 
 
 def test_a_setting_for_some_robots_speaks_of_these() -> None:
-    whole = made(KINDS, scenario="exploring").setting
+    whole = made(KINDS, scenario="exploring").context
     some = whole.serving(np.array([8, 0, 5]))
     assert (whole.swarm, some.swarm) == (10, 10)
     assert some.robots.each("speed").tolist() == [0.15, 0.1, 0.15]
@@ -112,7 +112,7 @@ import numpy as np
 from msgspec import Struct
 
 from swarmsim.operations.mapping.computation import OccupancyGrid
-from swarmsim.operations.mapping.frontier import NearestFrontier
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.operations.mapping.maps import Maps
 
 
@@ -121,17 +121,17 @@ class ByRow(Struct, frozen=True):
 
     sizes: bool = False
 
-    def build(self, setting):
-        return Signed(OccupancyGrid().build(setting), self.sizes)
+    def build(self, context):
+        return Signed(OccupancyGrid().build(context), self.sizes)
 
 
 class Signed:
-    knows = Maps
+    knowledge_type = Maps
     codec = property(lambda self: self.inner.codec)
 
     def __init__(self, inner, sizes):
         self.inner, self.sizes = inner, sizes
-        self.hear, self.forget, self.adopt = inner.hear, inner.forget, inner.adopt
+        self.hear, self.reset, self.copy_from = inner.hear, inner.reset, inner.copy_from
 
     def say(self, *given):
         said = self.inner.say(*given)

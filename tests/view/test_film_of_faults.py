@@ -12,10 +12,10 @@ from swarmsim.core.events import Begins
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.legend import signs
-from swarmsim.view.look import Look
-from swarmsim.view.occurrences import noted
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
 from swarmsim.view.theme import DARK
+from swarmsim.view.timeline import noted
 from swarmsim.view.video import frame
 
 SIZE = (1280, 720)
@@ -92,8 +92,8 @@ def test_marks_on_the_curve_are_named_by_what_begins(scene: Scene) -> None:
 
 def test_the_legend_explains_what_is_shown_and_nothing_else(scene: Scene, room: Path) -> None:
     rare = {"fault", "dead", "removed", "box", "mark"}
-    assert rare <= {kind for kind, *_ in signs(scene, Look(), 1.0)}
-    assert not rare & {kind for kind, *_ in signs(Scene(Recording(room)), Look(), 1.0)}
+    assert rare <= {kind for kind, *_ in signs(scene, Style(), 1.0)}
+    assert not rare & {kind for kind, *_ in signs(Scene(Recording(room)), Style(), 1.0)}
 
 
 def colours(recording: Recording, iteration: int, points: np.ndarray) -> list[tuple[int, ...]]:

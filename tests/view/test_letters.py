@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.lettering import Lettering
-from swarmsim.view.look import Look
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
 from swarmsim.view.theme import THEMES, Colour
 
 FONTS = (Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), Path(pygame.__file__).parent / "freesansbold.ttf")
@@ -136,7 +136,7 @@ def shown(recording: Recording, monkeypatch: pytest.MonkeyPatch, value: float, m
 )
 def test_numbers_are_read_from_frames(recording, monkeypatch, theme, size, value, messages, texts) -> None:
     shown(recording, monkeypatch, value, messages)
-    canvas, colours = Canvas(Scene(recording), size, Look(theme=theme)), THEMES[theme]
+    canvas, colours = Canvas(Scene(recording), size, Style(theme=theme)), THEMES[theme]
     picture = pixels(canvas.draw(40.0))
     left, top = canvas._room.topleft
     panel = canvas._panel

@@ -14,15 +14,15 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
-from swarmsim.view.cards import first_lines, last_lines
 from swarmsim.view.discs import LEAST
-from swarmsim.view.look import LAYERS, Look, look
 from swarmsim.view.scene import Scene
+from swarmsim.view.style import LAYERS, Style, look
 from swarmsim.view.theme import DARK, THEMES, Theme
+from swarmsim.view.title_cards import first_lines, last_lines
 from swarmsim.view.video import Film, Stage, frame, write_film
 
 SIZE = (1280, 720)
-BARE = Look(layers=frozenset())
+BARE = Style(layers=frozenset())
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def colours(picture: np.ndarray, canvas: Canvas, cells: np.ndarray, scene: Scene
 @pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
 def test_floor_is_coloured_by_how_many_robots_know_it(recording: Recording, theme: Theme) -> None:
     scene = Scene(recording)
-    view = Look(theme=next(name for name, one in THEMES.items() if one is theme), layers=frozenset())
+    view = Style(theme=next(name for name, one in THEMES.items() if one is theme), layers=frozenset())
     canvas, row = Canvas(scene, SIZE, view), 40
     known, cells = scene.known(row).copy(), scene.cells(row)
     maps = np.stack([scene.own_cells(robot, row) for robot in range(scene.robots)])
@@ -70,7 +70,7 @@ def test_floor_is_coloured_by_how_many_robots_know_it(recording: Recording, them
 @pytest.mark.parametrize("robot", [0, 2])
 def test_focus_shows_the_map_of_one_robot(recording: Recording, robot: int) -> None:
     scene, row = Scene(recording), 30
-    view = Look(layers=frozenset(), focus=robot)
+    view = Style(layers=frozenset(), focus=robot)
     canvas = Canvas(scene, SIZE, view)
     own = scene.own_cells(robot, row).copy()
     picture = frame(recording, row, SIZE, view)
@@ -136,7 +136,7 @@ def test_people_and_states_and_fates_are_in_the_shot(busy: Recording) -> None:
     assert sorted(map(tuple, shot.lost.tolist())) == sorted(map(tuple, letters[letters[:, 4] > 0, :2].tolist()))
     assert shot.heard == (letters[:, 4] == 0).sum() > 0
     assert len(shot.lost) > 0
-    view = Look(layers=frozenset({"people"}))
+    view = Style(layers=frozenset({"people"}))
     canvas = Canvas(scene, SIZE, view)
     x, y = np.rint(canvas.pixels(shot.people[0, :2])).astype(int)
     ring = round(0.7 * canvas.camera.scale * shot.people[0, 2])
@@ -176,13 +176,13 @@ def test_layers_can_be_shown_and_hidden(busy: Recording) -> None:
     full, bare = frame(busy, 20, SIZE), frame(busy, 20, SIZE, BARE)
     assert (full[:, 960:] != bare[:, 960:]).any()
     for layer in LAYERS.keys() - {"beams"}:
-        assert not np.array_equal(frame(busy, 20, SIZE, Look(layers=frozenset(LAYERS) - {layer})), full), layer
-    one = Look(robots=(1,))
+        assert not np.array_equal(frame(busy, 20, SIZE, Style(layers=frozenset(LAYERS) - {layer})), full), layer
+    one = Style(robots=(1,))
     assert not np.array_equal(frame(busy, 20, SIZE, one), full)
 
 
 def test_looks_are_made_from_words_and_wrong_ones_are_named(busy: Recording) -> None:
-    assert look("light", "tiles,links", "links", 1, "0, 2") == Look("light", frozenset({"tiles"}), 1, (0, 2))
+    assert look("light", "tiles,links", "links", 1, "0, 2") == Style("light", frozenset({"tiles"}), 1, (0, 2))
     for words, message in (
         (("pink", None, None, None, None), "--theme pink: no such theme; expected dark or light"),
         (("dark", "tile", None, None, None), "--show tile: no such layer; expected some of beams, tiles"),
@@ -191,7 +191,7 @@ def test_looks_are_made_from_words_and_wrong_ones_are_named(busy: Recording) -> 
     ):
         with pytest.raises(InputError, match=message):
             look(*words)
-    for wrong in (Look(focus=4), Look(robots=(9,))):
+    for wrong in (Style(focus=4), Style(robots=(9,))):
         with pytest.raises(InputError, match="no such robot; expected 0 to 3"):
             frame(busy, 1, SIZE, wrong)
 

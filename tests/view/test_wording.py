@@ -9,7 +9,7 @@ import pytest
 from conftest import made
 
 from swarmsim.core.events import Begins, BoxGone, BoxStands, BoxWaits, Ended, Ends
-from swarmsim.view.occurrences import noted
+from swarmsim.view.timeline import noted
 from swarmsim.view.wording import worded
 
 BOX = (3.9, 0.9, 4.3, 1.3)

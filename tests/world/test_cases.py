@@ -15,10 +15,10 @@ from drawn import read_floor_plan
 from numpy.typing import NDArray
 
 from swarmsim.cli.worlds import CELL
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.part import plain
-from swarmsim.core.scenario import World, load
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World, load
+from swarmsim.core.scenario.part import plain
 from swarmsim.engine.build import build
 from swarmsim.engine.inspection import Inspection, inspect
 from swarmsim.world import svg

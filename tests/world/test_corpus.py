@@ -10,8 +10,8 @@ import shapely
 from buildings import ALL, AXES, Made, floor_in, lines, plan_in, svg
 from drawn import read_floor_plan
 
-from swarmsim.core.part import plain
-from swarmsim.core.scenario import load
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.part import plain
 from swarmsim.engine.build import build
 
 

@@ -16,9 +16,9 @@ from drawn import read_floor_plan
 from PIL import Image
 from scipy import ndimage
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan, read_world

@@ -17,12 +17,12 @@ from ezdxf import xclip
 from ezdxf.document import Drawing as Document
 from shapely import MultiPolygon
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World
-from swarmsim.world import primitives
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.world.areas import polygons
-from swarmsim.world.dxf import THIN, WALL, read
+from swarmsim.world.cad import primitives
+from swarmsim.world.cad.dxf import THIN, WALL, read
 from swarmsim.world.plan import SOLID_LAYERS, FloorPlan
 from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing

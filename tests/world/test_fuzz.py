@@ -14,12 +14,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World, load
-from swarmsim.world import imdf, osm, sdf, stage
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World, load
+from swarmsim.world.indoor import imdf, osm
 from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
+from swarmsim.world.simulators import sdf, stage
 from swarmsim.world.source import floor_plan, read_world
 
 ROOT = Path(__file__).parents[2]

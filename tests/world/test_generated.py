@@ -9,7 +9,7 @@ import pytest
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import decode
+from swarmsim.core.scenario.file import decode
 from swarmsim.engine.build import build
 from swarmsim.engine.inspection import inspect
 from swarmsim.world.source import floor_plan, read_world
@@ -63,7 +63,7 @@ def test_obstacles_fill_the_share_that_was_asked_for_and_leave_the_start_free() 
         assert (squares == inside.reshape(20, 2, 20, 2).any(axis=(1, 3))).all()  # whole squares alone
         assert not squares[:2, :2].any()
         assert 0.29 <= squares.mean() <= 0.37  # at most a tenth of what is free is filled besides
-        assert (run.setting.start[:, :2] < 0.15 + 0.6).all()
+        assert (run.context.start[:, :2] < 0.15 + 0.6).all()
         assert ndimage.label(~squares)[1] == 1  # all floor hangs together
         assert run.reachable.any()
 

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 import shapely
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World
-from swarmsim.world import geojson, imdf, osm
-from swarmsim.world.levels import levels_of
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
+from swarmsim.world import geojson
+from swarmsim.world.indoor import imdf, osm
+from swarmsim.world.indoor.levels import levels_of
+from swarmsim.world.indoor.projection import Projection
 from swarmsim.world.plan import FloorPlan
-from swarmsim.world.projection import Projection
 from swarmsim.world.reading import plan_of
 from swarmsim.world.shapes import Drawing
 

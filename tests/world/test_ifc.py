@@ -13,16 +13,16 @@ import shapely
 from ifcopenshell.api import aggregate, context, feature, geometry, project, pset, root, spatial, unit
 from shapely import MultiPolygon
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World, load
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World, load
 from swarmsim.engine.build import build
-from swarmsim.world import ifc
 from swarmsim.world.areas import polygons
-from swarmsim.world.bim import cut
+from swarmsim.world.bim import ifc
+from swarmsim.world.bim.cutting import cut
+from swarmsim.world.bim.sections import section
 from swarmsim.world.plan import SOLID_LAYERS
 from swarmsim.world.reading import plan_of
-from swarmsim.world.sections import section
 from swarmsim.world.shapes import Drawing
 from swarmsim.world.source import floor_plan, read_world
 

@@ -15,10 +15,10 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image
 from shapely import affinity
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.world import drawing, geojson, rosmap
 from swarmsim.world.arena import Arena

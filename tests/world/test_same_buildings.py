@@ -28,8 +28,8 @@ from buildings import (
 from scipy import ndimage
 from shapely import affinity
 
-from swarmsim.core.decoding import convert
-from swarmsim.core.scenario import World
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
 from swarmsim.world.unreached import unreached

@@ -10,11 +10,11 @@ import pytest
 import shapely
 from PIL import Image
 
-from swarmsim.core.decoding import convert
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import World
-from swarmsim.world import sdf, stage
+from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.file import World
 from swarmsim.world.shapes import Drawing
+from swarmsim.world.simulators import sdf, stage
 
 
 def layer(drawing: Drawing, name: str) -> shapely.Geometry:

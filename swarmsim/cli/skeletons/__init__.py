@@ -16,10 +16,10 @@ from swarmsim.core.errors import InputError, nearest, unwritten
 _HERE: Final = Path(__file__).parent
 #: Why there is nothing to start from for some seams.
 WITHOUT: Final = {
-    "generator": "a building is made before there is a run to test it in; start from swarmsim/world/generated.py",
+    "generator": "a building is made before there is a run to test it in; start from swarmsim/world/made/generated.py",
     "localisation": "start from Noisy in swarmsim/robots/localisation.py",
     "physics": "bodies take eight verbs; start from swarmsim/robots/particles.py",
-    "sharing": "it belongs to mapping; start from swarmsim/operations/mapping/sharing.py",
+    "sharing": "it belongs to mapping; start from swarmsim/operations/mapping/sharing/policies.py",
 }
 TEST: Final = '''
 from pathlib import Path

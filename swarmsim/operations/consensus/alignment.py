@@ -9,8 +9,8 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import wrapped
@@ -28,15 +28,15 @@ class Alignment(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     order: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.99  # the order parameter that finishes the run
     frequency: Annotated[float, Meta(gt=0.0)] | None = None  # Hz
 
-    def build(self, setting: Setting) -> AlignmentTask:
+    def build(self, context: BuildContext) -> AlignmentTask:
         """The task."""
-        return AlignmentTask(self, setting.period)
+        return AlignmentTask(self, context.period)
 
 
 class AlignmentTask:
     """Measures the order parameter of what robots have decided."""
 
-    reads: type[Knowledge] = Headings
+    requires_knowledge: type[Knowledge] = Headings
     curve = CURVE
 
     def __init__(self, parameters: Alignment, period: float) -> None:

@@ -10,18 +10,18 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Estimates, Knowledge, Measured, Senses
 
 CURVE: Final = Curve("error", "largest error", low=0.0, format=".2e", rises=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Share(Columns):
+class Share(MessageBatch):
     """What robots say: their estimate, and how many robots they heard in the last iteration."""
 
     value: NDArray[np.float64]  # (t,)
@@ -50,38 +50,38 @@ class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     gain: Annotated[float, Meta(gt=0.0, lt=1.0)] | None = None  # for constant
     values: tuple[float, ...] | None = None  # of each robot
 
-    def build(self, setting: Setting) -> AverageComputation:
+    def build(self, context: BuildContext) -> AverageComputation:
         """The computation. Raises InputError for keys that contradict each other or the swarm."""
-        count = setting.swarm
+        count = context.swarm
         if (self.gain is None) == (self.weights == "constant"):
             raise InputError(f"gain: expected one with weights = 'constant' alone, not with {self.weights!r}")
         if self.values is not None and len(self.values) != count:
             raise InputError(f"values: {len(self.values)} for {count} robots; expected one for each")
-        return AverageComputation(self, setting)
+        return AverageComputation(self, context)
 
 
 class AverageComputation:
     """One number a robot."""
 
-    knows: type[Knowledge] = Values
+    knowledge_type: type[Knowledge] = Values
 
-    def __init__(self, parameters: AverageConsensus, setting: Setting) -> None:
-        count = len(setting.ids)
+    def __init__(self, parameters: AverageConsensus, context: BuildContext) -> None:
+        count = len(context.ids)
         self.codec = PlainCodec(Share(np.zeros(0), np.zeros(0, np.int32)))
         self._gain = parameters.gain
-        drawn = [stream.uniform() for stream in setting.own_streams("average")]
-        given = drawn if parameters.values is None else np.take(parameters.values, setting.ids)
+        drawn = [stream.uniform() for stream in context.own_streams("average")]
+        given = drawn if parameters.values is None else np.take(parameters.values, context.ids)
         self._given = np.array(given, np.float64)
         self._fixed = parameters.values is not None
         self._value, self._measured = np.zeros(count), np.zeros(count)
         self._degree, self._known = np.zeros(count, np.int32), np.zeros(count, np.bool_)
 
-    def say(self, senses: Senses) -> Said[Share]:
+    def say(self, senses: Senses) -> Broadcast[Share]:
         """Every robot's estimate."""
         field, new = senses.readings.field, ~self._known & senses.alive
         self._measured[new] = self._given[new] if field is None or self._fixed else field[new]
         self._value[new], self._known[new] = self._measured[new], True
-        return Said.each(Share(self._value.copy(), self._degree.copy()), self.codec.size)
+        return Broadcast.each(Share(self._value.copy(), self._degree.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Share]) -> Values:
         """Move towards those heard."""
@@ -97,11 +97,11 @@ class AverageComputation:
         self._degree[:] = heard
         return Values(self._value.copy(), self._measured.copy())
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Let robots (r,) start from what they measure next."""
         self._known[robots] = False
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) the estimate of another one."""
         self._value[robots], self._measured[robots] = self._value[source], self._measured[source]
         self._known[robots] = True
@@ -112,7 +112,7 @@ class Agreement(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     tolerance: Annotated[float, Meta(gt=0.0)] = 1e-6  # the largest error that finishes the run
 
-    def build(self, setting: Setting) -> AgreementTask:
+    def build(self, context: BuildContext) -> AgreementTask:
         """The task."""
         return AgreementTask(self.tolerance)
 
@@ -120,7 +120,7 @@ class Agreement(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class AgreementTask:
     """Compares estimates with the mean of all that was measured, the dead's included."""
 
-    reads: type[Knowledge] = Values
+    requires_knowledge: type[Knowledge] = Values
     curve = CURVE
 
     def __init__(self, tolerance: float) -> None:

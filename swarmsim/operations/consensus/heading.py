@@ -10,9 +10,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
-from swarmsim.core.setting import Setting
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.state import Estimates, Knowledge, Senses
 from swarmsim.operations.steering import wrapped
 
@@ -20,7 +20,7 @@ TURN: Final = 2.0 * np.pi  # rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Heading(Columns):
+class Heading(MessageBatch):
     """What robots say: which way they go."""
 
     heading: NDArray[np.float64]  # (t,): rad
@@ -56,37 +56,37 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     at: Annotated[int, Meta(ge=0)] = 0  # the first iteration in which leaders turn
     frequency: Annotated[float, Meta(ge=0.0)] = 0.0  # Hz
 
-    def build(self, setting: Setting) -> HeadingComputation:
+    def build(self, context: BuildContext) -> HeadingComputation:
         """The computation. Raises InputError for a leader that there is not."""
         for robot in self.leaders:
-            if robot >= setting.swarm:
-                raise InputError(f"leaders: there is no robot {robot}; expected ids from 0 to {setting.swarm - 1}")
-        return HeadingComputation(self, setting)
+            if robot >= context.swarm:
+                raise InputError(f"leaders: there is no robot {robot}; expected ids from 0 to {context.swarm - 1}")
+        return HeadingComputation(self, context)
 
 
 class HeadingComputation:
     """One heading a robot."""
 
-    knows: type[Knowledge] = Headings
+    knowledge_type: type[Knowledge] = Headings
 
-    def __init__(self, parameters: HeadingConsensus, setting: Setting) -> None:
-        count = len(setting.ids)
+    def __init__(self, parameters: HeadingConsensus, context: BuildContext) -> None:
+        count = len(context.ids)
         self.codec = PlainCodec(Heading(np.zeros(0)))
-        self._parameters, self._period = parameters, setting.period
-        self._dt = parameters.dt or min(1.0, setting.period)
-        self._salt = int(setting.streams.open("heading noise").integers(0, 2**64, dtype=np.uint64))
+        self._parameters, self._period = parameters, context.period
+        self._dt = parameters.dt or min(1.0, context.period)
+        self._salt = int(context.streams.open("heading noise").integers(0, 2**64, dtype=np.uint64))
         self._heading, self._known = np.zeros(count), np.zeros(count, np.bool_)
-        self._ids, self._leads = setting.ids, np.isin(setting.ids, parameters.leaders)
+        self._ids, self._leads = context.ids, np.isin(context.ids, parameters.leaders)
         self._course = np.zeros(count)  # where leaders headed when they began to turn
 
-    def say(self, senses: Senses) -> Said[Heading]:
+    def say(self, senses: Senses) -> Broadcast[Heading]:
         """Every robot's heading; whoever has none yet has that of its body."""
         new = senses.alive | ~self._known if self._parameters.body else ~self._known
         first = ~self._known
         self._heading[new] = senses.pose[new, 2]
         self._heading[first] *= self._parameters.spread / TURN
         self._known[:] = True
-        return Said.each(Heading(self._heading.copy()), self.codec.size)
+        return Broadcast.each(Heading(self._heading.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Heading]) -> Headings:
         """Turn towards those heard."""
@@ -112,10 +112,10 @@ class HeadingComputation:
         parameters, turns = self._parameters, TURN * self._parameters.frequency * since * self._period
         return np.asarray(self._course + parameters.turn * (np.sin(turns) if parameters.frequency else 1.0))
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Let robots (r,) head where their bodies do."""
         self._known[robots] = False
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) the heading of another one."""
         self._heading[robots], self._known[robots] = self._heading[source], True

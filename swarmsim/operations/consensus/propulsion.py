@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct
 
-from swarmsim.core.messages import Columns, Inbox
-from swarmsim.core.setting import Setting
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import away_from_walls, wrapped
@@ -24,21 +24,21 @@ class SelfPropelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     speed: Annotated[float, Meta(gt=0.0)] | None = None  # m/s; default: two thirds of what wheels can
     clearance: Annotated[float, Meta(ge=0.0)] = 0.3  # m; 0 avoids nothing
 
-    def build(self, setting: Setting) -> Propulsion:
+    def build(self, context: BuildContext) -> Propulsion:
         """The strategy."""
-        return Propulsion(self, setting)
+        return Propulsion(self, context)
 
 
 class Propulsion:
     """Velocities from headings."""
 
-    reads: type[Knowledge] = Headings
+    requires_knowledge: type[Knowledge] = Headings
 
-    def __init__(self, parameters: SelfPropelled, setting: Setting) -> None:
-        self._speed = parameters.speed or setting.robots.speed * 2.0 / 3.0
-        self._clearance, self._lattice, self._period = parameters.clearance, setting.lattice, setting.period
+    def __init__(self, parameters: SelfPropelled, context: BuildContext) -> None:
+        self._speed = parameters.speed or context.robots.speed * 2.0 / 3.0
+        self._clearance, self._lattice, self._period = parameters.clearance, context.lattice, context.period
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Headings) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Headings) -> Intents:
         """On, towards the heading or away from walls."""
         heading = knowledge.heading
         tiles, place = senses.readings.tiles, senses.pose[:, :2]
@@ -52,16 +52,16 @@ class Propulsion:
 class Stand(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots stay where they are."""
 
-    def build(self, setting: Setting) -> Standing:
+    def build(self, context: BuildContext) -> Stationary:
         """The strategy."""
-        return Standing()
+        return Stationary()
 
 
-class Standing:
+class Stationary:
     """No robot moves."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """Nothing."""
         return Intents.twisting(np.zeros((len(senses.alive), 2)))

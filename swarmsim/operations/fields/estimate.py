@@ -11,14 +11,14 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
-from swarmsim.core.setting import Setting
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.state import Knowledge, Record, Senses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sample(Columns):
+class Sample(MessageBatch):
     """What robots say: what they have just measured, and where they believe that to be."""
 
     x: NDArray[np.float64]  # (t,): m
@@ -89,14 +89,14 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     noise: Annotated[float, Meta(gt=0.0)] = 0.05  # assumed standard deviation of a sample, in the field's unit
     half_life: Annotated[float, Meta(gt=0.0)] | None = None  # iterations in which evidence loses half of its weight
 
-    def build(self, setting: Setting) -> FieldComputation:
+    def build(self, context: BuildContext) -> FieldComputation:
         """The computation. Raises InputError without a field, and for more bells than can be computed with."""
-        if setting.scalar_field is None:
+        if context.scalar_field is None:
             raise InputError("use: 'field-estimate' estimates a field; expected a table [field]")
-        basis = Basis(setting.building.bounds, self.spacing)
+        basis = Basis(context.building.bounds, self.spacing)
         if len(basis.centres) > MOST:
             raise InputError(f"spacing: {len(basis.centres)} bells at {self.spacing:g} m; expected {MOST} at most")
-        return FieldComputation(self, len(setting.ids), basis)
+        return FieldComputation(self, len(context.ids), basis)
 
 
 MOST = 1000  # bells: with more, an iteration takes seconds
@@ -106,7 +106,7 @@ class FieldComputation:
     """One information matrix a robot."""
 
     requires = ("field",)
-    knows: type[Knowledge] = Reconstruction
+    knowledge_type: type[Knowledge] = Reconstruction
 
     def __init__(self, parameters: FieldEstimate, count: int, basis: Basis) -> None:
         self.codec = PlainCodec(Sample(np.zeros(0), np.zeros(0), np.zeros(0)))
@@ -118,11 +118,11 @@ class FieldComputation:
         half = parameters.half_life
         self._kept = 1.0 if half is None else 0.5 ** (1.0 / half)
 
-    def say(self, senses: Senses) -> Said[Sample]:
+    def say(self, senses: Senses) -> Broadcast[Sample]:
         """Every robot's sample."""
         field = senses.readings["field"]
         place = senses.pose
-        return Said.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)
+        return Broadcast.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Sample]) -> Reconstruction:
         """Take in the own sample and all that were heard."""
@@ -147,11 +147,11 @@ class FieldComputation:
         view.flags.writeable = False
         return Reconstruction(weights, view, self._samples.copy(), self._basis)
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Leave robots (r,) the prior."""
         self._precision[robots], self._evidence[robots], self._samples[robots] = self._first, 0.0, 0
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) the evidence of another one."""
         for mine in (self._precision, self._evidence, self._samples):
             mine[robots] = mine[source]

@@ -9,9 +9,9 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext, Field
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Field, Setting
 from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.operations.fields.estimate import Reconstruction
 
@@ -28,23 +28,23 @@ class FieldError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     error: Annotated[float, Meta(gt=0.0)] = 0.1  # that finishes the run
 
-    def build(self, setting: Setting) -> FieldTask:
+    def build(self, context: BuildContext) -> FieldTask:
         """The task. Raises InputError without a field."""
-        if setting.scalar_field is None:
+        if context.scalar_field is None:
             raise InputError("use: 'field-error' measures estimates of a field; expected a table [field]")
-        return FieldTask(self.error, setting.scalar_field, setting)
+        return FieldTask(self.error, context.scalar_field, context)
 
 
 class FieldTask:
     """Compares estimates with the truth at the cells of the floor that can be explored at the start."""
 
-    reads: type[Knowledge] = Reconstruction
+    requires_knowledge: type[Knowledge] = Reconstruction
     curve = CURVE
 
-    def __init__(self, wanted: float, field: Field, setting: Setting) -> None:
-        cells = np.argwhere(setting.building.domain & ~setting.building.occupied)
-        self._points = setting.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
-        self._wanted, self._field, self._period = wanted, field, setting.period
+    def __init__(self, wanted: float, field: Field, context: BuildContext) -> None:
+        cells = np.argwhere(context.building.domain & ~context.building.occupied)
+        self._points = context.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
+        self._wanted, self._field, self._period = wanted, field, context.period
 
     def measure(self, done: Done[Reconstruction]) -> Measured:
         """The mean and the largest error of the live, and the error of each."""

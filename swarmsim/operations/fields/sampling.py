@@ -9,8 +9,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
-from swarmsim.core.messages import Columns, Inbox
-from swarmsim.core.setting import Setting
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.operations.fields.estimate import Basis, Reconstruction
 
@@ -29,24 +29,24 @@ class RandomWaypoint(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     margin: Margin = 0.4  # m, from the edges of the page
 
-    def build(self, setting: Setting) -> Waypoints:
+    def build(self, context: BuildContext) -> Waypoints:
         """The strategy."""
-        return Waypoints(setting, self.margin)
+        return Waypoints(context, self.margin)
 
 
 class Waypoints:
     """A place for each robot, drawn by its number and how many it has had."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def __init__(self, setting: Setting, margin: float) -> None:
-        page, self._ids = setting.building.bounds, setting.ids
+    def __init__(self, context: BuildContext, margin: float) -> None:
+        page, self._ids = context.building.bounds, context.ids
         self._low = np.array(page[:2]) + margin
         self._size = np.maximum(np.array(page[2:]) - margin - self._low, 0.0)
-        self._salt = int(setting.streams.open("waypoints").integers(0, 2**64, dtype=np.uint64))
-        self._legs = Legs(setting)
+        self._salt = int(context.streams.open("waypoints").integers(0, 2**64, dtype=np.uint64))
+        self._legs = Legs(context)
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Knowledge) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """On to the place, or to a new one."""
         robots = self._legs.arrived(senses)
         legs = self._legs.counts[robots]
@@ -65,22 +65,22 @@ class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     margin: Margin = 0.4  # m, from the edges of the page
     nearness: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5  # how much the way counts against uncertainty
 
-    def build(self, setting: Setting) -> Uncertainty:
+    def build(self, context: BuildContext) -> Uncertainty:
         """The strategy."""
-        return Uncertainty(self, setting)
+        return Uncertainty(self, context)
 
 
 class Uncertainty:
     """A place for each robot, chosen by what it knows."""
 
-    reads: type[Knowledge] = Reconstruction
+    requires_knowledge: type[Knowledge] = Reconstruction
 
-    def __init__(self, parameters: MostUncertain, setting: Setting) -> None:
-        self._parameters, self._page = parameters, setting.building.bounds
-        self._legs = Legs(setting)
+    def __init__(self, parameters: MostUncertain, context: BuildContext) -> None:
+        self._parameters, self._page = parameters, context.building.bounds
+        self._legs = Legs(context)
         self._diagonal = float(np.hypot(self._page[2] - self._page[0], self._page[3] - self._page[1]))
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Reconstruction) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Reconstruction) -> Intents:
         """On to the place, or to a new one."""
         robots = self._legs.arrived(senses)
         places = self._places(knowledge.basis)
@@ -102,11 +102,11 @@ class Uncertainty:
 class Legs:
     """Straight ways of robots, one after the other."""
 
-    def __init__(self, setting: Setting) -> None:
-        count = len(setting.ids)
+    def __init__(self, context: BuildContext) -> None:
+        count = len(context.ids)
         self._place = np.full((count, 2), np.nan)
         self._until = np.zeros(count, np.int64)  # the iteration in which a place is given up
-        self._pace, self._lattice = setting.robots.speed * setting.period, setting.lattice
+        self._pace, self._lattice = context.robots.speed * context.period, context.lattice
         #: How many places each robot (n,) has had.
         self.counts = np.zeros(count, np.int64)
 

@@ -11,8 +11,8 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from swarmsim.core.context import BuildContext, Field
 from swarmsim.core.errors import InputError
-from swarmsim.core.setting import Field, Setting
 
 Noise = Annotated[float, Meta(ge=0.0)]
 
@@ -23,10 +23,10 @@ class FiniteField:
     A formula may have a pole at a time, and what moves may leave what numbers can tell.
     """
 
-    def __init__(self, field: Field, what: str, setting: Setting) -> None:
+    def __init__(self, field: Field, what: str, context: BuildContext) -> None:
         """`what` the field is, starting with its key. Raises InputError if it is not finite on the floor at first."""
-        self._field, self._what, self._period = field, what, setting.period
-        floor = setting.lattice.centres(np.argwhere(setting.building.domain))
+        self._field, self._what, self._period = field, what, context.period
+        floor = context.lattice.centres(np.argwhere(context.building.domain))
         with np.errstate(all="ignore"):
             first = field.value(0.0, floor)
         self._check(first, 0.0, floor, "")
@@ -66,9 +66,9 @@ class Sources(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     base: float = 0.0  # in the field's unit
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, setting: Setting) -> FiniteField:
+    def build(self, context: BuildContext) -> FiniteField:
         """The field. Raises InputError for sources whose sum is no finite number."""
-        return FiniteField(SourceField(self, setting.building.bounds), "sources: their sum", setting)
+        return FiniteField(SourceField(self, context.building.bounds), "sources: their sum", context)
 
 
 class SourceField:
@@ -107,9 +107,9 @@ class Formula(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     formula: str
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, setting: Setting) -> FiniteField:
+    def build(self, context: BuildContext) -> FiniteField:
         """The field. Raises InputError for anything that is not a formula, or gives no finite number."""
-        return FiniteField(FormulaField(self.formula), f"formula: {self.formula!r}", setting)
+        return FiniteField(FormulaField(self.formula), f"formula: {self.formula!r}", context)
 
 
 _Value = float | NDArray[np.float64]
@@ -183,14 +183,14 @@ class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     high: float = 1.0  # what 1 stands for
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, setting: Setting) -> FiniteField:
+    def build(self, context: BuildContext) -> FiniteField:
         """The field. Raises InputError for rows of different lengths, and for values that are not finite."""
         lengths = {len(row) for row in self.values}
         if len(lengths) > 1 or min(lengths) < 2:
             raise InputError(f"values: rows of {' and '.join(map(str, sorted(lengths)))} values; expected a rectangle")
         with np.errstate(all="ignore"):
             scaled = self.low + (self.high - self.low) * np.array(self.values, np.float64)
-        return FiniteField(PictureField(scaled, setting.building.bounds), "values: the picture", setting)
+        return FiniteField(PictureField(scaled, context.building.bounds), "values: the picture", context)
 
 
 class PictureField:

@@ -14,19 +14,20 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core import memory, registry
+from swarmsim.core import memory
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
-from swarmsim.core.messages import Codec, Inbox, Said
-from swarmsim.core.part import Part
+from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.readings import Tiles
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
-from swarmsim.operations.mapping.grids import OccupancyGrids, WaryGrids
+from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.message import TileItems
-from swarmsim.operations.mapping.sharing import Sharing, tiles_of
+from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
@@ -69,9 +70,9 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     @property
     def merges(self) -> bool:
         """Whether robots have frames of reference of their own."""
-        return self.share.says("merges", False)
+        return self.share.declares("merges", False)
 
-    def build(self, setting: Setting) -> MapComputation:
+    def build(self, context: BuildContext) -> MapComputation:
         """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
         if not self.lowest < self.miss < 0.5 < self.hit < self.highest:
             raise InputError(
@@ -80,27 +81,27 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
             )
         if self.quorum is not None and self.trust != "quorum":
             raise InputError(f"quorum: robots with trust {self.trust!r} need none; expected trust = 'quorum'")
-        others = setting.swarm - 1
+        others = context.swarm - 1
         if self.trust == "quorum" and (self.quorum or 2) > others:
             raise InputError(f"quorum: {self.quorum or 2} of {others} others never agree; expected {others} at most")
-        return MapComputation(self, setting, self.share.build(setting, "share"))
+        return MapComputation(self, context, self.share.build(context, "share"))
 
 
 class MapComputation:
     """One occupancy grid per robot, of which nobody else can write a cell."""
 
     requires = ("tiles",)
-    knows: type[Knowledge] = Maps
+    knowledge_type: type[Knowledge] = Maps
 
-    def __init__(self, parameters: OccupancyGrid, setting: Setting, sharing: Sharing[TileItems]) -> None:
-        count, lattice = len(setting.ids), setting.lattice
+    def __init__(self, parameters: OccupancyGrid, context: BuildContext, sharing: Sharing[TileItems]) -> None:
+        count, lattice = len(context.ids), context.lattice
         grids = OccupancyGrids(count, lattice, parameters.hit, parameters.miss, parameters.lowest, parameters.highest)
         quorum = parameters.quorum or 2 if parameters.trust == "quorum" else 1
-        self._grids = grids if parameters.trust == "all" else WaryGrids(grids, quorum)
+        self._grids = grids if parameters.trust == "all" else QuorumGrids(grids, quorum)
         self._sharing = sharing
         spared = parameters.hits == "spared"
         # A robot is up to half a cell aside, each way, from the middle of its tile, and a hit from that of its cell.
-        self._spared = setting.robots.radius / lattice.cell + math.sqrt(2.0) if spared else 0.0
+        self._spared = context.robots.radius / lattice.cell + math.sqrt(2.0) if spared else 0.0
         weakest = min(logit(parameters.hit), -logit(parameters.miss))
         self._forgets = parameters.decay > 0.0
         self._kept, self._least = np.float32(1.0 - parameters.decay), np.float32(0.5 * weakest)
@@ -121,49 +122,49 @@ class MapComputation:
         """That of what is shared."""
         return self._sharing.codec
 
-    def say(self, senses: Senses) -> Said[TileItems]:
+    def say(self, senses: Senses) -> Broadcast[TileItems]:
         """What the sharing policy tells."""
         return self._sharing.say(senses, self.maps if registry.is_ours(self._sharing) else lent(self.maps))
 
     def hear(self, senses: Senses, inbox: Inbox[TileItems]) -> Maps:
         """Map what was sensed, then what was heard."""
         tiles, alive = tiles_of(senses), senses.alive
-        taken = self._sharing.taken(senses, inbox)
+        accepted = self._sharing.accepted(senses, inbox)
         if self._forgets:
             known, log_odds = (grid.reshape(len(alive), -1) for grid in (self._grids.observed, self._grids.log_odds))
             occupancy.fade(log_odds, known, alive, self._kept, self._least)
         if self._spared:
-            tiles, taken = self._without_robots(tiles, taken, senses.iteration)
-        fresh = self._grids.update(alive, tiles, taken)
-        news = fresh[: len(alive)].copy()
-        np.add.at(news, taken.receivers, fresh[len(news) :])
-        self.maps = self._maps(self._changes(tiles, taken), news, taken)
+            tiles, accepted = self._without_robots(tiles, accepted, senses.iteration)
+        fresh = self._grids.update(alive, tiles, accepted)
+        new_cells = fresh[: len(alive)].copy()
+        np.add.at(new_cells, accepted.receivers, fresh[len(new_cells) :])
+        self.maps = self._maps(self._changes(tiles, accepted), new_cells, accepted)
         return self.maps
 
-    def _without_robots(self, tiles: Tiles, taken: Inbox[TileItems], now: int) -> tuple[Tiles, Inbox[TileItems]]:
+    def _without_robots(self, tiles: Tiles, accepted: Inbox[TileItems], now: int) -> tuple[Tiles, Inbox[TileItems]]:
         """The same without hits on robots that their robot knows of."""
-        values, heard = tiles.values.copy(), taken.content.values.copy()
-        fresh: NDArray[np.bool_] = (taken.content.sensed == now) & (taken.content.sources >= 0)
+        values, heard = tiles.values.copy(), accepted.content.values.copy()
+        fresh: NDArray[np.bool_] = (accepted.content.sensed == now) & (accepted.content.sources >= 0)
         occupancy.spare(
-            values, tiles.origins, taken.receivers, heard, taken.content.origins, fresh, self._spared
+            values, tiles.origins, accepted.receivers, heard, accepted.content.origins, fresh, self._spared
         )  # fmt: skip
-        return replace(tiles, values=values), replace(taken, content=replace(taken.content, values=heard))
+        return replace(tiles, values=values), replace(accepted, content=replace(accepted.content, values=heard))
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Empty the maps of robots (r,)."""
-        self._grids.forget(robots)
+        self._grids.reset(robots)
         self._rewritten = True
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give robots (r,) the map of another one."""
-        self._grids.adopt(robots, source)
+        self._grids.copy_from(robots, source)
         self._rewritten = True
 
-    def _maps(self, changes: NDArray[np.int32], news: NDArray[np.int32], taken: Inbox[TileItems]) -> Maps:
+    def _maps(self, changes: NDArray[np.int32], new_cells: NDArray[np.int32], accepted: Inbox[TileItems]) -> Maps:
         frames = getattr(self._sharing, "frames", None)  # of most policies robots need none
-        return Maps(self._observed, self._log_odds, changes, news, taken, frames)
+        return Maps(self._observed, self._log_odds, changes, new_cells, accepted, frames)
 
-    def _changes(self, tiles: Tiles, taken: Inbox[TileItems]) -> NDArray[np.int32]:
+    def _changes(self, tiles: Tiles, accepted: Inbox[TileItems]) -> NDArray[np.int32]:
         """Which cells have another state than was last reported: under tiles or, if need be, everywhere."""
         shown = self._shown
         log_odds, observed = self._grids.log_odds.reshape(shown.shape), self._grids.observed.reshape(shown.shape)
@@ -173,9 +174,9 @@ class MapComputation:
             count = occupancy.changes_anywhere(log_odds, observed, shown, found)
         else:
             shape = tiles.values.shape[1:]
-            found = np.empty(((len(self._robots) + len(taken)) * shape[0] * shape[1] + 1, 3), np.int32)
+            found = np.empty(((len(self._robots) + len(accepted)) * shape[0] * shape[1] + 1, 3), np.int32)
             count = occupancy.changes_under(
-                log_odds, observed, shown, self._robots, tiles.origins, taken.receivers, taken.content.origins,
+                log_odds, observed, shown, self._robots, tiles.origins, accepted.receivers, accepted.content.origins,
                 shape, self._columns, found,
             )  # fmt: skip
         return found[:count].copy()

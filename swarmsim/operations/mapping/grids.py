@@ -12,7 +12,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
 from swarmsim.core.readings import Tiles
 from swarmsim.kernels import occupancy, trust
-from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.sharing.codecs import TileItems
 
 
 class OccupancyGrids:
@@ -54,12 +54,12 @@ class OccupancyGrids:
         )
         return fresh
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Empty the maps of these robots."""
         self.observed[robots] = False
         self.log_odds[robots] = 0.0
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give these robots another one's map."""
         self.observed[robots], self.log_odds[robots] = self.observed[source], self.log_odds[source]
 
@@ -92,7 +92,7 @@ def _evidence(tiles: Tiles) -> NDArray[np.float32]:
     return _NOTHING if tiles.evidence is None else tiles.evidence
 
 
-class WaryGrids:
+class QuorumGrids:
     """Occupancy grids of robots that believe what they sense before what they hear.
 
     What a robot hears never changes a cell that it has sensed itself, and the first time it senses one, all that
@@ -108,7 +108,7 @@ class WaryGrids:
         shape = grids.observed.shape
         sets = shape if quorum > 1 else (shape[0], 0, 0)
         free, occupied = (memory.zeros(sets, np.uint64) for _ in range(2))
-        self._witnesses = trust.Witnesses(memory.zeros(shape, np.bool_), free, occupied, quorum)
+        self._witnesses = trust.Votes(memory.zeros(shape, np.bool_), free, occupied, quorum)
 
     @property
     def log_odds(self) -> NDArray[np.float32]:
@@ -144,12 +144,12 @@ class WaryGrids:
         )
         return fresh
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Empty the maps of these robots, and what they were told."""
-        self._grids.forget(robots)
+        self._grids.reset(robots)
         for column in (self._witnesses.own, self._witnesses.free, self._witnesses.occupied):
             column[robots] = 0
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give these robots another one's map; on whose word it stands they do not know."""
-        self._grids.adopt(robots, source)
+        self._grids.copy_from(robots, source)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import memory
-from swarmsim.core.messages import Columns, Inbox
-from swarmsim.core.setting import Setting
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
-from swarmsim.operations.mapping.message import TileItems
+from swarmsim.operations.mapping.sharing.codecs import TileItems
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,13 +34,15 @@ class Maps(Knowledge):
     observed: NDArray[np.bool_]  # (n, rows, columns): which cells each robot's map holds
     log_odds: NDArray[np.float32]  # (n, rows, columns): of being occupied; 0 where nothing is known
     changes: NDArray[np.int32]  # (c, 3): robot, row-major cell, new state UNKNOWN, FREE or OCCUPIED
-    news: NDArray[np.int32]  # (n,): cells that what was sensed and heard now has shown to each robot for the first time
-    taken: Inbox[TileItems]  # the tiles taken in of what was heard, where the robot places them
+    new_cells: NDArray[
+        np.int32
+    ]  # (n,): cells that what was sensed and heard now has shown to each robot for the first time
+    accepted: Inbox[TileItems]  # the tiles taken in of what was heard, where the robot places them
     frames: Frames | None = None  # None: all know each other's places from the start
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """What has changed, and by whose word."""
-        return self.changes, self.taken.senders, self.taken.content.sources
+        return self.changes, self.accepted.senders, self.accepted.content.sources
 
     def record(self) -> Record:
         """What has changed: all maps can be put together from it."""
@@ -49,25 +51,25 @@ class Maps(Knowledge):
     def of(self, robot: int) -> SimpleNamespace:
         """A robot's map: `observed` and `log_odds` (rows, columns), and the `news` in it."""
         observed, log_odds = self.observed[robot], self.log_odds[robot]
-        return SimpleNamespace(observed=observed, log_odds=log_odds, news=int(self.news[robot]))
+        return SimpleNamespace(observed=observed, log_odds=log_odds, new_cells=int(self.new_cells[robot]))
 
     @classmethod
-    def auditor(cls, setting: Setting) -> MapAuditor:
+    def auditor(cls, context: BuildContext) -> MapAuditor:
         """What compares maps with the tiles that were sensed and heard."""
-        return MapAuditor(setting)
+        return MapAuditor(context)
 
 
 class MapAuditor(Auditor):
     """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
 
-    def __init__(self, setting: Setting) -> None:
-        shape = (setting.swarm, setting.lattice.rows * setting.lattice.columns)
-        self._columns = setting.lattice.columns
+    def __init__(self, context: BuildContext) -> None:
+        shape = (context.swarm, context.lattice.rows * context.lattice.columns)
+        self._columns = context.lattice.columns
         self._shown: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # by any tile so far
         self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say
         self._words = self._known.view(np.uint64)
 
-    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[Columns]) -> str | None:
+    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         """The first cell that a robot cannot know, or a map that differs from its changes.
 
         Every change is checked when it is made, since measures and recordings are made of changes; whole maps, which
@@ -95,12 +97,12 @@ class MapAuditor(Auditor):
             return f"robot {at}'s map holds {held} cells, but its changes say {told}"
         return None
 
-    def _learn(self, knowledge: Maps, senses: Senses, inbox: Inbox[Columns]) -> str | None:
+    def _learn(self, knowledge: Maps, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         """Note what was shown; robots that place what they hear by an estimate are shown it there."""
         tiles = senses.readings.tiled
         if knowledge.frames is not None:
             heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
-            inbox = knowledge.taken
+            inbox = knowledge.accepted
             for pair in zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True):
                 if pair not in heard:
                     return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
@@ -112,10 +114,10 @@ class MapAuditor(Auditor):
         )  # fmt: skip
         return None
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Their evidence is gone with their maps."""
         self._shown[robots] = False
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """What was shown to another was shown to them."""
         self._shown[robots] |= self._shown[source]

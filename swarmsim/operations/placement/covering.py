@@ -9,13 +9,13 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
-from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions
+from swarmsim.operations.placement.rendezvous import Clearance, Positive
 from swarmsim.operations.steering import Steering
 
 POINTS: Final = 4000  # that stand for an area, at most
@@ -33,26 +33,26 @@ class Lloyd(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Positive | None = None  # m/s; default: two thirds of what wheels can
     clearance: Clearance = 0.2  # m, from walls
 
-    def build(self, setting: Setting) -> LloydLaw:
+    def build(self, context: BuildContext) -> LloydLaw:
         """The strategy."""
-        return LloydLaw(self, setting)
+        return LloydLaw(self, context)
 
 
 class LloydLaw:
     """Lloyd's descent."""
 
-    reads: type[Knowledge] = Positions
+    requires_knowledge: type[Knowledge] = Positions
 
-    def __init__(self, parameters: Lloyd, setting: Setting) -> None:
-        left, low, right, high = setting.building.bounds
+    def __init__(self, parameters: Lloyd, context: BuildContext) -> None:
+        left, low, right, high = context.building.bounds
         margin = parameters.margin
         side = float(np.sqrt((right - left - 2 * margin) * (high - low - 2 * margin) / POINTS))
         x = np.arange(left + margin + side / 2, right - margin, side)
         y = np.arange(low + margin + side / 2, high - margin, side)
         self._points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        self._steering = Steering(setting, parameters.speed, parameters.clearance)
+        self._steering = Steering(context, parameters.speed, parameters.clearance)
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
         """Towards the centroid."""
         place = senses.pose[:, :2]
         goal = place.copy()
@@ -78,21 +78,21 @@ class LocationalCost(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     tolerance: Positive = 0.15  # m
 
-    def build(self, setting: Setting) -> CoveringTask:
+    def build(self, context: BuildContext) -> CoveringTask:
         """The task."""
-        return CoveringTask(self.tolerance, setting)
+        return CoveringTask(self.tolerance, context)
 
 
 class CoveringTask:
     """Measures how far the floor is from robots, and robots from their centroids."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("cost", "locational cost H, m^2", low=0.0, format=".3f", rises=False)
 
-    def __init__(self, tolerance: float, setting: Setting) -> None:
-        building = setting.building
+    def __init__(self, tolerance: float, context: BuildContext) -> None:
+        building = context.building
         cells = np.argwhere(building.domain & ~building.occupied)
-        self._points = setting.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
+        self._points = context.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
         self._tolerance = tolerance
 
     def measure(self, done: Done[Knowledge]) -> Measured:

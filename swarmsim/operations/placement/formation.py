@@ -9,23 +9,23 @@ import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
-from swarmsim.operations.placement.gathering import Clearance, Positive
 from swarmsim.operations.placement.positions import Positions
+from swarmsim.operations.placement.rendezvous import Clearance, Positive
 from swarmsim.operations.steering import Steering
 
 Places = tuple[tuple[float, float], ...]
 
 
-def offsets_of(places: Places, setting: Setting) -> NDArray[np.float64]:
+def offsets_of(places: Places, context: BuildContext) -> NDArray[np.float64]:
     """The places (N, 2) of all robots. Raises InputError unless there is one for each."""
-    if len(places) != setting.swarm:
-        raise InputError(f"places: {len(places)} for {setting.swarm} robots; expected one for each")
+    if len(places) != context.swarm:
+        raise InputError(f"places: {len(places)} for {context.swarm} robots; expected one for each")
     return np.array(places, np.float64)
 
 
@@ -42,22 +42,22 @@ class Formation(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Positive | None = None  # m/s; default: two thirds of what wheels can
     clearance: Clearance = 0.2  # m, from walls
 
-    def build(self, setting: Setting) -> FormationLaw:
+    def build(self, context: BuildContext) -> FormationLaw:
         """The strategy. Raises InputError unless there is a place for each robot."""
-        return FormationLaw(self, offsets_of(self.places, setting), setting)
+        return FormationLaw(self, offsets_of(self.places, context), context)
 
 
 class FormationLaw:
     """Displacements, evened out."""
 
-    reads: type[Knowledge] = Positions
+    requires_knowledge: type[Knowledge] = Positions
 
-    def __init__(self, parameters: Formation, offsets: NDArray[np.float64], setting: Setting) -> None:
+    def __init__(self, parameters: Formation, offsets: NDArray[np.float64], context: BuildContext) -> None:
         self._gain, self._march, self._offsets = parameters.gain, np.array(parameters.march), offsets
-        self._own = offsets[setting.ids]
-        self._steering = Steering(setting, parameters.speed, parameters.clearance)
+        self._own = offsets[context.ids]
+        self._steering = Steering(context, parameters.speed, parameters.clearance)
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
         """To the place among those heard, and on."""
         own = senses.pose[:, :2] - self._own
         apart = knowledge.place - self._offsets[knowledge.senders] - own[knowledge.receivers]
@@ -74,15 +74,15 @@ class FormationError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     places: Places  # m, one for each robot
     tolerance: Positive = 0.05  # m
 
-    def build(self, setting: Setting) -> FormationTask:
+    def build(self, context: BuildContext) -> FormationTask:
         """The task. Raises InputError unless there is a place for each robot."""
-        return FormationTask(self.tolerance, offsets_of(self.places, setting))
+        return FormationTask(self.tolerance, offsets_of(self.places, context))
 
 
 class FormationTask:
     """Measures how far robots are from their places."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("error", "formation error, m", low=0.0, format=".3f", rises=False)
 
     def __init__(self, tolerance: float, offsets: NDArray[np.float64]) -> None:

@@ -9,14 +9,14 @@ import numpy as np
 import shapely
 from msgspec import Meta, Struct
 
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import Curve, Summary
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Senses
-from swarmsim.operations.placement.gathering import Clearance, Positive, separation
 from swarmsim.operations.placement.positions import Positions
+from swarmsim.operations.placement.rendezvous import Clearance, Positive, separation
 from swarmsim.operations.steering import Steering
 
 Corners = Annotated[tuple[tuple[float, float], ...], Meta(min_length=3)]
@@ -41,22 +41,22 @@ class Perimeter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: Positive | None = None  # m/s; default: two thirds of what wheels can
     clearance: Clearance = 0.2  # m, from walls
 
-    def build(self, setting: Setting) -> PerimeterLaw:
+    def build(self, context: BuildContext) -> PerimeterLaw:
         """The strategy. Raises InputError for corners that make no perimeter."""
-        return PerimeterLaw(self, setting)
+        return PerimeterLaw(self, context)
 
 
 class PerimeterLaw:
     """Gaps along a curve, evened out."""
 
-    reads: type[Knowledge] = Positions
+    requires_knowledge: type[Knowledge] = Positions
 
-    def __init__(self, parameters: Perimeter, setting: Setting) -> None:
+    def __init__(self, parameters: Perimeter, context: BuildContext) -> None:
         self._curve = ring(parameters.corners)
-        self._apart = 3.0 * setting.robots.radius
-        self._steering = Steering(setting, parameters.speed, parameters.clearance)
+        self._apart = 3.0 * context.robots.radius
+        self._steering = Steering(context, parameters.speed, parameters.clearance)
 
-    def step(self, senses: Senses, inbox: Inbox[Columns], knowledge: Positions) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
         """To the middle of the gap."""
         place = senses.pose[:, :2]
         length = self._curve.length
@@ -79,7 +79,7 @@ class Guarded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     gap: Annotated[float, Meta(gt=1.0)] = 1.15  # times the even share that finishes the run
     off: Positive = 0.1  # m, from the perimeter, at most
 
-    def build(self, setting: Setting) -> PerimeterTask:
+    def build(self, context: BuildContext) -> PerimeterTask:
         """The task. Raises InputError for corners that make no perimeter."""
         return PerimeterTask(self)
 
@@ -87,7 +87,7 @@ class Guarded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class PerimeterTask:
     """Measures gaps."""
 
-    reads: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("gap", "largest gap over even gap", low=0.0, format=".2f", rises=False)
 
     def __init__(self, parameters: Guarded) -> None:

@@ -9,13 +9,13 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
-from swarmsim.core.setting import Setting
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.state import Knowledge, Record, Senses
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Position(Columns):
+class Position(MessageBatch):
     """What robots say: where they believe themselves to be."""
 
     x: NDArray[np.float64]  # (t,): m
@@ -56,7 +56,7 @@ class Positions(Knowledge):
 class TellPositions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells where it believes itself to be, and knows what it hears in this iteration alone."""
 
-    def build(self, setting: Setting) -> PositionComputation:
+    def build(self, context: BuildContext) -> PositionComputation:
         """The computation."""
         return PositionComputation()
 
@@ -64,15 +64,15 @@ class TellPositions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class PositionComputation:
     """Nothing is remembered: what is not heard again is not known any more."""
 
-    knows: type[Knowledge] = Positions
+    knowledge_type: type[Knowledge] = Positions
 
     def __init__(self) -> None:
         self.codec = PlainCodec(Position(np.zeros(0), np.zeros(0)))
 
-    def say(self, senses: Senses) -> Said[Position]:
+    def say(self, senses: Senses) -> Broadcast[Position]:
         """Every robot's place."""
         pose = senses.pose
-        return Said.each(Position(pose[:, 0].copy(), pose[:, 1].copy()), self.codec.size)
+        return Broadcast.each(Position(pose[:, 0].copy(), pose[:, 1].copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Position]) -> Positions:
         """The newest of each sender."""
@@ -82,8 +82,8 @@ class PositionComputation:
         place = np.stack([inbox.content.x, inbox.content.y], axis=1)
         return Positions(receivers[newest], senders[newest], place[newest])
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Nothing to forget."""
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Nothing to adopt."""

@@ -10,9 +10,9 @@ from swarmsim.view.layers.building import Boxes, Building
 from swarmsim.view.layers.doing import Beams, Links, Tiles, Ways
 from swarmsim.view.layers.known import FieldEstimates, Maps
 from swarmsim.view.layers.robots import Beliefs, Faults, People, Robots
-from swarmsim.view.look import LAYERS, Look
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
+from swarmsim.view.style import LAYERS, Style
 
 
 class OurLayer(Protocol):
@@ -23,11 +23,11 @@ class OurLayer(Protocol):
         """What it is called."""
         ...
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """What is drawn of a moment."""
         ...
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """The signs for the legend, of those that this run needs."""
         ...
 
@@ -42,13 +42,13 @@ class Layers:
             FieldEstimates(scene), Maps(scene), Building(scene),
         )  # fmt: skip
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """The signs of those that a look shows."""
         return [sign for layer in self._shown(look) for sign in layer.signs(scene, look)]
 
-    def draw(self, shot: Shot, look: Look) -> list[Mark]:
+    def draw(self, shot: Frame, look: Style) -> list[Mark]:
         """The shapes of those that a look shows, the lowest first."""
         return sorted((mark for layer in self._shown(look) for mark in layer.draw(shot)), key=lambda mark: mark.z)
 
-    def _shown(self, look: Look) -> list[OurLayer]:
+    def _shown(self, look: Style) -> list[OurLayer]:
         return [layer for layer in self.all if layer.name in look.layers or layer.name not in LAYERS]

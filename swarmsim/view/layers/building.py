@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 
 from swarmsim.core.drawing import Lines, Mark, Polygons, ends_of
-from swarmsim.view.look import Look
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
+from swarmsim.view.style import Style
 
 FLOOR, EDGES, BOXES = 0.0, 20.0, 30.0  # z
 
@@ -30,11 +30,11 @@ class Building:
         areas = [_areas(scene.footprint, floor), *(_areas(parts, name) for name, parts in solids)]
         self._marks: list[Mark] = [*areas, edges]
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Areas, and over what is known of the floor their outlines."""
         return self._marks
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """None: everybody knows what walls are."""
         return []
 
@@ -44,11 +44,11 @@ class Boxes:
 
     name = "boxes"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Rectangles."""
         return [box_marks(*shot.boxes)] if shot.boxes else []
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A box, if one ever stands there."""
         return [Sign("box", "box that was not there before", [box_marks((-7.0, -5.0, 7.0, 5.0))])] * (
             "box" in scene.signs

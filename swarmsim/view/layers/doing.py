@@ -9,16 +9,16 @@ import numpy as np
 
 from swarmsim.core.drawing import Dash, Ink, Lines, Mark, Polygons, Rays, Reals, Whole, ends_of
 from swarmsim.view.layers.robots import forms, inks_of_robots
-from swarmsim.view.look import Look
-from swarmsim.view.scene import Pairs, Scene, Shot
+from swarmsim.view.scene import Frame, Pairs, Scene
 from swarmsim.view.signs import Sign
+from swarmsim.view.style import Style
 
 TILES, BEAMS, WAYS, LINKS, GOALS = 40.0, 50.0, 60.0, 70.0, 80.0  # z
 DIAMOND: Final = 0.6 * np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
 ONE: Final = np.zeros(1, np.int64)
 
 
-def shown(shot: Shot) -> Whole:
+def shown(shot: Frame) -> Whole:
     """The robots that are alive and whose own things are drawn."""
     return np.array([robot for robot in shot.chosen or range(len(shot.alive)) if shot.alive[robot]], np.int64)
 
@@ -31,12 +31,12 @@ class Tiles:
     def __init__(self, scene: Scene) -> None:
         self._size = scene.lattice.cell * np.array(scene.tile[::-1])
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Tinted rectangles."""
         robots = shown(shot)
         return [tiles(shot.origins[robots], self._size, robots)] if len(shot.origins) else []
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A tile."""
         tile = tiles(np.array([(-7.0, -6.0)]), np.array([14.0, 12.0]), ONE)
         return [Sign("tile", f"the {scene.tile[0]} x {scene.tile[1]} cells it senses", [tile])] * (scene.tile[0] > 0)
@@ -58,7 +58,7 @@ class Beams:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Rays from robots to where their beams end."""
         found: list[Mark] = []
         for robot in shot.chosen:
@@ -70,7 +70,7 @@ class Beams:
                 )
         return found
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A fan."""
         fan = Rays(np.array([(-9.0, 0.0)]), np.zeros(1), np.array([-0.32, 0.0, 0.32]), np.full((1, 3), 18.0), ONE)
         return [Sign("beams", "its beams", [fan])] * bool(look.chosen)
@@ -81,14 +81,14 @@ class Ways:
 
     name = "ways"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Ways below links, goals over them."""
         robots = [robot for robot in shot.chosen or range(len(shot.ways)) if len(shot.ways[robot]) > 1]
         aims = np.flatnonzero(~np.isnan(shot.goals[:, 0]))
         aims = aims[np.isin(aims, shot.chosen)] if shot.chosen else aims
         return [ways([shot.ways[robot] for robot in robots], np.array(robots, np.int64)), goals(shot.goals[aims], aims)]
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A way with its goal."""
         way = ways([np.array([(-10.0, -4.0), (-3.0, -4.0), (5.0, 0.0)])], ONE)
         return [Sign("aim", "its way ahead and goal", [way, goals(np.array([(6.0, 0.0)]), ONE)], 6.6)] * scene.walks
@@ -112,7 +112,7 @@ class Links:
 
     name = "links"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Lines between robots; those that are heard on one side alone are arrows."""
         fates: tuple[tuple[str, Pairs, Ink, Dash], ...] = (
             ("waiting", shot.waiting, "link", "dotted"), ("lost", shot.lost, "lost", "dashed"),
@@ -120,7 +120,7 @@ class Links:
         )  # fmt: skip
         return [links(shot.pose, pairs, name, ink, dash) for name, pairs, ink, dash in fates if len(pairs)]
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """Those that are ever drawn."""
         ends, pair = np.array([(10.0, 0.0), (-10.0, 0.0)]), np.array([(0, 1)])
         every: tuple[tuple[str, str, Ink, Dash], ...] = (

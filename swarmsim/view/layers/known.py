@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core.drawing import Mark, Raster
 from swarmsim.core.state import FREE, OCCUPIED
-from swarmsim.view.look import Look
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign, ramp
+from swarmsim.view.style import Style
 
 FLOOR = 10.0  # z
 MOST = 250  # counts that are told apart
@@ -27,7 +27,7 @@ class Maps:
         self._scene, self._robots = scene, scene.robots
         self._row, self._counts = -1, np.empty((0, 0), np.uint8)
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """The map of all and, over it, the one that is looked at."""
         if not self._scene.has_maps:
             return []
@@ -40,7 +40,7 @@ class Maps:
         mine = self._scene.own_cells(shot.focus, shot.row).copy()
         return [self._raster(self._known(shot.row), dim, "others"), self._raster(mine, own, "own")]
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """The colours of cells."""
         focus = look.focus
         if not scene.has_maps:
@@ -74,7 +74,7 @@ class FieldEstimates:
     def __init__(self, scene: Scene) -> None:
         self._scene, self._row, self._values = scene, -1, np.empty((0, 0), np.uint8)
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Floor in the colours of heat."""
         if not self._scene.has_field:
             return []
@@ -86,6 +86,6 @@ class FieldEstimates:
         heat = ((1, 255, "floor", "hot"),)
         return [Raster(self._values, (lattice.x0, lattice.y0), lattice.cell, heat, name="field", z=FLOOR)]
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """The colours of heat."""
         return [Sign("field", "the field, as robots estimate it", ramp("floor", "hot"))] * scene.has_field

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.drawing import Circles, Ink, Inks, Lines, Mark, Polygons, Reals, Texts, Whole, ends_of
-from swarmsim.view.look import Look
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
+from swarmsim.view.style import Style
 
 PEOPLE, DEAD, BELIEFS, FAULTS, ROBOTS = 90.0, 100.0, 101.0, 102.0, 103.0  # z
 NOSE: Final = np.array([(0.585, -0.545), (1.75, 0.0), (0.585, 0.545)])
@@ -56,7 +56,7 @@ class Robots:
 
     name = "robots"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Lines of headings, then bodies, then ids."""
         live = np.flatnonzero(shot.alive)
         pose, marks = shot.pose[live], []
@@ -69,7 +69,7 @@ class Robots:
         )  # fmt: skip
         return [*marks, *bodies(pose, live), ids]
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A robot, and its heading."""
         pose, one = np.array([(0.0, 0.0, 0.5)]), np.zeros(1, np.int64)
         found = [Sign("robot", "robot", bodies(pose, one), 6.0)]
@@ -90,7 +90,7 @@ class Faults:
 
     name = "faults"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """The dead below all robots, rings below those that they are around."""
         marks = np.array(shot.marks)
         gone: NDArray[np.bool_] = ~shot.alive & (marks == "removed")
@@ -103,7 +103,7 @@ class Faults:
             found += [rings(shot.pose[these], these, ink, name)] * (len(these) > 0)
         return found
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """Those that are ever drawn."""
         pose, one = np.array([(0.0, 0.0, 0.5)]), np.zeros(1, np.int64)
         every = [
@@ -131,12 +131,12 @@ class Beliefs:
 
     name = "beliefs"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Rings, and lines to them from where the robots are."""
         live = np.flatnonzero(shot.alive)
         return [] if shot.believed is None else beliefs(shot.pose[live, :2], shot.believed[live], live)
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A robot with its ring."""
         ends, one = np.array([(-10.0, 0.0, 0.5), (10.0, 0.0, 0.0)]), np.zeros(1, np.int64)
         marks = [*bodies(ends[:1], one), *beliefs(ends[:1, :2], ends[1:, :2], one)]
@@ -156,11 +156,11 @@ class People:
 
     name = "people"
 
-    def draw(self, shot: Shot) -> Sequence[Mark]:
+    def draw(self, shot: Frame) -> Sequence[Mark]:
         """Discs with heads."""
         return people(shot.people) if len(shot.people) else []
 
-    def signs(self, scene: Scene, look: Look) -> list[Sign]:
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A person."""
         return [Sign("person", "person", people(np.array([(0.0, 0.0, 6.0)])))] * scene.has_people
 

@@ -13,7 +13,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from swarmsim.core.events import BoxGone, BoxStands
-from swarmsim.core.scenario import table_of
+from swarmsim.core.scenario.file import table_of
 from swarmsim.recording.reader import Recording, Summary
 from swarmsim.view.panel import clock
 from swarmsim.view.scene import Scene

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.recording.columns import plain, shown
 from swarmsim.recording.reader import Recording
-from swarmsim.view.scene import Scene, Shot
+from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.theme import DARK, Colour, colour_of
 from swarmsim.view.viewers.cells import CELLS, UNKNOWN_CELL
 
@@ -136,7 +136,7 @@ def _body(scene: Scene, robot: int) -> fm.SceneEntity:
     return fm.SceneEntity(frame_id=f"robot_{robot}", id=f"robot_{robot}", frame_locked=True, cylinders=[cylinder])
 
 
-def _links(stamp: fm.Timestamp, shot: Shot) -> fm.SceneEntity:
+def _links(stamp: fm.Timestamp, shot: Frame) -> fm.SceneEntity:
     """Messages as lines from sender to receiver: one list of those heard, one of those lost."""
     both = [shot.mutual, shot.mutual[:, ::-1], shot.one_way]
     lines = [

@@ -28,8 +28,8 @@ def logit(p):
 
 
 def minds(robots=1, **parameters):
-    setting = setting_of(robots, seed=1)
-    return Mapper(**parameters).build(setting)
+    context = setting_of(robots, seed=1)
+    return Mapper(**parameters).build(context)
 
 
 def observe(mind, iteration, value, robots=1, alive=None):
@@ -200,8 +200,8 @@ def test_forgetting_robots_come_back_to_what_they_forgot() -> None:
 
 def test_on_patrol_a_frontier_comes_first() -> None:
     """One that appears behind the robot turns it round within its patience."""
-    setting = setting_of(1, seed=1)
-    mind = Mapper(idle="patrol").build(setting)
+    context = setting_of(1, seed=1)
+    mind = Mapper(idle="patrol").build(context)
     mind.observed[:] = True
     mind.log_odds[:] = 1.0
     mind.log_odds[0, 8, 1:15] = -1.0  # a corridor along row 8

@@ -10,11 +10,12 @@ from conftest import Grids, called, made, moments_of, seen_as, setting_of
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Delivery, PostOffice
+from swarmsim.core.messages import Delivery, MessageBuffer
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.engine import contracts
-from swarmsim.operations.mapping.frames import (
+from swarmsim.operations.mapping.maps import Frames, MapAuditor
+from swarmsim.operations.mapping.sharing.merging import (
     MAP,
     PLACE,
     TILE,
@@ -25,8 +26,7 @@ from swarmsim.operations.mapping.frames import (
     moved,
     presented,
 )  # fmt: skip
-from swarmsim.operations.mapping.maps import Frames, MapAuditor
-from swarmsim.operations.mapping.registration import Transform
+from swarmsim.operations.mapping.sharing.registration import Transform
 
 SHAPE = (30, 40)
 LATTICE = Lattice(0.0, 0.0, 0.15, *SHAPE)
@@ -80,7 +80,11 @@ class Swarm:
     """A policy whose robots stand and hear each other along given links."""
 
     def __init__(self, robots: int) -> None:
-        self.policy, self.post, self.maps = sharing(robots), PostOffice(), Grids(robots, LATTICE, 0.9, 0.4, 0.12, 0.97)
+        self.policy, self.post, self.maps = (
+            sharing(robots),
+            MessageBuffer(),
+            Grids(robots, LATTICE, 0.9, 0.4, 0.12, 0.97),
+        )
         self.alive, self.now = np.ones(robots, np.bool_), 0
         self.pose = np.stack([np.arange(robots) * 3.0, np.zeros(robots), np.zeros(robots)], axis=1)
 
@@ -95,7 +99,7 @@ class Swarm:
         letters = np.array(rows, np.int32).reshape(-1, 4)
         inbox = self.post.open(self.now, Delivery(letters, (), self.now))
         self.now += 1
-        return self.policy.taken(observed, inbox)
+        return self.policy.accepted(observed, inbox)
 
     def find(self, hearer: int, other: int, walls: int, aside: float = 0.0) -> None:
         """Let a robot find a frame, rightly but for a shift by some cells."""
@@ -189,7 +193,7 @@ def test_robots_that_never_meet_know_what_they_sensed_alone() -> None:
     moments = moments_of(run)
     frames = moments[-1].knowledge.frames
     assert_array_equal(frames.known, np.eye(7, dtype=bool))
-    assert all(len(moment.knowledge.taken) == 0 for moment in moments)
+    assert all(len(moment.knowledge.accepted) == 0 for moment in moments)
 
 
 def test_other_policies_have_no_frames_to_measure(room) -> None:
@@ -202,10 +206,12 @@ def test_other_policies_have_no_frames_to_measure(room) -> None:
 def test_the_audit_finds_what_nobody_has_told() -> None:
     run = made("seed=1", "stop.iterations=3", scenario="exploring")
     moment = moments_of(run)[-1]
-    taken = moment.knowledge.taken.take(np.arange(1))
+    accepted = moment.knowledge.accepted.take(np.arange(1))
     observed = seen_as(3, moment.state.pose, moment.state.alive, moment.readings.tiles)
-    knowledge = replace(moment.knowledge, taken=taken, frames=Frames(np.eye(12, dtype=bool), np.zeros((12, 12, 3))))
-    assert "has not told it" in (MapAuditor(run.setting).audit(knowledge, observed, taken.take(np.arange(0))) or "")
+    knowledge = replace(
+        moment.knowledge, accepted=accepted, frames=Frames(np.eye(12, dtype=bool), np.zeros((12, 12, 3)))
+    )
+    assert "has not told it" in (MapAuditor(run.context).audit(knowledge, observed, accepted.take(np.arange(0))) or "")
 
 
 def test_a_film_of_frames_is_written_and_refused_for_other_runs(tmp_path, room) -> None:

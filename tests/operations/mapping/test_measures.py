@@ -15,12 +15,12 @@ from swarmsim.core.events import Ended
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
 from swarmsim.core.readings import Tiles
-from swarmsim.core.robots import Robots
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import Intents, Measured, Moment, State
 from swarmsim.network.channel import letters
-from swarmsim.operations.mapping.coverage import CURVE as CURVED
 from swarmsim.operations.mapping.grids import OccupancyGrids
-from swarmsim.operations.mapping.measures import (
+from swarmsim.operations.mapping.measures.coverage import CURVE as CURVED
+from swarmsim.operations.mapping.measures.quality import (
     MapMeasures,
     Pool,
     Quality,
@@ -31,8 +31,8 @@ from swarmsim.operations.mapping.measures import (
     probability,
     quality,
 )
-from swarmsim.operations.mapping.message import current_tile_bytes
 from swarmsim.operations.mapping.replay import MapReplay
+from swarmsim.operations.mapping.sharing.codecs import current_tile_bytes
 from swarmsim.recording.measures import RunMeasures, jain, mean_value, reached
 from swarmsim.recording.reader import Recording
 
@@ -46,7 +46,7 @@ class Believer:
 
     observed: np.ndarray
     log_odds: np.ndarray
-    taken: object = None
+    accepted: object = None
 
 
 def grid(rows: str) -> np.ndarray:
@@ -82,7 +82,7 @@ def moment(iteration, xy, alive, tiles, origins, links, heard, covered, events=(
     intents = Intents(np.zeros((2, 2), np.int32), np.zeros((2, 1, 2)), np.zeros(2, np.int32), np.zeros(2, np.bool_))
     share = covered[0] / 20
     measured = Measured({"coverage": share}, {"covered": np.array(covered[1:]) / 20}, share)
-    knowledge = replace(believer(), taken=inbox)
+    knowledge = replace(believer(), accepted=inbox)
     readings = readings_of(Tiles(values, origins))
     return Moment(state, tuple(events), HALL, readings, links, delivery, inbox, knowledge, intents, measured=measured)
 

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from swarmsim.operations.mapping import message
-from swarmsim.operations.mapping.message import Reading
+from swarmsim.operations.mapping.sharing import codecs
+from swarmsim.operations.mapping.sharing.codecs import Reading
 
 checked = settings(max_examples=150, deadline=None, derandomize=True)
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
@@ -23,9 +23,9 @@ def cells(shape: tuple[int, int]) -> st.SearchStrategy[np.ndarray]:
 @given(st.data(), shapes, ids, iterations, places)
 def test_a_current_tile_comes_back_as_it_was_packed(data, shape, sender, iteration, place) -> None:
     tile = data.draw(cells(shape))
-    packed = message.pack(sender, iteration, np.array(place, np.int32), tile)
-    assert len(packed) == message.current_tile_bytes(*shape)
-    sender_, iteration_, origin, tile_ = message.unpack(packed, shape)
+    packed = codecs.pack(sender, iteration, np.array(place, np.int32), tile)
+    assert len(packed) == codecs.current_tile_bytes(*shape)
+    sender_, iteration_, origin, tile_ = codecs.unpack(packed, shape)
     assert (sender_, iteration_, tuple(origin)) == (sender, iteration, place)
     np.testing.assert_array_equal(tile_, tile)
 
@@ -44,9 +44,9 @@ def test_relayed_readings_come_back_as_they_were_packed(data, shape, sender, ite
         for _ in range(count)
     ]
     tile = data.draw(cells(shape))
-    packed = message.pack_relay(sender, iteration, np.array(place, np.int32), tile, readings)
-    assert len(packed) == message.current_tile_bytes(*shape) + count * message.relayed_tile_bytes(*shape)
-    sender_, iteration_, origin, tile_, back = message.unpack_relay(packed, shape)
+    packed = codecs.pack_relay(sender, iteration, np.array(place, np.int32), tile, readings)
+    assert len(packed) == codecs.current_tile_bytes(*shape) + count * codecs.relayed_tile_bytes(*shape)
+    sender_, iteration_, origin, tile_, back = codecs.unpack_relay(packed, shape)
     assert (sender_, iteration_, tuple(origin)) == (sender, iteration, place)
     np.testing.assert_array_equal(tile_, tile)
     assert len(back) == count
@@ -63,27 +63,27 @@ def test_a_map_comes_back_as_it_was_packed(data, shape, sender, iteration) -> No
     rows, columns = (sorted(data.draw(st.tuples(st.integers(0, n), st.integers(0, n)))) for n in shape)
     part = known[rows[0] : rows[1], columns[0] : columns[1]]
     part[:] = data.draw(cells(part.shape))
-    packed = message.pack_map(sender, iteration, known)
-    sender_, iteration_, back = message.unpack_map(packed, shape)
+    packed = codecs.pack_map(sender, iteration, known)
+    sender_, iteration_, back = codecs.unpack_map(packed, shape)
     assert (sender_, iteration_) == (sender, iteration)
     np.testing.assert_array_equal(back, known)
     found = np.argwhere(known)
     box = np.prod(np.ptp(found, axis=0) + 1) if len(found) else 0
-    assert len(packed) == message.map_bytes(np.array([box], np.int32))[0]
+    assert len(packed) == codecs.map_bytes(np.array([box], np.int32))[0]
 
 
 def test_messages_are_as_long_as_the_documentation_says() -> None:
-    assert message.current_tile_bytes(6, 7) == 21
-    assert message.relayed_tile_bytes(6, 7) == 22
-    assert message.map_bytes(np.array([0, 1, 85 * 140], np.int32)).tolist() == [14, 15, 14 + 2975]
-    assert len(message.pack_map(3, 9, np.ones((85, 140), np.uint8))) == 2989
+    assert codecs.current_tile_bytes(6, 7) == 21
+    assert codecs.relayed_tile_bytes(6, 7) == 22
+    assert codecs.map_bytes(np.array([0, 1, 85 * 140], np.int32)).tolist() == [14, 15, 14 + 2975]
+    assert len(codecs.pack_map(3, 9, np.ones((85, 140), np.uint8))) == 2989
 
 
 def test_a_message_has_the_bytes_that_its_format_says() -> None:
     tile = np.array([[0, 1, 2], [2, 1, 0]], np.uint8)
-    packed = message.pack(0x0102, 0x03040506, np.array([-1, 7]), tile)
+    packed = codecs.pack(0x0102, 0x03040506, np.array([-1, 7]), tile)
     assert packed.hex() == "0102" + "03040506" + "ffff" + "0007" + "1a" + "40"
     mapped = np.zeros((4, 5), np.uint8)
     mapped[1:3, 2:5] = tile
     # The corners of the tile are unknown, but its first and last rows and columns are not all so.
-    assert message.pack_map(1, 2, mapped).hex() == "0001" + "00000002" + "0001" + "0002" + "0002" + "0003" + "1a" + "40"
+    assert codecs.pack_map(1, 2, mapped).hex() == "0001" + "00000002" + "0001" + "0002" + "0002" + "0003" + "1a" + "40"

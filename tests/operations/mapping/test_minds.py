@@ -10,20 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
+from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.parts import Calendar, Parts
+from swarmsim.core.parts import Parts, Schedule
 from swarmsim.core.readings import Channels, Tiles, tile_channels
-from swarmsim.core.robots import Robots
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Intents
 from swarmsim.core.streams import Streams
 from swarmsim.engine.simulation import Simulation
 from swarmsim.network.channel import Perfect
 from swarmsim.network.topology import Isolated
-from swarmsim.operations.mapping.coverage import Coverage
 from swarmsim.operations.mapping.grids import OccupancyGrids
-from swarmsim.operations.mapping.measures import probability
+from swarmsim.operations.mapping.measures.coverage import Coverage
+from swarmsim.operations.mapping.measures.quality import probability
 from swarmsim.robots.bodies import DifferentialDrive, Pymunk
 from swarmsim.robots.localisation import PerfectLocalisation
 from swarmsim.robots.motion import PurePursuit
@@ -47,7 +47,7 @@ def drawn(picture):
     return np.array([[SIGNS[sign] for sign in line] for line in picture.split()], np.uint8)
 
 
-def setting(count=1, shape=(16, 16), seed=5, **robots):
+def context(count=1, shape=(16, 16), seed=5, **robots):
     return setting_of(count, shape, seed, CELL, **robots)
 
 
@@ -61,7 +61,7 @@ class Alone:
 
     def __init__(self, picture, seed=5, radius=0.055, **parameters):
         self.world = drawn(picture)
-        place = setting(shape=self.world.shape, seed=seed, radius=radius)
+        place = context(shape=self.world.shape, seed=seed, radius=radius)
         self.lattice = place.lattice
         self.mind = Mapper(**{"patience": PATIENCE, **parameters}).build(place)
         self.iteration = 0
@@ -273,7 +273,7 @@ def test_ties_go_by_rows_or_by_an_order_of_the_robots_own():
 @pytest.mark.parametrize("changes", [{"hit": 0.4}, {"miss": 0.6}, {"lowest": 0.45}, {"highest": 0.85}])
 def test_probabilities_out_of_order_are_refused(changes):
     with pytest.raises(InputError, match=r"^hit: expected lowest < miss < 0.5 < hit < highest, got "):
-        Mapper(**changes).build(setting())
+        Mapper(**changes).build(context())
 
 
 # --- exploring whole maps ------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def test_a_robot_explores_all_that_it_can_reach_of_a_maze_and_then_stands(replan
         wall[[0, -1]] = wall[:, [0, -1]] = True
         truth = np.where(wall, OCCUPIED, FREE).astype(np.uint8)
         start = here = tuple(np.argwhere(~wall)[rng.integers(0, (~wall).sum())].tolist())
-        mind = Mapper(replan=replan, neighbours=neighbours).build(setting(shape=lattice.shape, seed=seed))
+        mind = Mapper(replan=replan, neighbours=neighbours).build(context(shape=lattice.shape, seed=seed))
         for iteration in range(5000):
             origin = np.array([[here[0] - 1, here[1] - 1]], np.int32)
             tile = truth[None, here[0] - 1 : here[0] + 2, here[1] - 1 : here[1] + 2]
@@ -375,7 +375,7 @@ def transplanted(mine, others, robot):
     st.integers(1, 5),
 )
 def test_a_robot_decides_by_what_it_senses_and_hears_alone(robot, seed, replan, ties, patience):
-    place = setting(SWARM, SHAPE)
+    place = context(SWARM, SHAPE)
     parameters = Mapper(replan=replan, ties=ties, patience=patience)
     here, elsewhere = parameters.build(place), parameters.build(place)
     mine, others = np.random.default_rng(seed), np.random.default_rng(seed + 1)
@@ -400,7 +400,7 @@ def test_a_robot_decides_by_what_it_senses_and_hears_alone(robot, seed, replan, 
 
 def test_what_a_robot_hears_does_change_what_it_does():
     """The counterpart of locality: without it, a robot that ignores everything would pass."""
-    place = setting(SWARM, SHAPE)
+    place = context(SWARM, SHAPE)
     changed = 0
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -419,7 +419,7 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
     """With row-order ties and endless patience robots are all alike: renaming them renames their intents."""
     order = np.array(order)  # row i of the second swarm is robot order[i] of the first
     rows = np.argsort(order)
-    place = setting(SWARM, SHAPE)
+    place = context(SWARM, SHAPE)
     parameters = Mapper(ties="row-order", patience=1000)
     one, other = parameters.build(place), parameters.build(place)
     rng = np.random.default_rng(seed)
@@ -444,7 +444,7 @@ def test_the_order_of_robots_in_memory_does_not_matter(order, seed):
 
 
 def test_dead_robots_neither_map_nor_move():
-    place = setting(SWARM, SHAPE)
+    place = context(SWARM, SHAPE)
     mind = Mapper().build(place)
     rng = np.random.default_rng(3)
     for iteration in range(5):
@@ -489,7 +489,7 @@ class Follow:
 
     def __init__(self, start, paths, seconds, look_ahead=0.05):
         start = np.array(start, float).reshape(-1, 3)
-        place = setting(len(start))
+        place = context(len(start))
         self.motion = PurePursuit(look_ahead=look_ahead).build(place)
         longest = max(map(len, paths))
         waypoints = np.zeros((len(paths), longest, 2))
@@ -639,7 +639,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
     hall = replace(building(walls), domain=floor)
     channels = Channels(*tile_channels((6, 7), False))
-    place = Setting.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall, channels=channels)
+    place = BuildContext.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall, channels=channels)
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))
     bodies = DifferentialDrive(place.robots, Pymunk(), hall, np.column_stack([starts, [0.0, np.pi]]))
     mind = Mapper().build(place)
@@ -647,7 +647,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
         sensor=IrRing().build(place), localisation=PerfectLocalisation(), computation=mind.computation,
         strategy=mind.strategy, topology=Isolated().build(place), channel=Perfect().build(place),
         motion=PurePursuit().build(place), bodies=bodies, task=Coverage().build(place), building=hall,
-        calendar=Calendar(bodies.state()), lattice=lattice,
+        schedule=Schedule(bodies.state()), lattice=lattice,
     )  # fmt: skip
     simulation = Simulation(parts, 1.0, 10**6, "go-on")
     blocked = 0

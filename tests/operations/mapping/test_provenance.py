@@ -9,7 +9,7 @@ import pytest
 from conftest import called, made
 
 from swarmsim.core.state import UNKNOWN, Moment
-from swarmsim.operations.mapping.provenance import MapProvenance
+from swarmsim.operations.mapping.measures.provenance import MapProvenance
 
 
 class Followed:
@@ -21,11 +21,11 @@ class Followed:
 
     def sample(self, moment: Moment) -> None:
         before = [dict(one) for one in self.maps]
-        now, taken = moment.state.iteration + 1, moment.knowledge.taken
-        items = taken.content
-        hops = getattr(items, "hops", np.ones(len(taken), int))
-        for m in range(len(taken)):
-            i, sender = int(taken.receivers[m]), int(taken.senders[m])
+        now, accepted = moment.state.iteration + 1, moment.knowledge.accepted
+        items = accepted.content
+        hops = getattr(items, "hops", np.ones(len(accepted), int))
+        for m in range(len(accepted)):
+            i, sender = int(accepted.receivers[m]), int(accepted.senders[m])
             if items.sources[m] < 0:
                 for cell in self.cells(items.values[m], items.origins[m]):
                     if cell not in self.maps[i] and cell in before[sender]:
@@ -34,13 +34,13 @@ class Followed:
         for i in np.flatnonzero(moment.state.alive).tolist():
             for cell in self.cells(moment.readings.tiles.values[i], moment.readings.tiles.origins[i]):
                 self.maps[i][cell] = (now, i, 0)
-        for m in range(len(taken)):
+        for m in range(len(accepted)):
             if items.sources[m] >= 0:
                 reading = (int(items.sensed[m]) + 1, int(items.sources[m]), int(hops[m]))
                 for cell in self.cells(items.values[m], items.origins[m]):
-                    known = self.maps[int(taken.receivers[m])].get(cell, (0, -1, 0))
+                    known = self.maps[int(accepted.receivers[m])].get(cell, (0, -1, 0))
                     if (known[0], -known[2]) < (reading[0], -reading[2]):
-                        self.maps[int(taken.receivers[m])][cell] = reading
+                        self.maps[int(accepted.receivers[m])][cell] = reading
 
     def cells(self, tile: np.ndarray, corner: np.ndarray) -> list[tuple[int, int]]:
         places = np.argwhere(tile != UNKNOWN) + corner
@@ -55,7 +55,7 @@ def test_every_reading_is_followed_to_every_map(share: str) -> None:
         f"mind.computation.share={share}", "robots.count=6", 'network.topology={use="knn", k=2}',
         'faults=[{use="crash", at=9, count=1}]', "stop.iterations=40", 'stop.when_done="go-on"',
     )  # fmt: skip
-    lattice = run.setting.lattice
+    lattice = run.context.lattice
     probe, followed = MapProvenance(6, lattice), Followed(6, lattice.shape)
     run.simulation.run([probe, followed])
     for robot, wanted in enumerate(followed.maps):
@@ -80,7 +80,7 @@ def test_every_reading_is_followed_to_every_map(share: str) -> None:
 
 def test_alone_everything_is_ones_own() -> None:
     run = made('network.topology={use="none"}', "stop.iterations=20")
-    probe = MapProvenance(3, run.setting.lattice)
+    probe = MapProvenance(3, run.context.lattice)
     run.simulation.run([probe])
     assert probe.summary()["information_hops"] == 0.0
     assert probe.summary()["information_heard"] == 0.0

@@ -7,7 +7,7 @@ import pytest
 from scipy import ndimage
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-from swarmsim.operations.mapping.registration import Match, Meetings, Transform, register
+from swarmsim.operations.mapping.sharing.registration import Match, Meetings, Transform, register
 
 
 def rooms() -> np.ndarray:

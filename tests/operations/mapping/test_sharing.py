@@ -8,17 +8,17 @@ from conftest import Grids, items, made, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swarmsim.core import registry
+from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Delivery, Inbox, PostOffice, Said
-from swarmsim.core.part import Part
+from swarmsim.core.messages import Broadcast, Delivery, Inbox, MessageBuffer
 from swarmsim.core.readings import Tiles
-from swarmsim.core.setting import Setting
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import State
 from swarmsim.engine import contracts
 from swarmsim.network.channel import letters
 from swarmsim.operations.mapping.replay import MapReplay
-from swarmsim.operations.mapping.sharing import pieces
+from swarmsim.operations.mapping.sharing.policies import pieces
 from swarmsim.recording.digests import DIGESTED, Digests
 from swarmsim.recording.reader import Recording
 
@@ -32,7 +32,7 @@ def grids(robots: int) -> Grids:
     return Grids(robots, LATTICE, 0.9, 0.4, 0.12, 0.97)
 
 
-def setting(robots: int) -> Setting:
+def context(robots: int) -> BuildContext:
     return setting_of(robots, LATTICE.shape, 1, tile=TILE)
 
 
@@ -40,9 +40,9 @@ class Policy:
     """A sharing policy of robots that stand still, with its post office."""
 
     def __init__(self, table: dict, robots: int, maps: Grids) -> None:
-        self.inner, self.maps, self.post = Part("sharing", table).build(setting(robots)), maps, PostOffice()
+        self.inner, self.maps, self.post = Part("sharing", table).build(context(robots)), maps, MessageBuffer()
 
-    def say(self, state: State, tiles: Tiles) -> Said:
+    def say(self, state: State, tiles: Tiles) -> Broadcast:
         self.observed = seen_as(state.iteration, state.pose, state.alive, tiles)
         said = self.inner.say(self.observed, self.maps)
         self.post.post(state.iteration, said)
@@ -50,7 +50,7 @@ class Policy:
 
     def hear(self, delivery: Delivery) -> Inbox:
         inbox = self.post.open(self.observed.iteration, delivery)
-        return self.inner.taken(self.observed, inbox)
+        return self.inner.accepted(self.observed, inbox)
 
 
 def opened(table: dict, robots: int, maps: Grids | None = None) -> Policy:
@@ -72,7 +72,7 @@ def chain(robots: int) -> np.ndarray:
     return np.array([(i, j) for i in range(robots) for j in (i - 1, i + 1) if 0 <= j < robots], np.int32)
 
 
-def at_once(iteration: int, links: np.ndarray, said: Said) -> Delivery:
+def at_once(iteration: int, links: np.ndarray, said: Broadcast) -> Delivery:
     return Delivery(letters(iteration, links, said.sizes), (), iteration)
 
 
@@ -174,7 +174,7 @@ def test_a_reading_reaches_exactly_the_robots_within_its_hops_one_link_an_iterat
 def test_no_reading_is_taken_in_twice_whatever_the_network_and_its_delays(seed: int, hops: int, robots: int) -> None:
     stream = np.random.default_rng(seed)
     policy, alive = opened({"use": "relay", "hops": hops}, robots), np.ones(robots, bool)
-    under_way, taken = [], set()
+    under_way, accepted = [], set()
     heard_of = {(i, i, t): 0 for i in range(robots) for t in range(25)}  # owner, source, sensed: links
     for t in range(25):
         alive = alive & (stream.random(robots) > 0.02)
@@ -204,8 +204,8 @@ def test_no_reading_is_taken_in_twice_whatever_the_network_and_its_delays(seed: 
             )
         )
         assert sorted(found) == sorted(expected)
-        assert not taken & set(found)
-        taken |= set(found)
+        assert not accepted & set(found)
+        accepted |= set(found)
 
 
 def test_the_pieces_of_a_map_put_together_are_the_map() -> None:

@@ -11,8 +11,8 @@ from conftest import called, made, moments_of
 
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.operations.mapping.measures.sightings import Sightings
 from swarmsim.operations.mapping.replay import MapReplay
-from swarmsim.operations.mapping.sightings import Sightings
 from swarmsim.recording.reader import Recording
 
 ROOMS, SIDE, CORRIDOR, WALL, DOOR = 9, 0.9, 0.75, 0.1, 0.45  # m, but for the number on each side

@@ -8,16 +8,16 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.forms import Last
-from swarmsim.core.messages import Columns, Inbox, PlainCodec, Said
+from swarmsim.core.adapters.forms import Last
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve
-from swarmsim.core.setting import Setting
 from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
-from swarmsim.operations.mapping.sharing import CurrentTile
+from swarmsim.operations.mapping.sharing.policies import CurrentTile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Felt(Columns):
+class Felt(MessageBatch):
     """A temperature, and where it was."""
 
     warmth: NDArray[np.float64]  # (t,)
@@ -36,26 +36,26 @@ class Warmest(Estimates):
 class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot keeps, and tells, the warmest place that it has felt or heard of: the consensus of the maximum."""
 
-    def build(self, setting: Setting) -> HottestComputation:
+    def build(self, context: BuildContext) -> HottestComputation:
         """The computation."""
-        return HottestComputation(len(setting.ids))
+        return HottestComputation(len(context.ids))
 
 
 class HottestComputation:
     """One temperature and one place a robot."""
 
-    knows = Warmest
+    knowledge_type = Warmest
 
     def __init__(self, count: int) -> None:
         self.codec = PlainCodec(Felt(np.zeros(0), np.zeros(0), np.zeros(0)))
         self._warmth, self._place = np.full(count, -np.inf), np.zeros((count, 2))
 
-    def say(self, senses: Senses) -> Said[Felt]:
+    def say(self, senses: Senses) -> Broadcast[Felt]:
         """The warmest so far, which may be here and now."""
         felt = senses.readings.field
         better = senses.alive & (felt > self._warmth)
         self._warmth[better], self._place[better] = felt[better], senses.pose[better, :2]
-        return Said.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
+        return Broadcast.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Felt]) -> Warmest:
         """The warmest of all that is heard."""
@@ -67,11 +67,11 @@ class HottestComputation:
                 self._place[robot] = inbox.content.x[row], inbox.content.y[row]
         return Warmest(self._warmth.copy(), self._place.copy())
 
-    def forget(self, robots: NDArray[np.int64]) -> None:
+    def reset(self, robots: NDArray[np.int64]) -> None:
         """Know of no place."""
         self._warmth[robots] = -np.inf
 
-    def adopt(self, robots: NDArray[np.int64], source: int) -> None:
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Know what another does."""
         self._warmth[robots], self._place[robots] = self._warmth[source], self._place[source]
 
@@ -81,9 +81,9 @@ class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     every: int = 2  # iterations
 
-    def build(self, setting: Setting) -> Sometimes:
+    def build(self, context: BuildContext) -> Sometimes:
         """The policy."""
-        return Sometimes(CurrentTile().build(setting), self.every)
+        return Sometimes(CurrentTile().build(context), self.every)
 
 
 class Sometimes:
@@ -97,7 +97,7 @@ class Sometimes:
         """That of the current tile."""
         return self._inner.codec
 
-    def say(self, senses: Senses, maps) -> Said:
+    def say(self, senses: Senses, maps) -> Broadcast:
         """Tiles, or nothing worth knowing."""
         if senses.iteration % self._every:
             blank = np.zeros_like(senses.readings["tiles.values"])
@@ -114,7 +114,7 @@ class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     speed: float = 0.08  # m/s
 
-    def build(self, setting: Setting) -> Seeker:
+    def build(self, context: BuildContext) -> Seeker:
         """The strategy."""
         return Seeker(self.speed)
 
@@ -122,7 +122,7 @@ class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 class Seeker:
     """Straight on."""
 
-    reads = Warmest
+    requires_knowledge = Warmest
 
     def __init__(self, speed: float) -> None:
         self._speed = speed
@@ -142,7 +142,7 @@ class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     within: float = 0.01  # degrees
 
-    def build(self, setting: Setting) -> WarmthTask:
+    def build(self, context: BuildContext) -> WarmthTask:
         """The task."""
         return WarmthTask(self.within)
 
@@ -150,7 +150,7 @@ class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class WarmthTask:
     """How far robots disagree."""
 
-    reads = Warmest
+    requires_knowledge = Warmest
     curve = Curve("spread", "disagreement, degrees", low=0.0, format=".2f", rises=False)
 
     def __init__(self, within: float) -> None:

@@ -9,10 +9,10 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core import chance
+from swarmsim.core.context import BuildContext
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Links, Now, Parts
-from swarmsim.core.setting import Setting
+from swarmsim.core.parts import Links, Parts, Tick
 from swarmsim.core.state import State
 from swarmsim.robots.motion import PurePursuit, WaypointFollower
 
@@ -20,7 +20,7 @@ from swarmsim.robots.motion import PurePursuit, WaypointFollower
 class NextAlive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A ring that closes over the dead: each live robot hears the next live one."""
 
-    def build(self, setting: Setting) -> NextAlive:
+    def build(self, context: BuildContext) -> NextAlive:
         """The topology is what describes it."""
         return self
 
@@ -36,9 +36,9 @@ class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     chance: float = 0.3  # probability of rain in an iteration
 
-    def build(self, setting: Setting) -> RainyChannel:
+    def build(self, context: BuildContext) -> RainyChannel:
         """The channel."""
-        salt = int(setting.streams.open("showers").integers(0, 2**63))
+        salt = int(context.streams.open("showers").integers(0, 2**63))
         return RainyChannel(self.chance, salt)
 
 
@@ -62,9 +62,9 @@ class AgainstIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     share: float = 0.5  # of the speed
 
-    def build(self, setting: Setting) -> Careful:
+    def build(self, context: BuildContext) -> Careful:
         """The motion."""
-        return Careful(PurePursuit().build(setting), self.share)
+        return Careful(PurePursuit().build(context), self.share)
 
 
 class Careful:
@@ -83,9 +83,9 @@ class Lightning(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     at: int = 10  # iteration
 
-    def build(self, setting: Setting) -> Storm:
+    def build(self, context: BuildContext) -> Storm:
         """The fault."""
-        return Storm(self.at, setting.number)
+        return Storm(self.at, context.number)
 
 
 class Storm:
@@ -97,10 +97,10 @@ class Storm:
     def install(self, parts: Parts) -> Parts:
         """Enter the calendar."""
         self._bodies = parts.bodies
-        parts.calendar.enter(self)
+        parts.schedule.enter(self)
         return parts
 
-    def advance(self, now: Now) -> Sequence[Event]:
+    def advance(self, now: Tick) -> Sequence[Event]:
         """Strike, if it is time."""
         live = np.flatnonzero(now.after.alive)
         if now.iteration != self._at or len(live) == 0:

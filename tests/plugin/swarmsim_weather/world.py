@@ -6,10 +6,10 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.probes import ProbeTable, Sampled
 from swarmsim.core.readings import Readings
-from swarmsim.core.setting import Field, Setting, Site
 from swarmsim.core.state import Moment, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
@@ -20,7 +20,7 @@ class Greenhouse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     side: float = 4.0  # m
 
-    def build(self, site: Site) -> Greenhouse:
+    def build(self, site: WorldContext) -> Greenhouse:
         """The building."""
         return self
 
@@ -39,17 +39,17 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     speed: float = 0.02  # m/s
     direction: float = 0.0  # rad, counter-clockwise from the x axis
 
-    def build(self, setting: Setting) -> Blown:
+    def build(self, context: BuildContext) -> Blown:
         """The bodies."""
-        return Blown(self, setting)
+        return Blown(self, context)
 
 
 class Blown(PointBodies):
     """Particles, moved a little further in every iteration."""
 
-    def __init__(self, wind: Wind, setting: Setting) -> None:
-        super().__init__(Particles(substeps=4), setting)
-        self._carried = setting.period * wind.speed * np.array([np.cos(wind.direction), np.sin(wind.direction)])
+    def __init__(self, wind: Wind, context: BuildContext) -> None:
+        super().__init__(Particles(substeps=4), context)
+        self._carried = context.period * wind.speed * np.array([np.cos(wind.direction), np.sin(wind.direction)])
 
     def drive(self, motion, period: float) -> State:
         """As particles do, and then downwind."""
@@ -65,9 +65,9 @@ class Fog(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     x: float = 0.0  # m, of the line
     reach: float = 1.0  # m, of the beams
 
-    def build(self, setting: Setting) -> Foggy:
+    def build(self, context: BuildContext) -> Foggy:
         """The sensor."""
-        return Foggy(IrRing(reach=self.reach).build(setting), self.x)
+        return Foggy(IrRing(reach=self.reach).build(context), self.x)
 
 
 class Foggy:
@@ -90,7 +90,7 @@ class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     length: float = 86_400.0  # s, of a day
     noise: float = 0.0  # degrees, standard deviation of a sample
 
-    def build(self, setting: Setting) -> Day:
+    def build(self, context: BuildContext) -> Day:
         """The field is what describes it."""
         return self
 
@@ -104,7 +104,7 @@ class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     to: float = 0.01  # m
 
-    def build(self, setting: Setting) -> Rounded:
+    def build(self, context: BuildContext) -> Rounded:
         """The localisation is what describes it."""
         return self
 
@@ -120,11 +120,11 @@ class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     name: str = "warmth"
 
-    def build(self, setting: Setting) -> Thermometer:
+    def build(self, context: BuildContext) -> Thermometer:
         """The probe."""
-        if setting.scalar_field is None:
+        if context.scalar_field is None:
             raise InputError("use: 'thermometers' measures a field; expected one, such as field.use = 'day'")
-        return Thermometer(setting.scalar_field, setting.period)
+        return Thermometer(context.scalar_field, context.period)
 
 
 class Thermometer:

@@ -1,0 +1,1 @@
+"""Simpler forms of parts: a class of one robot's mind, and plain functions of arrays."""

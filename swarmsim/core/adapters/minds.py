@@ -1,0 +1,499 @@
+"""Minds of one's own: a class whose instances are one robot's mind each, run for the whole swarm.
+
+Nothing of this module has to be imported to write one: `step(self, me)` gets a `Me` and gives what `me.drive(...)` or
+`me.go(...)` give, or None to stand still.
+"""
+
+from __future__ import annotations
+
+import copy
+import keyword
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, make_dataclass, replace
+from types import SimpleNamespace
+from typing import Any, Final, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from swarmsim.core import own
+from swarmsim.core.context import BuildContext
+from swarmsim.core.errors import nearest
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.lending import AS_IT_IS, lent
+from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
+from swarmsim.core.own import MisfitError
+from swarmsim.core.readings import Readings
+from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Intent:
+    """What one robot has decided: a velocity or a way."""
+
+    twist: tuple[float, float] | None = None  # m/s ahead, rad/s counter-clockwise
+    way: NDArray[np.float64] | None = None  # (w, 2): x, y in m
+
+
+@dataclass(slots=True, eq=False)
+class Me:
+    """All that one robot may know in one iteration, its own memory aside; arrays cannot be written to.
+
+    What other sensors give is in `readings`, and `me.neighbours` is `me.readings.neighbours`.
+    """
+
+    id: int
+    iteration: int
+    time: float  # s
+    x: float  # m, where it believes itself to be
+    y: float  # m
+    yaw: float  # rad, counter-clockwise from the x axis
+    velocity: NDArray[np.float64]  # (3,): m/s, m/s, rad/s, in the world frame
+    tile: NDArray[np.uint8] | None  # (rows, columns): UNKNOWN 0, FREE 1 or OCCUPIED 2; None without such a sensor
+    corner: NDArray[np.int32] | None  # (2,): row and column of the tile's lower-left cell
+    ranges: NDArray[np.float64] | None  # (b,): m, how far each beam reaches
+    bearings: NDArray[np.float64] | None  # (b,): rad from straight ahead
+    sample: float | None  # the field's value here, if there is a field
+    heard: Sequence[SimpleNamespace]  # what arrived: `sender`, `age` in iterations, and the message's own fields
+    knowledge: Any  # what its computation makes of all that, where that is another part
+    lattice: Lattice  # of tiles and maps
+    speed: float  # m/s, the most that its wheels do
+    radius: float  # m
+    random: np.random.Generator  # a stream of its own
+    readings: SimpleNamespace  # what its other sensors give, by the names of their channels
+
+    def __getattr__(self, name: str) -> Any:
+        found = {} if name == "readings" else vars(self.readings)  # which is not there while it is made
+        if name not in found:
+            raise AttributeError(f"'Me' object has no attribute {name!r}", name=name, obj=self)
+        return found[name]
+
+    def __dir__(self) -> list[str]:
+        """All that it has, what its other sensors give included."""
+        return [*object.__dir__(self), *vars(self.readings)]
+
+    @property
+    def walls(self) -> NDArray[np.float64]:
+        """The centres (w, 2) in m of the occupied cells of its tile."""
+        if self.tile is None or self.corner is None:
+            return np.empty((0, 2))
+        return self.lattice.centres(np.argwhere(self.tile == OCCUPIED) + self.corner)
+
+    def drive(self, ahead: float, turn: float = 0.0) -> Intent:
+        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise.
+
+        Raises ValueError unless both are finite numbers.
+        """
+        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn)))
+
+    def head(self, yaw: float, ahead: float) -> Intent:
+        """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
+
+        Raises ValueError unless both are finite numbers.
+        """
+        turn = (_number("head", "yaw", yaw) - self.yaw + np.pi) % (2.0 * np.pi) - np.pi
+        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period))
+
+    def go(self, way: ArrayLike) -> Intent:
+        """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end.
+
+        Raises ValueError unless they are finite numbers, of one place at least.
+        """
+        one = len(np.shape(way)) == 1
+        try:
+            places = own.array_of([way] if one and not isinstance(way, np.ma.MaskedArray) else way, None, 2)
+        except ValueError as problem:
+            raise MisfitError(f"me.go: {problem}; expected a place (2,) or waypoints (w, 2), in m") from None
+        if len(places) == 0 or not np.isfinite(places).all():
+            raise MisfitError(f"me.go: {own.brief(way)}; expected one place at least, all of them finite, in m")
+        return Intent(way=places.astype(np.float64))
+
+    _period: float = 1.0  # s, of an iteration
+
+
+class Mind(Protocol):
+    """One robot's mind, an instance of somebody's class; it has to `say` something if this has `message_fields`."""
+
+    def say(self, me: Me) -> object:
+        """What it tells others."""
+        ...
+
+    def hear(self, me: Me) -> object:
+        """To take in what it is told; it is not asked if it has no such method."""
+        ...
+
+    def step(self, me: Me) -> object:
+        """What it decides."""
+        ...
+
+
+T = TypeVar("T")  # what minds answer
+S = TypeVar("S", bound=np.generic)
+
+#: What a mind finds of its own and a sensor cannot call a channel; `ranges` is the ring's.
+OF_ME: Final = frozenset(name for name in dir(Me) if not name.startswith("_")) - {"ranges"}
+
+
+def _number(verb: str, name: str, value: object) -> float:
+    try:
+        return own.finite(value)
+    except ValueError as problem:
+        raise MisfitError(f"me.{verb}: {name}: {problem}; expected a finite number") from None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnMinds(Knowledge):
+    """What the minds of somebody's own class know: themselves, and what of it they show."""
+
+    minds: Sequence[Mind] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
+    shown: Mapping[str, NDArray[np.float64]]  # (n,): the attributes that the class names in `recorded`
+
+    def __getattr__(self, name: str) -> NDArray[np.float64]:
+        try:
+            return self.shown[name]
+        except KeyError:
+            raise AttributeError(
+                f"{name!r} is not shown; the class names in 'shows': {', '.join(self.shown)}"
+            ) from None
+
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+        """All that is shown."""
+        return tuple(self.shown.values())
+
+    def record(self) -> Record:
+        """A table for each attribute that is shown."""
+        return Record(dict(self.shown))
+
+    def of(self, robot: int) -> Mind:
+        """One robot's mind."""
+        return self.minds[robot]
+
+
+_NUMBERS: Final = ("f8", "f4", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1", "?")  # types of what messages hold
+#: The message of minds that say nothing: a header alone.
+_SILENCE: Final = make_dataclass(
+    "Silence", [("nothing", NDArray[np.float64])], bases=(MessageBatch,), frozen=True, slots=True, eq=False
+)
+
+
+class Swarm:
+    """One instance for each robot, and what each of them may know."""
+
+    def __init__(self, make: Callable[[], Mind], context: BuildContext) -> None:
+        self._make, self._context = make, context
+        #: The robots' numbers, by row.
+        self.ids: list[int] = context.ids.tolist()
+        self.minds = [make() for _ in self.ids]
+        self._random = context.own_streams("mind")
+
+    def each(
+        self,
+        senses: Senses,
+        ask: Callable[[Mind, Me], T],
+        inbox: Inbox[MessageBatch] | None = None,
+        knowledge: Knowledge | None = None,
+    ) -> dict[int, T]:
+        """What every live robot's mind answers, by its row; what is raised tells whose mind it was.
+
+        There is no inbox before they have spoken, and no knowledge before they have heard.
+        """
+        answers: dict[int, T] = {}
+        for row, me in self._all(senses, inbox, knowledge):
+            try:
+                answers[row] = ask(self.minds[row], me)
+            except BaseException as problem:
+                problem.add_note(f"robot {me.id}")
+                raise
+        return answers
+
+    def _all(
+        self, senses: Senses, inbox: Inbox[MessageBatch] | None, knowledge: Knowledge | None
+    ) -> Iterable[tuple[int, Me]]:
+        robots, lattice, period = self._context.robots, self._context.lattice, self._context.period
+        readings, now = senses.readings, senses.iteration
+        tiles, beams, field = readings.tiles, readings.beams, readings.field
+        for i in np.flatnonzero(senses.alive).tolist():
+            x, y, yaw = senses.pose[i].tolist()
+            yield i, Me(
+                self.ids[i], now, now * period, x, y, yaw,
+                _kept(senses.velocity[i]),
+                None if tiles is None else _kept(tiles.values[i]),
+                None if tiles is None else _kept(tiles.origins[i]),
+                None if beams is None else _kept(beams.ranges[i]),
+                None if beams is None else _kept(beams.bearings),
+                None if field is None else float(field[i]),
+                [] if inbox is None else _heard(inbox, i, now),
+                None if knowledge is None else knowledge.of(i),
+                lattice, robots.speed, robots.radius, self._random[i], _read(readings, i), period,
+            )  # fmt: skip
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """Give robots (r,) new minds."""
+        for robot in robots.tolist():
+            self.minds[robot] = self._make()
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) the memory of another one."""
+        for robot in robots.tolist():
+            self.minds[robot] = copy.deepcopy(self.minds[source])
+
+
+#: What a mind finds under names of its own.
+_SHOWN: Final = ("tiles.values", "tiles.origins", "tiles.evidence", "ranges", "field")
+_NONE: Final = SimpleNamespace()
+
+
+def _read(readings: Readings, robot: int) -> SimpleNamespace:
+    """What one robot's other sensors give: numbers, arrays, and of ragged channels as many rows as are used."""
+    if all(name in _SHOWN for name in readings.channels.places):
+        return _NONE
+    found: dict[str, object] = {}
+    counts = {channel.count for channel in readings.channels}
+    for channel, column in zip(readings.channels, readings.columns, strict=True):
+        first, end = channel.robots or (0, len(column))
+        if channel.name in _SHOWN or channel.name in counts or not first <= robot < end:
+            continue
+        name = channel.name.replace(".", "_") if channel.group else channel.name.partition(".")[0]
+        row = column[robot] if not channel.count else column[robot][: int(readings[channel.count][robot])]
+        found[name] = _kept(row) if channel.shape else row.item()
+    return SimpleNamespace(**found)
+
+
+def _kept(array: NDArray[S]) -> NDArray[S]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _heard(inbox: Inbox[MessageBatch], robot: int, iteration: int) -> list[SimpleNamespace]:
+    """The items of one robot's inbox, each by the names of its columns."""
+    first, end = np.searchsorted(inbox.receivers, [robot, robot + 1]).tolist()
+    names = [column.name for column in fields(inbox.content)]
+    columns = inbox.content.arrays()
+    return [
+        SimpleNamespace(
+            sender=int(inbox.senders[row]),
+            age=iteration - int(inbox.sent[row]),
+            **{name: _item(column[row]) for name, column in zip(names, columns, strict=True)},
+        )
+        for row in range(first, end)
+    ]
+
+
+def _item(value: object) -> object:
+    return _kept(value) if isinstance(value, np.ndarray) else value
+
+
+class MindComputation:
+    """The half of such minds that says and hears."""
+
+    knowledge_type: type[Knowledge] = OwnMinds
+
+    def __init__(self, kind: type, make: Callable[[], Mind], context: BuildContext) -> None:
+        #: Whose contract it is to keep.
+        self.written_by = kind
+        #: The channels of sensors that it cannot do without.
+        self.requires = _required(kind)
+        self._swarm = Swarm(make, context)
+        self._kinds = _said(kind)
+        #: The attributes of minds that are recorded.
+        self.recorded = _shown(kind)
+        self._hears = callable(getattr(kind, "hear", None))
+        columns = [(name, NDArray[np.generic]) for name in self._kinds]
+        self._content: Callable[..., MessageBatch] = (
+            make_dataclass("Message", columns, bases=(MessageBatch,), frozen=True, slots=True, eq=False)
+            if columns
+            else _SILENCE
+        )
+        self.codec = PlainCodec(self._content(*self._columns({})))
+
+    def _columns(self, answers: dict[int, dict[str, NDArray[np.generic]]], count: int = 0) -> list[NDArray[np.generic]]:
+        if not self._kinds:
+            return [np.empty((count, 0))]
+        columns = {name: np.zeros(count, kind) for name, kind in self._kinds.items()}
+        for robot, answer in answers.items():
+            for name, value in answer.items():
+                columns[name][robot] = value
+        return list(columns.values())
+
+    def _answer(self, mind: Mind, me: Me) -> dict[str, NDArray[np.generic]]:
+        """What a mind says, by the names in `message_fields`. Raises MisfitError."""
+        found, names = mind.say(me), list(self._kinds)
+        if not isinstance(found, Mapping):
+            values = [found]
+            if isinstance(found, tuple | list) or (type(found) is np.ndarray and found.shape == (len(names),)):
+                values = list(found)
+            if len(values) != len(names):
+                wrong = f"{len(values)} value{'s' * (len(values) != 1)}, {own.brief(found)}"
+                raise self._misfit(f"{wrong}; expected {len(names)}, as 'says' names them: {', '.join(names)}")
+            found = dict(zip(names, values, strict=True))
+        for name in found:
+            if name not in self._kinds:
+                raise self._misfit(f"{own.brief(name)}, which 'says' does not name; {nearest(str(name), self._kinds)}")
+        if missing := [name for name in names if name not in found]:
+            raise self._misfit(f"no {', '.join(missing)}; expected all that 'says' names: {', '.join(names)}")
+        return {name: self._value(name, value) for name, value in found.items()}
+
+    def _value(self, name: str, value: object) -> NDArray[np.generic]:
+        """A value as its field holds it. Raises MisfitError for one that is another number there."""
+        kind = self._kinds[name]
+        try:
+            given = own.array_of(value, *kind.shape)
+        except ValueError as problem:
+            raise self._misfit(f"{name}: {problem}; expected a number of type {kind}") from None
+        with np.errstate(all="ignore"):
+            kept = given.astype(kind.base)
+        if not np.array_equal(kept, given, equal_nan=True) and (kept.dtype.kind != "f" or not np.isfinite(kept).all()):
+            raise self._misfit(f"{name}: {own.brief(value)} does not fit {kind}; expected a number that does")
+        return kept
+
+    def _misfit(self, wrong: str) -> MisfitError:
+        return MisfitError(f"say gave {wrong}", self.written_by, "say")
+
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
+        """What each live robot's mind says; the dead's messages are zeros that nobody hears."""
+        answers = self._swarm.each(senses, self._answer) if self._kinds else {}
+        columns = self._columns(answers, len(senses.alive))
+        return Broadcast.each(self._content(*columns), self.codec.size)
+
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> OwnMinds:
+        """The minds, after they have heard."""
+        if self._hears:
+            self._swarm.each(senses, lambda mind, me: mind.hear(me), inbox)
+        minds = self._swarm.minds
+        shown = {name: np.array([self._attribute(i, name) for i in range(len(minds))]) for name in self.recorded}
+        return OwnMinds(tuple(minds), shown)
+
+    def _attribute(self, robot: int, name: str) -> float:
+        """What a mind shows. Raises MisfitError if it does not have that, or no number."""
+        mind = self._swarm.minds[robot]
+        try:
+            return own.number_of(getattr(mind, name))
+        except AttributeError:
+            ours = {"message_fields", "recorded", "requires"}
+            has = [
+                one for one in dir(mind) if one[0] != "_" and one not in ours and not callable(getattr(mind, one, len))
+            ]
+            wrong = f"has no {name!r}, which 'recorded' names; {nearest(name, dict.fromkeys(has))}"
+        except ValueError as problem:
+            wrong = f"shows {name!r}: {problem}; expected a number"
+        raise MisfitError(f"robot {self._swarm.ids[robot]} {wrong}", self.written_by, "recorded")
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """Give robots (r,) new minds."""
+        self._swarm.reset(robots)
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) the memory of another one."""
+        self._swarm.copy_from(robots, source)
+
+
+def _said(kind: type) -> dict[str, np.dtype[np.generic]]:
+    """The fields of the messages of a class of minds, by name. Raises MisfitError for what is no such thing."""
+    says = getattr(kind, "message_fields", {})
+    if not isinstance(says, Mapping):
+        raise MisfitError(
+            f"message_fields is {own.brief(says)}; expected names with their types, as in {{'x': 'f8'}}",
+            kind,
+            "message_fields",
+        )
+    if bool(says) != callable(getattr(kind, "say", None)):
+        raise MisfitError(
+            f"{kind.__name__}: expected both 'message_fields', the fields of a message, and 'say', or neither",
+            kind,
+            "say",
+        )
+    taken = {"sender", "age", *(name for name in dir(MessageBatch) if not name.startswith("_"))}
+    kinds: dict[str, np.dtype[np.generic]] = {}
+    for name, dtype in says.items():
+        if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or name.startswith("_"):
+            raise MisfitError(
+                f"message_fields: {own.brief(name)} cannot be a field; expected a name such as 'x'",
+                kind,
+                "message_fields",
+            )
+        if name in taken:
+            raise MisfitError(
+                f"message_fields: {name!r} is what messages have besides; expected another name", kind, "message_fields"
+            )
+        try:
+            kinds[name] = np.dtype(dtype)
+        except (TypeError, ValueError):
+            near = nearest(str(dtype), dict.fromkeys(_NUMBERS))
+            raise MisfitError(
+                f"message_fields: {name}: no type is called {own.brief(dtype)}; {near}", kind, "message_fields"
+            ) from None
+        if kinds[name].base.kind not in "fiub":
+            wrong = (
+                f"message_fields: {name}: {own.brief(dtype)} holds no numbers; expected one of {', '.join(_NUMBERS)}"
+            )
+            raise MisfitError(wrong, kind, "message_fields")
+    return kinds
+
+
+def _required(kind: type) -> tuple[str, ...]:
+    """The channels that a class of minds needs. Raises MisfitError for what are no names."""
+    requires = getattr(kind, "requires", ())
+    if not isinstance(requires, tuple | list) or not all(isinstance(name, str) for name in requires):
+        raise MisfitError(f"requires is {own.brief(requires)}; expected names, as in ('tiles',)", kind, "requires")
+    return tuple(requires)
+
+
+def _shown(kind: type) -> tuple[str, ...]:
+    """The attributes that a class of minds shows. Raises MisfitError for what are no names of attributes."""
+    shows = getattr(kind, "recorded", ())
+    names = shows if isinstance(shows, tuple | list) else ()
+    if (shows and not names) or not all(isinstance(name, str) for name in names):
+        raise MisfitError(f"recorded is {own.brief(shows)}; expected names, as in ('energy',)", kind, "recorded")
+    for name in names:
+        if name in dir(OwnMinds):
+            raise MisfitError(
+                f"recorded: {name!r} is what a task finds otherwise; expected another name", kind, "recorded"
+            )
+        if callable(getattr(kind, name, None)):
+            raise MisfitError(f"recorded: {name!r} is a method; expected attributes that are numbers", kind, "recorded")
+    return tuple(names)
+
+
+class MindStrategy:
+    """The half of such minds that decides: of the minds that the computation has or, beside another one, of its own."""
+
+    requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
+
+    def __init__(self, kind: type, make: Callable[[], Mind], context: BuildContext) -> None:
+        #: Whose contract it is to keep.
+        self.written_by = kind
+        #: The channels of sensors that it cannot do without.
+        self.requires = _required(kind)
+        self._kind, self._lattice = kind, context.lattice
+        self._swarm = Swarm(make, context)
+        self._ways: dict[int, bytes] = {}
+
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
+        """What each live robot's mind decides."""
+        known = knowledge if isinstance(knowledge, OwnMinds) else lent(knowledge)
+        if isinstance(knowledge, OwnMinds) and isinstance(knowledge.minds[0], self._kind):
+            self._swarm.minds[:] = knowledge.minds
+        decided = self._swarm.each(senses, self._intent, inbox, known)
+        count = len(senses.alive)
+        ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
+        twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
+        for robot, intent in decided.items():
+            twists[robot] = (np.nan, np.nan) if intent.twist is None else intent.twist
+        for robot, way in ways.items():
+            planned[robot] = self._ways.get(robot) != way.tobytes()
+        self._ways = {robot: way.tobytes() for robot, way in ways.items()}
+        here = senses.pose[:, :2]
+        from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
+        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists)
+
+    def _intent(self, mind: Mind, me: Me) -> Intent:
+        answer = mind.step(me)
+        if answer is None:
+            return Intent((0.0, 0.0))
+        if not isinstance(answer, Intent):
+            raise MisfitError(
+                f"step gave {own.brief(answer)}; expected me.drive(...), me.head(...), me.go(...) or None to stand",
+                self._kind, "step",
+            )  # fmt: skip
+        return answer

@@ -1,0 +1,1 @@
+"""The code that a run is made of, by content."""

@@ -1,0 +1,140 @@
+"""Installed distributions with parts in them: what they offer, and their files by content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sysconfig
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.machinery import ModuleSpec
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+_PACKAGE: Final = Path(__file__).parents[2]
+_PYTHON: Final = tuple(sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib"))
+_INSTALLED: Final = {"site-packages", "dist-packages"}
+CHANGED: Final = "+"  # after the hash of files that have changed since this process began to use them
+
+
+@lru_cache(maxsize=1)
+def parts() -> dict[str, dict[str, EntryPoint]]:
+    """The entry points of all installed parts, by seam and name."""
+    found: dict[str, dict[str, EntryPoint]] = {}
+    every = entry_points()  # which reads the files of all installed packages
+    for group in sorted(every.groups):
+        if group.startswith("swarmsim."):
+            named = found.setdefault(group.removeprefix("swarmsim."), {})
+            for entry in sorted(every.select(group=group), key=lambda entry: entry.name):
+                named.setdefault(entry.name, entry)
+    return found
+
+
+@lru_cache(maxsize=1)
+def plugins() -> frozenset[str]:
+    """The first names of all modules that installed parts are in."""
+    return frozenset(entry.module.partition(".")[0] for named in parts().values() for entry in named.values())
+
+
+def ours() -> str:
+    """A hash of the code of this package."""
+    return _content(frozenset([_PACKAGE]))
+
+
+def plugin(entry: EntryPoint) -> tuple[str, str]:
+    """The name of the distribution that a part is from, and a hash of its files."""
+    top = entry.module.partition(".")[0]
+    if entry.dist is None:
+        return top, module(top)
+    listed = [Path(str(entry.dist.locate_file(file))) for file in entry.dist.files or () if _counts(file.parts)]
+    return entry.dist.name, _content(frozenset(listed) | _homes(top))
+
+
+def module(name: str) -> str:
+    """A hash of the code of the package that an installed module is in; nothing if it has no files."""
+    homes = _homes(name.partition(".")[0])
+    return _content(homes) if homes else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where a module is."""
+
+    installed: bool  # with Python, with a distribution, or in no file
+    folder: Path | None  # that it is imported from; None if it is not found
+
+
+def home_of(top: str) -> Home:
+    """Where Python finds the module of this name."""
+    spec = _spec(top)
+    if spec is None:
+        return Home(top in plugins(), None)
+    place = next(iter(spec.submodule_search_locations or ()), spec.origin if spec.has_location else None)
+    if (
+        place is None
+        or top in plugins() | {"__main__"}
+        or place.startswith(_PYTHON)
+        or _INSTALLED.intersection(Path(place).parts)
+    ):
+        return Home(True, None)
+    is_source = bool(spec.submodule_search_locations) or place.endswith(".py")
+    return Home(not is_source, Path(os.path.normpath(Path.cwd() / place)).parent if is_source else None)
+
+
+def _spec(top: str) -> ModuleSpec | None:
+    try:
+        return find_spec(top)
+    except (ImportError, ValueError):  # as of __main__, and of modules that a session made itself
+        return None
+
+
+def _counts(parts: tuple[str, ...]) -> bool:
+    """Whether a file that a distribution lists is one that it works with."""
+    top = parts[0]
+    if top.endswith(".dist-info") or top.startswith("__editable__") or ".." in parts:
+        return False
+    return not parts[-1].endswith((".pyc", ".pth"))
+
+
+@lru_cache(maxsize=256)
+def _homes(top: str) -> frozenset[Path]:
+    """The folders of a package, or the file of a module."""
+    spec = _spec(top)
+    if spec is None:
+        return frozenset()
+    inner = list(spec.submodule_search_locations or ())
+    return frozenset(map(Path, inner or ([spec.origin] if spec.has_location and spec.origin else [])))
+
+
+def _content(places: frozenset[Path]) -> str:
+    """A hash of these files, and of the code in these folders, as this process found them first.
+
+    It ends with CHANGED if they are others by now: then nobody knows which of them this process has loaded.
+    """
+    first, found = _first(places)
+    return found if _stamps(_files(places)) == first else found + CHANGED
+
+
+@lru_cache(maxsize=64)
+def _first(places: frozenset[Path]) -> tuple[tuple[tuple[int, int], ...], str]:
+    files = _files(places)
+    stamps, made = _stamps(files), hashlib.blake2b(digest_size=8)
+    above = os.path.commonpath([place.parent for place in places]) if places else ""
+    for file in files:
+        text = file.read_bytes()
+        made.update(f"{os.path.relpath(file, above)}\0{len(text)}\0".encode())
+        made.update(text)
+    return stamps, made.hexdigest()
+
+
+def _files(places: Iterable[Path]) -> list[Path]:
+    code = {file for place in places if place.is_dir() for file in place.rglob("*.py")}
+    return sorted(code | {place for place in places if place.is_file()})
+
+
+def _stamps(files: Iterable[Path]) -> tuple[tuple[int, int], ...]:
+    found = [file.stat() for file in files]
+    return tuple((one.st_mtime_ns, one.st_size) for one in found)

@@ -1,0 +1,109 @@
+"""What a part is built for: the run, or the site of a building that is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.building import Building
+from swarmsim.core.crew import Crew
+from swarmsim.core.lattice import Lattice
+from swarmsim.core.readings import NOTHING, Channels
+from swarmsim.core.streams import Streams
+
+
+class Field(Protocol):
+    """A scalar quantity that has a value everywhere in the building, at every time."""
+
+    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values (k,) at a time (s) and at points (k, 2): x, y in m."""
+        ...
+
+
+class Swarm(Protocol):
+    """The robots of a scenario."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        ...
+
+    def crew(self, ids: NDArray[np.int64]) -> Crew:
+        """The bodies of those with these numbers (rows,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Gauge:
+    """A number of every robot that a part keeps for itself, for probes to read, such as the energy left."""
+
+    name: str  # what is measured: those of several parts that measure the same have the same
+    unit: str
+    read: Callable[[], NDArray[np.float64]]  # a copy (n,)
+
+
+@dataclass(frozen=True, slots=True)
+class BuildContext:
+    """What every part may know of the run it is built for.
+
+    Minds are built from it as well, but of the building they may use its size alone: all else they have to sense.
+    Where others start they may use only to put on the lattice what these say in frames of their own.
+
+    A mind may be built for some of the robots, even for one. It has a row for each of `ids`, draws and names robots by
+    their numbers, and takes what concerns the whole swarm from `swarm` and from its keys, never from how many rows it
+    has. All other parts are built for all robots.
+    """
+
+    robots: Crew  # what they are made of
+    ids: NDArray[np.int64]  # (rows,): the numbers of the robots that the part serves, in the order of its rows
+    swarm: int  # how many robots there are in all, numbered from 0
+    lattice: Lattice
+    period: float  # s, one iteration
+    streams: Streams
+    building: Building
+    starts: NDArray[np.float64]  # (N, 3): poses of all robots at the start, by number
+    scalar_field: Field | None = None  # what there is to measure besides walls
+    number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
+    channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built first
+    gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
+
+    @classmethod
+    def of(
+        cls,
+        robots: Swarm,
+        lattice: Lattice,
+        period: float,
+        streams: Streams,
+        building: Building,
+        start: NDArray[np.float64] | None = None,
+        channels: Channels = NOTHING,
+    ) -> Self:
+        """The setting of a part of all robots, without a field; they start at (n, 3) or, by default, at the origin."""
+        ids = np.arange(robots.count)
+        poses = np.zeros((robots.count, 3)) if start is None else start
+        return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses, channels=channels)
+
+    def serving(self, ids: NDArray[np.int64]) -> Self:
+        """The same for a mind of the robots with these numbers (rows,); to be asked of a setting of all robots."""
+        return replace(self, robots=self.robots.of(ids), ids=ids)
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """Poses at the start (rows, 3)."""
+        return self.starts[self.ids]
+
+    def own_streams(self, purpose: str) -> list[np.random.Generator]:
+        """A stream for each robot that is served, by its number."""
+        return [self.streams.open(purpose, robot) for robot in self.ids.tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class WorldContext:
+    """What a building is made from."""
+
+    streams: Streams  # of the world's own seed
+    cell: float  # m, side of the lattice's cells

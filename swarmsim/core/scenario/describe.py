@@ -1,0 +1,166 @@
+"""What parts there are and what their keys mean, read from the parts themselves."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import io
+import textwrap
+import tokenize
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+from msgspec import inspect as types
+
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.part import Part
+from swarmsim.core.seams import SEAMS
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One key of a part's table."""
+
+    key: str
+    kind: str  # what it may be, in words
+    default: str | None  # as in TOML; None if the key is required
+    meaning: str  # with its unit; what stands behind it in the code
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """One part of a seam."""
+
+    seam: str
+    name: str
+    default: bool  # whether it is what a scenario has that names none
+    origin: str  # the distribution that brings it, and its version
+    first: str  # the first sentence of what it is
+    text: str  # all of it
+    parameters: tuple[Parameter, ...]
+
+
+def parts(seam: str | None = None) -> Iterator[Description]:
+    """Every installed part, or those of a seam, in the order of seams and names. Raises InputError for no such seam."""
+    for each in SEAMS if seam is None else (_known(seam),):
+        for name in registry.entries(each):
+            yield part(each, name)
+
+
+def _known(seam: str) -> str:
+    if seam not in SEAMS:
+        raise InputError(f"{seam}: no such seam; {nearest(seam, SEAMS)}")
+    return seam
+
+
+def part(seam: str, name: str) -> Description:
+    """One installed part. Raises InputError if there is none of that name."""
+    kind, entry = registry.find(_known(seam), name), registry.entries(seam)[name]
+    text = inspect.cleandoc(kind.__doc__ or "")
+    return Description(
+        seam=seam,
+        name=name,
+        default=SEAMS[seam].default == name,
+        origin=f"{entry.dist.name} {entry.dist.version}" if entry.dist is not None else "unknown",
+        first=_first_sentence(text),
+        text=text,
+        parameters=tuple(_parameters(kind)),
+    )
+
+
+def _first_sentence(text: str) -> str:
+    paragraph = " ".join(text.partition("\n\n")[0].split())
+    end = paragraph.find(". ")
+    return paragraph if end < 0 else paragraph[: end + 1]
+
+
+def _parameters(kind: type[msgspec.Struct]) -> Iterator[Parameter]:
+    info = types.type_info(kind)
+    assert isinstance(info, types.StructType)
+    meanings = comments(kind)
+    for field in info.fields:
+        default = None if field.required else _toml(field)
+        yield Parameter(field.encode_name, words(field.type), default, meanings.get(field.name, ""))
+
+
+def _toml(field: types.Field) -> str:
+    value = field.default if field.default is not msgspec.NODEFAULT else field.default_factory()
+    plain = {} if isinstance(value, Part) else msgspec.to_builtins(value)
+    return "none" if plain is None else msgspec.json.encode(plain).decode()
+
+
+def comments(kind: type) -> dict[str, str]:
+    """What stands behind the fields of a class and its bases in their code, by name; nothing without code."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        try:
+            source = textwrap.dedent(inspect.getsource(base))
+            tree = ast.parse(source)
+        except (OSError, TypeError, SyntaxError):
+            continue
+        behind = {
+            token.start[0]: token.string.lstrip("#: ").strip()
+            for token in tokenize.generate_tokens(io.StringIO(source).readline)
+            if token.type == tokenize.COMMENT
+        }
+        for node in tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else ():
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.end_lineno in behind:
+                found[node.target.id] = behind[node.end_lineno]
+    return found
+
+
+PLAIN: Final[dict[type, str]] = {
+    types.BoolType: "true or false",
+    types.StrType: "text",
+    types.AnyType: "anything",
+    types.NoneType: "nothing",
+    types.DictType: "a table",
+    types.CustomType: "a table",
+}
+
+
+def words(kind: types.Type) -> str:
+    """What values a type takes, in words."""
+    match kind:
+        case types.IntType() | types.FloatType():
+            return ("whole number" if isinstance(kind, types.IntType) else "number") + _bounds(kind)
+        case types.LiteralType():
+            return " or ".join(f'"{value}"' for value in kind.values)
+        case types.UnionType():
+            inner = [words(one) for one in kind.types if not isinstance(one, types.NoneType)]
+            return " or ".join(dict.fromkeys(inner))
+        case types.ListType() | types.VarTupleType() | types.SetType() | types.FrozenSetType():
+            return f"list of: {words(kind.item_type)}"
+        case types.TupleType():
+            return f"[{', '.join(words(one) for one in kind.item_types)}]"
+        case types.StructType():
+            return f"table of {', '.join(field.encode_name for field in kind.fields)}"
+        case types.Metadata():
+            return words(kind.type)
+    return PLAIN.get(type(kind), type(kind).__name__.removesuffix("Type").lower())
+
+
+def _bounds(kind: types.IntType | types.FloatType) -> str:
+    low = f" from {kind.ge:g}" if kind.ge is not None else f" above {kind.gt:g}" if kind.gt is not None else ""
+    high = f" to {kind.le:g}" if kind.le is not None else f" below {kind.lt:g}" if kind.lt is not None else ""
+    return low + high
+
+
+def seams_in_markdown() -> str:
+    """The table of all seams, as the page about parts has it."""
+    rows = [("seam", "in a scenario", "default", "what a part does", "what it has"), ("---",) * 5]
+    for seam in SEAMS.values():
+        place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else "in another part's table"
+        default = "must be named" if seam.required else f"`{seam.default}`" if seam.default else "none"
+        does = _first_sentence(inspect.cleandoc(seam.protocol.__doc__ or "")).rstrip(".")
+        rows.append((seam.name, place, default, does, ", ".join(f"`{verb}`" for verb in seam.verbs)))
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def plain(description: Description) -> dict[str, object]:
+    """A description as what JSON holds."""
+    found: dict[str, object] = msgspec.to_builtins(description)
+    return found

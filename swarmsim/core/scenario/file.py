@@ -1,0 +1,462 @@
+"""The scenario file: everything a run depends on, typed, checked and complete."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable, Mapping
+from functools import reduce
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import msgspec
+from msgspec import UNSET, Meta, Struct
+from msgspec import inspect as types
+
+from swarmsim.core.context import Field
+from swarmsim.core.crew import Length
+from swarmsim.core.errors import InputError
+from swarmsim.core.parts import (
+    AnyComputation,
+    AnyStrategy,
+    AnyTask,
+    Bodies,
+    Channel,
+    Fault,
+    Generator,
+    Localisation,
+    Motion,
+    Probe,
+    Sensor,
+    Topology,
+)
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.budget import BUDGET
+from swarmsim.core.scenario.decoding import Take, convert
+from swarmsim.core.scenario.describe import words
+from swarmsim.core.scenario.files import Table, outside
+from swarmsim.core.scenario.part import NONE, Part, plain
+from swarmsim.core.scenario.platforms import with_platforms
+from swarmsim.core.scenario.robots import Count, Positive, Robots
+from swarmsim.core.scenario.toml import DEEPEST, TOO_DEEP, parsed, read_toml
+from swarmsim.core.seams import SEAMS, at_place
+
+_HOMES: Final = (Path(__file__).parents[2], Path(__file__).parents[3])  # of our own scenarios and worlds
+
+
+Edges = Annotated[float, Meta(ge=-1e4, le=1e4)]
+Name = Annotated[str, Meta(min_length=1)]
+Names = Annotated[tuple[Name, ...], Meta(min_length=1)]
+
+
+class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """By which names the layers of a drawing are known."""
+
+    # in the order in which identities of studies have them
+    doors: Names | None = None
+    floor: Names | None = None
+    furniture: Names | None = None
+    pillars: Names | None = None
+    spawn: Names | None = None
+    unknown: Names | None = None
+    walls: Names | None = None
+
+    def __reduce__(self) -> str | tuple[object, ...]:
+        """The same that worlds have by default, as which texts leave it out, if it names nothing."""
+        return "UNNAMED" if self == UNNAMED else (msgspec.convert, (msgspec.to_builtins(self), Layers))
+
+
+UNNAMED: Final = Layers()
+
+
+class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """The building: a drawing, a map, polygons, a plan of a building program, or one that is made.
+
+    `scale` multiplies the metres of the file, or `width` says how many metres its page is wide; `resolution` is that of
+    a bitmap without a YAML. `layers` says by which ids, labels or classes a drawing's layers (walls, pillars,
+    furniture, doors, spawn, unknown) are known, where they are not called so, and `floor` which names are floor.
+    `level` is the storey of a file with several. `solid` says whether all that a drawing without layers shows is
+    solid, or its strokes alone, with floor between them; left out, the drawing decides. Closed rooms get doors
+    `doors` wide; left out, they do where a drawing of rooms has none. `border` closes a building that is open to the
+    page's edge; left out, it does where that is needed. What robots cannot enter is ignored, filled or refused, by
+    `pockets`. Solid specks up to `despeckle` are dropped. `spawn` is an area in which robots may start, called
+    `spawn`; where the file has none either, the floor is. What a map does not know is a wall, or a space that does
+    not count.
+    """
+
+    file: str = ""
+    scale: Positive | None = None
+    width: Positive | None = None  # m, of the whole page
+    resolution: Positive | None = None  # m, one pixel
+    layers: Layers = UNNAMED
+    floor: tuple[Name, ...] = ()
+    level: str = ""
+    solid: Literal["all", "strokes"] | None = None
+    doors: Annotated[float, Meta(ge=0.0, le=10.0)] | None = None  # m, 0 for none
+    border: bool | None = None
+    pockets: Literal["ignore", "fill", "refuse"] = "ignore"
+    despeckle: Annotated[float, Meta(ge=0.0, le=1e4)] = 0.0  # m2
+    spawn: tuple[Edges, Edges, Length, Length] | None = None  # x, y of the lower left corner, width, height in m
+    unknown: Literal["wall", "space"] = "wall"
+    generate: Part[Generator] = NONE
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of what is made
+
+    def __post_init__(self) -> None:
+        if bool(self.file) == bool(self.generate):
+            raise ValueError("expected either a file or a table 'generate'")
+        if sum(given is not None for given in (self.scale, self.width, self.resolution)) > 1:
+            raise ValueError("scale, width and resolution say the same in three ways; expected one of them")
+
+    @property
+    def title(self) -> str:
+        """What messages call it."""
+        return self.file or f"{self.generate.use} {self.seed}"
+
+    @property
+    def named(self) -> dict[str, Names]:
+        """By which names a drawing's layers are known, of those that the scenario names."""
+        return {layer: names for layer, names in msgspec.structs.asdict(self.layers).items() if names is not None}
+
+
+class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The cells of truth, tiles and maps."""
+
+    cell: Positive = 0.15  # m
+
+
+class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Who hears whom, and what arrives."""
+
+    topology: Part[Topology]
+    channel: Part[Channel] = Part("channel")
+
+
+class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What a robot computes from what it senses and hears, and what it does with that."""
+
+    computation: Part[AnyComputation] = Part("computation")
+    strategy: Part[AnyStrategy] = Part("strategy")
+
+
+class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """When a run ends: with its task or, unfinished, after so many iterations.
+
+    A run that goes on when its task is done ends after `iterations`, and is finished if it was done on the way.
+    """
+
+    when_done: Literal["stop", "go-on"] = "stop"
+    iterations: Count = 5000
+
+
+class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One run. Its parts (`sensor`, `network.topology`, ...) are typed values, complete once read."""
+
+    title: str = ""  # default: the name of the file; {robots.count} in it is their number
+    world: World
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
+    period: Annotated[float, Meta(ge=1e-4, le=1e5)] = 1.0  # s, one iteration
+    grid: Grid = Grid()
+    robots: Robots
+    physics: Part[Bodies] = Part("physics")
+    sensor: Part[Sensor] = Part("sensor")
+    sensors: tuple[Part[Sensor], ...] = ()  # more of them or, without `sensor`, all
+    field: Part[Field] = NONE
+    localisation: Part[Localisation] = Part("localisation")
+    network: Network
+    mind: Mind = Mind()
+    motion: Part[Motion] = Part("motion")
+    task: Part[AnyTask] = Part("task")
+    faults: tuple[Part[Fault], ...] = ()
+    probes: tuple[Part[Probe], ...] = ()
+    stop: Stop = Stop()
+    budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
+
+
+Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
+OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
+HALVES: Final = ("computation", "strategy")  # of a mind
+
+#: Keys that are not written out where there is nothing at them.
+LATER: Final = ("probes", "sensors")
+#: Keys of older scenarios, with what stands in their place.
+MOVED: Final = {
+    "behaviour": "mind.computation and mind.strategy",
+    "network.sharing": "mind.computation.share",
+    "stop.coverage": "task.share",
+    "stop.at_coverage": "stop.when_done",
+}
+
+
+def parts_of(scenario: Scenario) -> dict[str, Part[object]]:
+    """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
+    found: dict[str, Part[object]] = {}
+    for seam in SEAMS.values():
+        part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
+        if part or seam.required:
+            found[seam.name] = part
+    return found
+
+
+def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
+    """Every part that a scenario has any number of, with its place: `faults[2]`."""
+    return [
+        (f"{seam.at}[{i}]", part)
+        for seam in SEAMS.values()
+        if seam.many
+        for i, part in enumerate(_at(scenario, seam.place))
+    ]
+
+
+def all_parts(scenario: Scenario) -> list[Part[object]]:
+    """Every part that a scenario names: one a seam, and those of which there are many."""
+    single = [part for seam, part in parts_of(scenario).items() if seam != "sensor"]
+    return [*single, *(part for _, part in sensors_of(scenario)), *(part for _, part in lists(scenario))]
+
+
+def every_part(scenario: Scenario) -> list[Part[object]]:
+    """Every part that a scenario names, and those in the keys of others."""
+    return [one for part in all_parts(scenario) for one in part.inside()]
+
+
+def fitted(scenario: Scenario) -> list[Sensors]:
+    """The sensors of each group of robots, with their places in the scenario; one entry if no group has any of its own.
+
+    `[sensor]` and all of `[[sensors]]`; without either, one sensor. A group that has its own has no others.
+    """
+    listed = tuple((f"sensors[{i}]", one) for i, one in enumerate(scenario.sensors))
+    all_have: Sensors = (("sensor", scenario.sensor), *listed) if scenario.sensor else listed
+    own: list[Sensors] = []
+    for i, group in enumerate(scenario.robots.groups):
+        place, more = f"robots[{i}].sensor", () if group.sensors is UNSET else group.sensors
+        found = tuple((f"{place}s[{j}]", one) for j, one in enumerate(more))
+        own.append(((place, group.sensor), *found) if group.sensor else found)
+    return [mine or all_have for mine in own] if any(own) else [all_have]
+
+
+def sensors_of(scenario: Scenario) -> Sensors:
+    """All sensors that some robots have, with their places in the scenario."""
+    return tuple(dict(one for of in fitted(scenario) for one in of).items())
+
+
+def table_of(scenario: Scenario) -> Table:
+    """A scenario as the table that a TOML file holds, complete."""
+    table: Table = _without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
+    return table
+
+
+def _without_none(value: object) -> Any:
+    """The same without what TOML cannot say."""
+    if isinstance(value, dict):
+        return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
+    return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+def without_later(table: Table) -> Table:
+    """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
+    return {key: value for key, value in table.items() if value or key not in LATER}
+
+
+def _at(whole: Any, place: tuple[str, ...]) -> Any:
+    """What is at these keys of a scenario."""
+    return reduce(getattr, place, whole)
+
+
+def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, object] | None = None) -> Scenario:
+    """Read a scenario file, with `key.path=value` overrides whose values are TOML, then `changes` by dotted key.
+
+    Paths in it resolve from the file's folder. Raises InputError naming the file and the key.
+    """
+    table = read_toml(path, "a scenario file")
+    for override in overrides:
+        set_key(table, override)
+    for key, value in (changes or {}).items():
+        try:
+            assign(table, key, value)
+        except InputError as problem:
+            raise InputError(f"{path}: {problem}") from problem
+    return decode({"title": path.stem, **table}, str(path), path.parent)
+
+
+def files_outside(path: Path, overrides: Iterable[str] = ()) -> list[str]:
+    """A notice for each file that a scenario file reads from outside of its folder; ours may read our own worlds."""
+    table = read_toml(path, "a scenario file")
+    for override in overrides:
+        set_key(table, override)
+    ours = next((home for home in _HOMES if path.resolve().is_relative_to(home / "scenarios")), None)
+    return outside(spelled_out(table), path.parent, ours)
+
+
+def spelled_out(table: Table) -> Table:
+    """The table with its short forms written out: `world = "FILE"` as a table, `mind.use` as both halves of a mind."""
+    world, mind = table.get("world"), table.get("mind")
+    if isinstance(world, str):
+        table = {**table, "world": {"file": world}}
+    if isinstance(mind, dict) and "use" in mind and not set(HALVES) & mind.keys():
+        table = {**table, "mind": {half: copy.deepcopy(mind) for half in HALVES}}
+    return table
+
+
+def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
+    """The scenario that a table describes; `name` is the file named in messages.
+
+    If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers (a value
+    {file = "net.csv"} of a part stands for the rows of that file) and of its own parts. Raises InputError.
+    """
+
+    def complete(part: Part[object]) -> Part[object]:
+        return (part if folder is None else part.beside(folder)).decoded()
+
+    scenario = _scenario(table, name, complete)
+    world = scenario.world
+    if folder is not None and world.file:
+        world = msgspec.structs.replace(world, file=os.path.normpath(folder / world.file))
+    return msgspec.structs.replace(
+        scenario, title=scenario.title.replace("{robots.count}", str(scenario.robots.count)), world=world
+    )
+
+
+def shape(table: Table, name: str) -> Scenario:
+    """The scenario in a table whose parts are taken as they stand: none of them is looked for, no code runs.
+
+    Raises InputError, which names the file `name` and the key.
+    """
+    return _scenario(table, name, lambda part: part)
+
+
+def _of_groups(table: Table) -> Table:
+    """The table with parts in the place of the tables of those that groups of robots have of their own."""
+    robots = table.get("robots")
+    if not isinstance(robots, dict) or not isinstance(robots.get("groups"), list):
+        return table
+    groups = [{key: _of_group(key, value) for key, value in one.items()} for one in robots["groups"]]
+    return {**table, "robots": {**robots, "groups": groups}}
+
+
+def _of_group(key: str, value: object) -> object:
+    if key == "sensors" and isinstance(value, list):
+        return [_of_group("sensor", one) for one in value]
+    if key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str):
+        return Part(key, value)
+    return value
+
+
+def _scenario(table: Table, name: str, take: Take) -> Scenario:
+    listed = isinstance(table.get("robots"), list)
+    try:
+        if isinstance(mind := table.get("mind"), dict) and "use" in mind and set(HALVES) & mind.keys():
+            raise InputError("mind.use: stands for computation and strategy at once; expected it without those")
+        table = with_platforms(spelled_out(table))
+        if table.get("sensors") and not table.get("sensor"):
+            table = {**table, "sensor": NONE}
+        for key, now in MOVED.items():
+            inner: Any = table
+            for step in key.split("."):
+                inner = inner.get(step) if isinstance(inner, dict) else None
+            if inner is not None:
+                raise InputError(f"{key}: is not called so any more; expected {now}")
+        return convert(_of_groups(table), Scenario, take)
+    except InputError as problem:
+        wrong = str(problem).replace("robots.groups[", "robots[") if listed else problem
+        raise InputError(f"{name}: {wrong}") from problem
+
+
+def set_key(table: Table, override: str) -> None:
+    """Set one dotted key of a scenario table, as in `robots.count=20` or `title=My room`. Raises InputError."""
+    path, equals, text = override.partition("=")
+    if not equals or not all(key.strip() for key in path.split(".")):
+        raise InputError(f"--set {_short(override)}: expected key=value, as in robots.count=20")
+    try:
+        assign(table, path, _value(table, path, text.strip()))
+    except InputError as problem:
+        raise InputError(f"--set {_short(override)}: {problem}") from problem
+
+
+def _value(table: Table, path: str, text: str) -> Any:
+    """The TOML value in a text or, where the key takes text, the text itself. Raises InputError."""
+    kind = _kind(table, path)
+    try:
+        given = parsed(f"value = {text}")
+    except ValueError as problem:
+        if not text or text[0] in "\"'[{" or not text.isprintable():
+            raise InputError(f"{_short(text)!r} is not a TOML value: {problem}") from problem
+        if kind is not None and not _takes_text(kind):
+            wanted = words(kind)
+            article = "a " if wanted.startswith(("whole", "number", "list", "table")) else ""
+            raise InputError(f"{_short(text)!r} is not what {path} takes: {article}{wanted}") from problem
+        return text
+    if list(given) != ["value"]:
+        raise InputError("one value at a time")
+    value = given["value"]
+    return text if isinstance(kind, types.StrType) and not isinstance(value, str | list | dict) else value
+
+
+def _short(text: str) -> str:
+    """A text of one line and no great length, for messages."""
+    line = " ".join(text.split("\n"))
+    return line if len(line) <= 100 else f"{line[:100]}..."
+
+
+def _takes_text(kind: types.Type) -> bool:
+    match kind:
+        case types.Metadata():
+            return _takes_text(kind.type)
+        case types.UnionType():
+            return any(_takes_text(one) for one in kind.types)
+        case types.LiteralType():
+            return any(isinstance(value, str) for value in kind.values)
+    return isinstance(kind, types.StrType | types.AnyType)
+
+
+def _kind(table: Table, path: str) -> types.Type | None:
+    """What a dotted key of a scenario takes; None if that is not known, as of parts of one's own."""
+    if path.strip() == "world":  # for which the name of its file may stand
+        return types.StrType()
+    keys, inner = _places(table, path)[0], spelled_out(table)
+    kind: types.Type = types.type_info(Scenario)
+    for depth, key in enumerate(keys):
+        seam = at_place(tuple(keys[:depth]))
+        if seam is not None and key == "use":
+            return types.StrType()
+        if seam is not None:
+            use = inner.get("use", seam.default)
+            if not isinstance(use, str) or use not in registry.entries(seam.name):
+                return None
+            kind = types.type_info(registry.find(seam.name, use))
+        fields = kind.fields if isinstance(kind, types.StructType) else ()
+        found = [field.type for field in fields if field.encode_name == key]
+        if not found:
+            return None
+        kind, value = found[0], inner.get(key)
+        inner = value if isinstance(value, dict) else {}
+    return kind
+
+
+def assign(table: Table, path: str, value: object) -> None:
+    """Set a dotted key of a scenario's table, making the tables on the way.
+
+    `mind.KEY` is a key of both halves of a mind that are one part. Raises InputError where a value is in the way.
+    """
+    table.update(spelled_out(table))
+    for place in _places(table, path):
+        inner = table
+        for depth, key in enumerate(place[:-1]):
+            below = inner.setdefault(key, {})
+            if not isinstance(below, dict):
+                raise InputError(f"{'.'.join(place[: depth + 1])} is {below!r}, not a table")
+            inner = below
+        inner[place[-1]] = copy.deepcopy(value)
+
+
+def _places(table: Table, path: str) -> list[list[str]]:
+    """Where a dotted key of a scenario stands, once short forms are written out. Raises InputError."""
+    keys = [key.strip() for key in path.split(".")]
+    if len(keys) > DEEPEST:
+        raise InputError(f"{TOO_DEEP}, as keys do")
+    mind = spelled_out(table).get("mind")
+    if keys[0] != "mind" or len(keys) < 2 or keys[1] in HALVES or not isinstance(mind, dict):
+        return [keys]
+    halves = [mind.get(half) for half in HALVES]
+    uses = [half["use"] for half in halves if isinstance(half, dict) and "use" in half]
+    if len(uses) < 2 or uses[0] != uses[1]:
+        return [keys]
+    return [["mind", half, *keys[1:]] for half in HALVES]

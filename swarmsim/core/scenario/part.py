@@ -1,0 +1,200 @@
+"""A part as a scenario names it: for which seam, which one, and its keys as one typed value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final, Generic, Protocol, Self, TypeVar, final, get_args, get_origin
+
+import msgspec
+
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.decoding import Nested, Take, called, convert
+from swarmsim.core.scenario.files import Table, with_files
+from swarmsim.core.seams import SEAMS
+
+P = TypeVar("P", covariant=True)  # what the part is once it is built: a seam's Protocol
+T = TypeVar("T")
+
+_EMPTY: Final[Mapping[str, Any]] = {}
+
+
+class Buildable(Protocol[P]):
+    """The parameters that a part is built from."""
+
+    def build(self, context: Any) -> P:
+        """The part, for a run or, of a building, for a site. Raises InputError, which starts with the key at fault."""
+        ...
+
+
+@final
+class Part(Nested, Generic[P]):
+    """One part by its name, with its parameter struct, which is made from its table once.
+
+    A part inside another one is a field of this type: `over: Part[Channel] = Part("channel")`. Parts are frozen, and
+    are equal and hashed by their parameters. One that is not installed has no parameters but keeps its table, so that
+    a recording of it can still be looked at.
+    """
+
+    __slots__ = ("_completed", "_given", "_parameters", "_use", "seam")
+
+    def __init__(self, seam: str, table: Mapping[str, Any] = _EMPTY) -> None:
+        """`table` is `use` and the part's own keys; they are looked at later."""
+        self.seam: Final = seam
+        self._given = {key: value for key, value in table.items() if key != "use"}
+        self._use: str | None = table.get("use", None)
+        self._parameters: msgspec.Struct | None = None
+        self._completed = not table  # whether its table is made of its parameters
+
+    @classmethod
+    def of_table(cls, kind: object, given: Any, take: Take | None) -> Nested:
+        """The part in the table of a field of this type, decoded unless `take` says otherwise, or NONE if it is empty.
+
+        Raises InputError, which starts with the key at fault.
+        """
+        if isinstance(given, Part) and not given.seam:
+            return given
+        if isinstance(given, dict) and not isinstance(given.get("use", ""), str):
+            raise InputError(f"use: expected `str`, got `{called(given['use'])}`")
+        part = given if isinstance(given, Part) else Part[Any](seam_of(kind), given)
+        seam = SEAMS[part.seam]
+        if not (part or seam.required or seam.many):
+            return NONE
+        return part.decoded() if take is None else take(part)
+
+    def decoded(self) -> Self:
+        """The same with its keys checked and complete. Raises InputError, which starts with the key at fault."""
+        self._parameters = self.parameters
+        self._completed = True
+        return self
+
+    def beside(self, folder: Path) -> Part[P]:
+        """The same with paths in it resolved from `folder`, and files of numbers read.
+
+        Raises InputError, which starts with the key.
+        """
+        named = {} if self._use is None else {"use": self._use}
+        return Part(self.seam, with_files({**named, **self._given}, folder))
+
+    def __bool__(self) -> bool:
+        """Whether there is one: neither named nor, where the scenario names none, the one that is used then."""
+        return bool(self._use is not None or self._given or self.use)
+
+    @property
+    def use(self) -> str:
+        """Its name; empty if there is none."""
+        return self._name or ""
+
+    @property
+    def _name(self) -> str | None:
+        return SEAMS[self.seam].default if self._use is None and self.seam else self._use
+
+    @property
+    def parameters(self) -> msgspec.Struct:
+        """Its parameter struct. Raises InputError, which starts with the key at fault."""
+        if self._parameters is None:
+            self._parameters = parameters_of(self.seam, self._name, self._given)
+        return self._parameters
+
+    @property
+    def table(self) -> Table:
+        """`use`, then its keys as in a scenario: once they are decoded, all of them that have a value."""
+        if not self:
+            return {}
+        keys: Table = self._given
+        if self._completed:
+            keys = msgspec.json.decode(msgspec.json.encode(self.parameters, enc_hook=plain))
+        return {"use": self.use, **{key: value for key, value in keys.items() if value is not None}}
+
+    def declares(self, name: str, default: T) -> T:
+        """What the part says of itself to others: an attribute of its parameters, or what holds for those without it.
+
+        Of a part that is not installed nothing is known either.
+        """
+        try:
+            found: T = getattr(self.parameters, name, default) if self else default
+        except InputError:
+            return default
+        return found
+
+    def inside(self) -> Iterator[Part[Any]]:
+        """The part itself, and those in its keys at any depth."""
+        yield self
+        for name in self.parameters.__struct_fields__:
+            value = getattr(self.parameters, name)
+            for one in value if isinstance(value, tuple | list) else (value,):
+                if isinstance(one, Part):
+                    yield from one.inside()
+
+    def build(self, context: object, key: str = "") -> P:
+        """The part itself, built for a run or a site; as part of another one it stands at a `key` of that.
+
+        Raises InputError, which starts with the key.
+        """
+        try:
+            parameters: Any = self.parameters
+            built: P = parameters.build(context)
+        except InputError as problem:
+            raise InputError(f"{key}.{problem}" if key else str(problem)) from problem
+        return built
+
+    def _identity(self) -> object:
+        if not self:
+            return None
+        try:
+            parameters = self.parameters
+            hash(parameters)
+        except InputError:
+            return msgspec.json.encode(self.table, order="deterministic")
+        except TypeError:  # other people's, with lists or tables in it
+            return type(parameters), msgspec.json.encode(parameters, enc_hook=plain, order="deterministic")
+        return parameters
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Part):
+            return NotImplemented
+        return (self.seam, self.use) == (other.seam, other.use) and self._identity() == other._identity()
+
+    def __hash__(self) -> int:
+        return hash((self.seam, self.use, self._identity()))
+
+    def __copy__(self) -> Self:
+        return self
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+    def __reduce__(self) -> str | tuple[object, ...]:
+        """As its table: the class of a part of somebody's own cannot be found by name in another process."""
+        return (Part, (self.seam, self.table)) if self else "NONE"
+
+    def __repr__(self) -> str:
+        return f"Part({self.seam!r}, {self.table!r})"
+
+
+#: No part at all.
+NONE: Final[Part[Any]] = Part("")
+
+
+def parameters_of(seam: str, use: str | None, keys: Mapping[str, Any]) -> msgspec.Struct:
+    """The parameter struct that the keys of a part describe, checked and complete.
+
+    Raises InputError, which starts with the key.
+    """
+    if use is None:
+        raise InputError(f"use: required key is missing; {nearest('', registry.entries(seam) if seam else {})}")
+    return convert(keys, registry.find(seam, use))
+
+
+def seam_of(kind: object) -> str:
+    """The seam of the parts that a field of this type holds, as in Part[Sensor]; empty if that is not known."""
+    protocols = [base for one in get_args(kind) for base in getattr(get_origin(one) or one, "__mro__", ())]
+    return next((seam.name for seam in SEAMS.values() if seam.protocol in protocols), "")
+
+
+def plain(value: object) -> Table:
+    """What stands for a part in a text; for msgspec, which knows all else. Raises TypeError."""
+    if isinstance(value, Part):
+        return value.table
+    raise NotImplementedError(type(value).__name__)

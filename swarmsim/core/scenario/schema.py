@@ -1,0 +1,89 @@
+"""The JSON Schema of scenario files, for editors."""
+
+from __future__ import annotations
+
+from operator import getitem
+from typing import Annotated, Any, get_args, get_origin
+
+import msgspec
+
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.part import Part, seam_of
+from swarmsim.core.seams import SEAMS
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of scenario files, with every installed part, for editors."""
+    defs = _components(Scenario)
+    root = defs.pop(Scenario.__name__)
+    root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
+    own = {seam.name: {"$ref": f"#/$defs/{seam.name}"} for seam in SEAMS.values() if seam.of_groups}
+    group = {**defs["Group"], "properties": {**defs["Group"]["properties"], **own}}
+    defs["Group"] = group
+    of_a_kind = {**group, "properties": {**group["properties"], "spawn": {"type": "string"}}}
+    root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}
+    for seam in SEAMS.values():
+        choices: list[dict[str, Any]] = []
+        for name, kind in registry.known(seam.name).items():
+            inner = _components(kind)
+            part = inner.pop(kind.__name__)
+            defs.update(inner)
+            keys = {key: _or_file(value) for key, value in part["properties"].items()}
+            part["properties"] = {"use": {"const": name}, **keys}
+            required = [] if name == seam.default else ["use"]
+            part["required"] = required + part.get("required", [])
+            choices.append(part)
+        choices.append(
+            {"type": "object", "properties": {"use": {"type": "string", "pattern": ":"}}, "required": ["use"]}
+        )
+        defs[seam.name] = {"anyOf": choices}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **root,
+        "title": "swarmsim scenario",
+        "$defs": defs,
+    }
+
+
+def _components(kind: type[msgspec.Struct]) -> dict[str, Any]:
+    """The schemas of a struct and of those in it, by name."""
+    _, found = msgspec.json.schema_components([_shown(kind)], ref_template="#/$defs/{name}")
+    return found
+
+
+def _shown(kind: Any) -> Any:
+    """A type, with tables that a seam's schema describes in the place of parts."""
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        fields = [(one.encode_name, _shown(one.type), *_default(one)) for one in msgspec.structs.fields(kind)]
+        config = kind.__struct_config__
+        return msgspec.defstruct(
+            kind.__name__, fields, namespace={"__doc__": kind.__doc__}, kw_only=True,
+            forbid_unknown_fields=config.forbid_unknown_fields,
+        )  # fmt: skip
+    if get_origin(kind) is Part:
+        seam = seam_of(kind)
+        return Annotated[dict[str, Any], msgspec.Meta(extra_json_schema={"$ref": f"#/$defs/{seam}"} if seam else {})]
+    if get_origin(kind) is Annotated:
+        return getitem(Annotated, (_shown(kind.__origin__), *kind.__metadata__))
+    if msgspec.UnsetType in get_args(kind):
+        (kind,) = (one for one in get_args(kind) if one is not msgspec.UnsetType)
+    if get_origin(kind) is tuple:
+        return tuple.__class_getitem__(tuple(_shown(one) for one in get_args(kind)))
+    return kind
+
+
+def _default(field: msgspec.structs.FieldInfo) -> list[Any]:
+    """What stands for a key that is left out, if anything may."""
+    if field.required:
+        return []
+    if field.default_factory is not msgspec.NODEFAULT:
+        return [msgspec.field(default_factory=field.default_factory)]
+    is_table = isinstance(field.default, Part | msgspec.Struct)
+    return [msgspec.field(default_factory=dict) if is_table else msgspec.field(default=field.default)]
+
+
+def _or_file(described: dict[str, Any]) -> dict[str, Any]:
+    """A key's schema; an array may be the rows of a file instead."""
+    rows = {"type": "object", "properties": {"file": {"type": "string"}}, "required": ["file"]}
+    return {"anyOf": [described, rows]} if described.get("type") == "array" else described

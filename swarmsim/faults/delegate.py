@@ -1,0 +1,50 @@
+"""A computation around another one, which does all but what a fault changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
+from swarmsim.core.parts import AnyComputation
+from swarmsim.core.state import Knowledge, Senses
+
+
+class ComputationDelegate:
+    """Passes everything on."""
+
+    def __init__(self, inner: AnyComputation) -> None:
+        self._inner = inner
+
+    @property
+    def knowledge_type(self) -> type[Knowledge]:
+        """What the computation inside gives."""
+        return self._inner.knowledge_type
+
+    @property
+    def codec(self) -> Codec[Any]:
+        """That of the computation inside."""
+        return self._inner.codec
+
+    @property
+    def maps(self) -> Any:
+        """The maps of robots that map; None if they do not."""
+        return getattr(self._inner, "maps", None)
+
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
+        """What the computation inside says."""
+        return self._inner.say(senses)
+
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
+        """What the computation inside knows."""
+        return self._inner.hear(senses, inbox)
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """Pass it on."""
+        self._inner.reset(robots)
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """Pass it on."""
+        self._inner.copy_from(robots, source)

@@ -1,0 +1,1 @@
+"""Where mapping robots go."""

@@ -1,0 +1,132 @@
+"""The control strategy of collective mapping: each robot walks to the nearest frontier of its map.
+
+Lines 6 to 8 of Algorithm 1 of Kit, Mateo and Bouffanais, "A Decentralized Mobile Computing Network for
+Multi-Robot Systems Operations" (2018), with each choice that it leaves open as a parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import numpy as np
+from msgspec import Meta, Struct
+from numpy.typing import NDArray
+
+from swarmsim.core import memory
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Inbox, MessageBatch
+from swarmsim.core.state import Intents, Knowledge, Senses
+from swarmsim.kernels import decide, occupancy, search
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.sharing.policies import tiles_of
+
+
+class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks to the frontier of its map that is nearest by path length (Yamauchi 1997), by A*."""
+
+    replan: Literal["on-arrival", "every-iteration"] = "on-arrival"
+    ties: Literal["own-order", "row-order"] = "own-order"  # between frontiers equally near
+    neighbours: Literal[4, 8] = 8  # of a cell, for paths
+    patience: Annotated[int, Meta(ge=1)] | None = None  # iterations without progress; default: 4 cells' time
+    idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes where nobody looked for long
+
+    def build(self, context: BuildContext) -> FrontierStrategy:
+        """The plans of a whole swarm."""
+        return FrontierStrategy(self, context)
+
+
+class FrontierStrategy:
+    """One goal and path per robot; the rules stand at `kernels.decide.decide`."""
+
+    requires_knowledge: type[Knowledge] = Maps
+
+    def __init__(self, parameters: NearestFrontier, context: BuildContext) -> None:
+        robots, lattice = context.robots, context.lattice
+        count, cells = len(context.ids), lattice.rows * lattice.columns
+        self._barred, self._shunned = (memory.zeros((count, *lattice.shape), np.int32) for _ in range(2))
+        self._plans = decide.Plans(
+            goal=np.full(count, -1, np.int32),
+            path=memory.zeros((count, cells), np.int32),
+            steps=np.zeros(count, np.int32),
+            cursor=np.zeros(count, np.int32),
+            anchor=np.zeros((count, 2)),
+            waited=np.zeros(count, np.int32),
+            idle=np.zeros(count, np.int32),
+            planned=np.zeros(count, np.bool_),
+        )
+        patrolled = lattice.shape if parameters.idle == "patrol" else (0, 0)
+        self._patrol = search.Patrol(memory.zeros((count, *patrolled), np.int32), np.zeros(count, np.int32))
+        per_iteration = robots.speed * context.period / lattice.cell  # cells, of the fastest
+        slowest = robots.least("speed") * context.period / lattice.cell
+        footprint = search.footprint(robots.radius / lattice.cell)
+        self._rules = search.Rules(
+            lattice.x0,
+            lattice.y0,
+            lattice.cell,
+            footprint,
+            int(np.abs(footprint).max()),
+            parameters.neighbours,
+            parameters.replan == "on-arrival",
+            parameters.patience or max(4, math.ceil(4.0 / slowest)),
+            math.ceil(per_iteration) + 3,
+        )
+        self._scratch = search.scratch(cells)
+        self._salts = salts(context, "unstick")
+        self._tie_salts = salts(context, "ties")
+        if parameters.ties == "row-order":
+            self._tie_salts[:] = 0
+        self._columns = lattice.columns
+
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
+        """Choose goals and paths."""
+        plans = self._plans
+        if self._patrol.seen.size:
+            self._see(senses, maps)
+        # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
+        decide.decide(
+            senses.iteration + 1,
+            senses.pose,
+            senses.alive,
+            maps.new_cells,
+            search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
+            plans,
+            self._patrol,
+            self._rules,
+            self._salts,
+            self._tie_salts,
+            self._scratch,
+        )
+        return self._intents()
+
+    def _intents(self) -> Intents:
+        """The plans as they are now."""
+        plans = self._plans
+        longest = int((plans.steps - plans.cursor).max(initial=0)) + 1
+        waypoints = np.zeros((len(plans.steps), longest, 2))
+        counts = decide.way_ahead(plans, self._rules, self._columns, waypoints)
+        goals = np.empty((len(plans.goal), 2), np.int32)
+        np.divmod(plans.goal, self._columns, out=(goals[:, 0], goals[:, 1]))
+        goals[plans.goal < 0] = -1
+        return Intents(goals, waypoints, counts, plans.planned.copy())
+
+    def _see(self, senses: Senses, maps: Maps) -> None:
+        """Note which cells were seen when."""
+        tiles, accepted = tiles_of(senses), maps.accepted
+        occupancy.see(
+            self._patrol.seen,
+            senses.iteration + 1,
+            senses.alive,
+            tiles.values,
+            tiles.origins,
+            accepted.receivers,
+            accepted.content.values,
+            accepted.content.origins,
+            accepted.content.sources,
+            accepted.content.sensed,
+        )
+
+
+def salts(context: BuildContext, purpose: str) -> NDArray[np.uint64]:
+    """One random number of each robot's own, never 0."""
+    return np.array([stream.integers(1, 2**63) for stream in context.own_streams(purpose)], np.uint64)

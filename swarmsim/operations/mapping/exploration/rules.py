@@ -1,0 +1,213 @@
+"""Which frontier to explore: rules from the literature, each a few lines over what one robot can choose from.
+
+Every rule sees the pieces of frontier that its robot can reach, nearest first, and what it has heard of others. What it
+needs of them beyond their tiles, and how many bytes that takes, is said with each. Where nothing tells two pieces apart
+the nearer is taken, and of those equally near the first in an order of the robot's own.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from msgspec import Meta
+from scipy.optimize import linear_sum_assignment
+
+from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Grain
+
+NO_WAY: Final = 1e9  # cells: longer than any way, for sums that must stay finite
+Weight = Annotated[float, Meta(ge=0.0, le=1e6)]
+Cells = Annotated[float, Meta(gt=0.0, le=1e6)]
+
+
+class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks to a frontier drawn at random, all equally likely. Needs nothing of others.
+
+    The yardstick of exploration without any judgement; in place of the nearest of Yamauchi (1997).
+    """
+
+    grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
+
+    @property
+    def needs_others(self) -> bool:
+        """Nobody."""
+        return False
+
+    def choose(self, candidates: Candidates) -> int:
+        """Any."""
+        return int(candidates.random.integers(len(candidates.own)))
+
+
+class LargestFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks to the frontier with the most cells. Needs nothing of others.
+
+    Yamauchi (1997) forms frontiers as regions of touching cells; their size stands for what there is to be seen.
+    """
+
+    grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
+
+    @property
+    def needs_others(self) -> bool:
+        """Nobody."""
+        return False
+
+    def choose(self, candidates: Candidates) -> int:
+        """The largest."""
+        return int(np.argmax(candidates.sizes))
+
+
+class UtilityFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks where what it may see outweighs the way: the most of U - weight L / Lmax.
+
+    Needs nothing of others.
+
+    U is the unknown share of a disc as large as the sensor sees, L the way, Lmax the longest way of any piece: the
+    utility of Julia, Gil and Reinoso, "A comparison of path planning strategies for autonomous exploration and mapping
+    of unknown environments", Autonomous Robots 33 (2012).
+    """
+
+    weight: Weight = 0.5  # of the way against what there is to see
+
+    @property
+    def needs_others(self) -> bool:
+        """Nobody."""
+        return False
+
+    def choose(self, candidates: Candidates) -> int:
+        """The most useful."""
+        return int(np.argmax(candidates.unknown - self.weight * candidates.own / max(1.0, candidates.own.max())))
+
+
+class CoordinatedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot plans for those it hears as well, pair by pair; what one of them will see counts less for the next.
+
+    Of all robots and pieces without one, the pair with the most of U - weight V is taken, V the way in cells; then
+    every U falls by max(0, 1 - d / reach), d the distance to the piece taken: Burgard, Moors, Stachniss and Schneider,
+    "Coordinated Multi-Robot Exploration", IEEE Transactions on Robotics 21 (2005). Of others it needs where they are,
+    which their tiles say: no byte more.
+    """
+
+    weight: Weight = 0.02  # per cell of the way
+    reach: Cells = 7.0  # cells: what is seen from one frontier
+
+    def choose(self, candidates: Candidates) -> int:
+        """What is left for the robot itself."""
+        useful = np.ones(len(candidates.own))
+        costs = self.weight * np.minimum(candidates.ways, NO_WAY)
+        waiting = list(range(len(costs)))
+        while True:
+            place, piece = divmod(int(np.argmax(useful - costs[waiting])), len(useful))
+            if waiting.pop(place) == 0:
+                return piece
+            apart = np.hypot(*(candidates.goals - candidates.goals[piece]).T)
+            useful -= np.maximum(0.0, 1.0 - apart / self.reach)
+
+
+class MinPos(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks to the frontier to which the fewest of those it hears are nearer; of these, to the nearest.
+
+    Bautin, Simonin and Charpillet, "MinPos: A Novel Frontier Allocation Algorithm for Multi-robot Exploration", ICIRA
+    (2012). Of others it needs where they are, which their tiles say: no byte more.
+    """
+
+    def choose(self, candidates: Candidates) -> int:
+        """Where the robot's rank is best."""
+        return int(np.argmin((candidates.ways[1:] < candidates.own).sum(axis=0)))
+
+
+class AssignedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot plans for those it hears as well: one piece for each, so that all ways together are shortest.
+
+    The assignment is Kuhn's (1955), known as the Hungarian method, as Wurm, Stachniss and Burgard, "Coordinated
+    Multi-Robot Exploration using a Segmentation of the Environment", IROS (2008), use it. Of others it needs where they
+    are, which their tiles say: no byte more.
+    """
+
+    def choose(self, candidates: Candidates) -> int:
+        """The robot's own piece; the nearest where there are not enough of them."""
+        robots, pieces = linear_sum_assignment(np.minimum(candidates.ways, NO_WAY))
+        mine = pieces[robots == 0]
+        return int(mine[0]) if len(mine) else 0
+
+
+class PotentialField(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks down a potential that frontiers lower and those whom it hears raise.
+
+    The potential of a cell is the sum of -size / way over all frontiers, and of reach - way over all robots within
+    reach, sizes and ways in cells; the goal is the frontier at which a walk to the lowest neighbour, never back,
+    arrives: Yu et al., "SMMR-Explore: SubMap-based Multi-Robot Exploration System with Multi-robot Multi-target
+    Potential Field Exploration Method", ICRA (2021). Of others it needs where they are, which their tiles say: no byte
+    more.
+    """
+
+    grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
+    reach: Weight = 50.0  # cells: from how far off robots push each other
+
+    def choose(self, candidates: Candidates) -> int:
+        """Where the walk ends."""
+        return candidates.descend(self.reach)
+
+
+class Market(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot goes for the frontier with the most profit that nobody it hears goes for at a lower price.
+
+    The profit is the unknown share of what can be seen from there, times `revenue`, less the way in cells; the price is
+    the way. A robot that hears of a lower price gives way: Zlot, Stentz, Dias and Thayer, "Multi-robot exploration
+    controlled by a market economy", ICRA (2002), with announcements in place of an auctioneer. Of others it needs where
+    they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    """
+
+    replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
+    revenue: Weight = 10.0  # cells of way that seeing a wholly unknown disc is worth
+    reach: Cells = 4.0  # cells: goals as near as this are one and the same
+
+    def choose(self, candidates: Candidates) -> int:
+        """The most profitable that is not taken; the nearest if all are."""
+        apart, left = candidates.announced()
+        lost = ((apart <= self.reach) & (left[:, None] < candidates.own)).any(axis=0)
+        profit = self.revenue * candidates.unknown - candidates.own
+        return 0 if lost.all() else int(np.argmax(np.where(lost, -np.inf, profit)))
+
+
+class ReservedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks to the nearest frontier that is not reserved, and changes its mind for much less way only.
+
+    What others go for is reserved for them, with all frontiers within reach of it, unless they have the longer way; a
+    robot's own goal counts as nearer by `stays` cells. Against the herding of robots whose maps are equal. Of
+    others it needs where they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    """
+
+    replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
+    reach: Cells = 7.0  # cells
+    stays: Weight = 5.0  # cells that a new goal has to be nearer than the present one
+
+    def choose(self, candidates: Candidates) -> int:
+        """The nearest that is free, the present one preferred; the nearest of all if none is free."""
+        apart, left = candidates.announced()
+        reserved = ((apart <= self.reach) & (left[:, None] < candidates.own)).any(axis=0)
+        ways = candidates.own + NO_WAY * reserved
+        if candidates.present >= 0:
+            ways[candidates.present] -= self.stays
+        return int(np.argmin(ways))
+
+
+class DispersedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot walks to the frontier that is near for it and far for those it hears.
+
+    It minimises its way plus, for every other robot, weight exp(-way / reach): another one next to a frontier makes it
+    as unattractive as `weight` cells more to walk, one `reach` cells off a third of that. Of others it needs where they
+    are, which their tiles say: no byte more. With the sharing `gossip`, 15 bytes more for tiles of 6 x 7, this is the
+    recommended way to map a building.
+    """
+
+    replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
+    weight: Weight = 10.0  # cells
+    reach: Cells = 15.0  # cells
+    stays: Weight = 3.0  # cells that a new goal has to be better than the present one
+
+    def choose(self, candidates: Candidates) -> int:
+        """The best."""
+        price = candidates.own + self.weight * np.exp(-candidates.ways[1:] / self.reach).sum(axis=0)
+        if candidates.present >= 0:
+            price[candidates.present] -= self.stays
+        return int(np.argmin(price))

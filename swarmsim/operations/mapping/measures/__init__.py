@@ -1,0 +1,1 @@
+"""What is measured of maps, and of the building that they are of."""

@@ -1,0 +1,99 @@
+"""The task of collective mapping: how much of the building the swarm's maps cover."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Final
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from swarmsim.core import memory
+from swarmsim.core.building import Building
+from swarmsim.core.context import BuildContext
+from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.state import Done, Knowledge, Measured
+from swarmsim.kernels import occupancy
+from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.measures.changes import ChangeMeasures
+from swarmsim.operations.mapping.measures.provenance import MapProvenance
+from swarmsim.operations.mapping.measures.quality import MapMeasures
+from swarmsim.operations.mapping.measures.sightings import Sightings
+from swarmsim.operations.mapping.sharing.merging import FrameMeasures
+from swarmsim.operations.mapping.sharing.policies import cells_of
+
+CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0, robots="covered", format=".1f")
+
+
+class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """The union of all maps, the dead's included, has to cover a share of the coverage domain.
+
+    The domain is every free cell that robots can observe, and the wall cells beside those; it changes with the
+    building. It is measured, and never fed back.
+
+    Robots that put others' maps where they believe them to lie may put them wrong. Of theirs a cell counts only where a
+    map holds it for what some robot has truly seen there; `correct` is the share of all cells on the union that are so.
+    """
+
+    share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the domain
+    provenance: bool = False  # measure the age and origin of what robots know, too; takes memory for each map
+
+    def build(self, context: BuildContext) -> CoverageTask:
+        """The task."""
+        return CoverageTask(self, context)
+
+
+class CoverageTask:
+    """Counts cells by the changes of the maps, which recordings keep as well; where maps can be put wrong, by truth."""
+
+    requires_knowledge: type[Knowledge] = Maps
+    curve = CURVE
+
+    def __init__(self, parameters: Coverage, context: BuildContext) -> None:
+        count, cells = context.swarm, context.lattice.rows * context.lattice.columns
+        self._context, self._wanted, self._traces = context, parameters.share, parameters.provenance
+        self._held = memory.zeros((count, cells), np.bool_)  # which cells each map holds
+        self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
+        self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
+        self._union = 0  # ... and in any
+        self._version = -1  # of the building whose domain that is
+        self._sightings = Sightings(context.lattice)
+
+    def measure(self, done: Done[Maps]) -> Measured:
+        """The share of the domain that the union covers, and that each robot's own map does."""
+        if self._version != done.building.version:
+            self._count_anew(done.building)
+        more: dict[str, float] = {}
+        if done.knowledge.frames is None:
+            changes = done.knowledge.changes
+            self._union += occupancy.recount(changes, self._held, self._holders, self._domain, self._each)
+        else:
+            more["correct"] = self._count_what_is_right(done)
+        share = self._union / self._cells
+        return Measured(
+            {"coverage": share, **more}, {"covered": self._each / self._cells}, min(1.0, share / self._wanted),
+            share >= self._wanted,
+        )  # fmt: skip
+
+    def _count_what_is_right(self, done: Done[Maps]) -> float:
+        """Count the cells that maps hold for what was truly seen there; gives the share of the union that is so."""
+        self._sightings.add(done)
+        maps = cells_of(done.knowledge)
+        right = self._sightings.agree(maps).reshape(len(maps), -1) & self._domain
+        self._each[:] = np.count_nonzero(right, axis=1)
+        self._union = int(np.count_nonzero(right.any(axis=0)))
+        share = self._sightings.share(maps.max(axis=0))  # OCCUPIED where any robot believes so
+        return 1.0 if share is None else share
+
+    def _count_anew(self, building: Building) -> None:
+        self._version, self._domain = building.version, building.domain.reshape(-1)
+        self._cells = int(np.count_nonzero(self._domain))
+        self._each[:] = [np.count_nonzero(held & self._domain) for held in self._held]
+        self._union = int(np.count_nonzero((self._holders > 0) & self._domain))
+
+    def summaries(self) -> Sequence[Summary[Maps]]:
+        """What maps are judged by, and how well they follow a building that changes."""
+        robots, building = self._context.swarm, self._context.building
+        lattice = self._context.lattice
+        always = MapMeasures(robots, building.domain, lattice), ChangeMeasures(building), FrameMeasures(building.domain)
+        return (*always, MapProvenance(robots, lattice)) if self._traces else always

@@ -1,0 +1,1 @@
+"""What mapping robots tell each other, byte by byte."""

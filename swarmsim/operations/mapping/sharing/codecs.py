@@ -1,0 +1,275 @@
+"""What the messages of mapping robots hold, and how they look on the air, byte by byte."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.messages import MessageBatch
+from swarmsim.core.state import UNKNOWN
+
+#: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
+HEADER: Final = struct.Struct(">HIhh")
+
+#: Before each tile that a message relays: who sensed it (2 bytes), when (4), its origin (2 each, signed) and over how
+#: many links it has come to the sender (1), big-endian.
+RELAYED: Final = struct.Struct(">HIhhB")
+
+#: Before a map: sender (2 bytes), iteration (4), then the first row and column (2 each, signed) and the numbers of rows
+#: and columns (2 each) of the smallest rectangle with all known cells, big-endian.
+MAP: Final = struct.Struct(">HIhhHH")
+
+#: After a tile: the row and column of the cell that its sender goes to explore (2 bytes each, signed; -1 for none) and
+#: how many cells of its way there are left (2), big-endian.
+GOAL: Final = struct.Struct(">hhH")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TileItems(MessageBatch):
+    """The tiles in messages."""
+
+    values: NDArray[np.uint8]  # (t, rows, columns)
+    origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
+    sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
+    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelayedItems(TileItems):
+    """Tiles that come over several links."""
+
+    hops: NDArray[np.uint8]  # (t,): links between the robot that sensed it and the one that tells it now
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalItems(TileItems):
+    """Tiles of robots that tell where they go."""
+
+    goals: NDArray[np.int32]  # (t, 2): row and column of the cell that the sender goes to explore; -1, -1 for none
+    left: NDArray[np.int32]  # (t,): cells of its way there that are left
+
+    @classmethod
+    def of(cls, tiles: TileItems, goals: NDArray[np.int32], left: NDArray[np.int32]) -> GoalItems:
+        """The same tiles, with goals and ways."""
+        return cls(tiles.values, tiles.origins, tiles.sources, tiles.sensed, goals, left)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A tile on its way through the network."""
+
+    source: int  # the robot that sensed it
+    sensed: int  # the iteration in which it did
+    hops: int  # links between that robot and the one that tells it now
+    origin: NDArray[np.int32]  # (2,): row and column of its lower-left cell
+    tile: NDArray[np.uint8]  # (rows, columns)
+
+
+def current_tile_bytes(rows: int, columns: int) -> int:
+    """The size of a message with a robot's own tile: the HEADER, then 2 bits for each cell, filled up to a byte."""
+    return HEADER.size + packed_bytes(rows * columns)
+
+
+def relayed_tile_bytes(rows: int, columns: int) -> int:
+    """How much longer each relayed tile makes a message: RELAYED and the cells."""
+    return RELAYED.size + packed_bytes(rows * columns)
+
+
+def map_bytes(cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The sizes (n,) of messages with a map each, of which all known cells lie in a rectangle of so many `cells`."""
+    return np.asarray(MAP.size - (-2 * cells // 8), np.int32)
+
+
+def packed_bytes(cells: int) -> int:
+    """How many bytes hold so many cells of 2 bits each."""
+    return -(-2 * cells // 8)
+
+
+def pack_cells(values: NDArray[np.uint8]) -> bytes:
+    """Cells of any shape, each UNKNOWN, FREE or OCCUPIED, as 2 bits in row-major order, the first in the high bits."""
+    flat = values.reshape(-1)
+    bits = np.stack([flat >> 1, flat & 1], axis=1)
+    return np.packbits(bits.reshape(-1)).tobytes()
+
+
+def unpack_cells(data: bytes, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """The cells that `pack_cells` packed."""
+    count = int(np.prod(shape))
+    bits = np.unpackbits(np.frombuffer(data, np.uint8), count=2 * count).reshape(-1, 2)
+    return np.asarray((bits[:, 0] << 1) | bits[:, 1], np.uint8).reshape(shape)
+
+
+def pack(sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8]) -> bytes:
+    """One robot's current tile (rows, columns) as it goes on the air."""
+    return HEADER.pack(sender, iteration, int(origin[0]), int(origin[1])) + pack_cells(tile)
+
+
+def unpack(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8]]:
+    """The sender, iteration, origin (2,) and tile of `shape` that `pack` packed."""
+    numbers: tuple[int, ...] = HEADER.unpack_from(data)
+    sender, iteration, row, column = numbers
+    return sender, iteration, np.array([row, column], np.int32), unpack_cells(data[HEADER.size :], shape)
+
+
+def pack_relay(
+    sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8], relayed: Sequence[Reading]
+) -> bytes:
+    """One robot's current tile (rows, columns), then the readings of others that it relays, tiles of the same shape."""
+    pieces = [pack(sender, iteration, origin, tile)]
+    for reading in relayed:
+        row, column = (int(index) for index in reading.origin)
+        pieces.append(RELAYED.pack(reading.source, reading.sensed, row, column, reading.hops))
+        pieces.append(pack_cells(reading.tile))
+    return b"".join(pieces)
+
+
+def unpack_relay(
+    data: bytes, shape: tuple[int, int]
+) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8], list[Reading]]:
+    """The sender, iteration, origin (2,), tile of `shape` and relayed readings that `pack_relay` packed."""
+    own = current_tile_bytes(*shape)
+    relayed = []
+    for start in range(own, len(data), relayed_tile_bytes(*shape)):
+        numbers: tuple[int, ...] = RELAYED.unpack_from(data, start)
+        source, sensed, row, column, hops = numbers
+        tile = unpack_cells(data[start + RELAYED.size : start + relayed_tile_bytes(*shape)], shape)
+        relayed.append(Reading(source, sensed, hops, np.array([row, column], np.int32), tile))
+    return *unpack(data[:own], shape), relayed
+
+
+def pack_map(sender: int, iteration: int, cells: NDArray[np.uint8]) -> bytes:
+    """The known cells of one robot's map (rows, columns), each UNKNOWN, FREE or OCCUPIED."""
+    rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
+    if len(rows) == 0:
+        return MAP.pack(sender, iteration, 0, 0, 0, 0)
+    part = cells[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return MAP.pack(sender, iteration, int(rows[0]), int(columns[0]), *part.shape) + pack_cells(part)
+
+
+def unpack_map(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.uint8]]:
+    """The sender, iteration and map of `shape` that `pack_map` packed."""
+    numbers: tuple[int, ...] = MAP.unpack_from(data)
+    sender, iteration, row, column, rows, columns = numbers
+    cells = np.full(shape, UNKNOWN, np.uint8)
+    cells[row : row + rows, column : column + columns] = unpack_cells(data[MAP.size :], (rows, columns))
+    return sender, iteration, cells
+
+
+class TileCodec:
+    """One robot's current tile a message."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+
+    def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
+        """The message with its one tile."""
+        return pack(sender, iteration, items.origins[0], items.values[0])
+
+    def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
+        """Its sender, iteration and tile."""
+        sender, iteration, origin, tile = unpack(data, self._shape)
+        return sender, iteration, TileItems(tile[None], origin[None], _ints(sender), _ints(iteration))
+
+
+class GoalCodec:
+    """One robot's current tile a message, and where it goes."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._tile = TileCodec(shape)
+
+    def pack(self, sender: int, iteration: int, items: GoalItems) -> bytes:
+        """The message with its one tile and goal."""
+        goal = GOAL.pack(*items.goals[0].tolist(), int(items.left[0]))
+        return self._tile.pack(sender, iteration, items) + goal
+
+    def unpack(self, data: bytes) -> tuple[int, int, GoalItems]:
+        """Its sender, iteration, tile and goal."""
+        sender, iteration, items = self._tile.unpack(data[: -GOAL.size])
+        row, column, left = GOAL.unpack(data[-GOAL.size :])
+        goals = np.array([[row, column]], np.int32)
+        return sender, iteration, GoalItems.of(items, goals, _ints(left))
+
+
+class RelayCodec:
+    """One robot's current tile, then those that it relays."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._shape = shape
+
+    def pack(self, sender: int, iteration: int, items: RelayedItems) -> bytes:
+        """The message; its first item is the sender's own."""
+        columns = zip(items.sources, items.sensed, items.hops, items.origins, items.values, strict=True)
+        readings = [Reading(int(source), int(sensed), int(hops), o, v) for source, sensed, hops, o, v in columns]
+        return pack_relay(sender, iteration, items.origins[0], items.values[0], readings[1:])
+
+    def unpack(self, data: bytes) -> tuple[int, int, RelayedItems]:
+        """Its sender, iteration and tiles."""
+        sender, iteration, origin, tile, relayed = unpack_relay(data, self._shape)
+        readings = [Reading(sender, iteration, 0, origin, tile), *relayed]
+        return (
+            sender,
+            iteration,
+            RelayedItems(
+                np.array([one.tile for one in readings], np.uint8),
+                np.array([one.origin for one in readings], np.int32),
+                np.array([one.source for one in readings], np.int32),
+                np.array([one.sensed for one in readings], np.int32),
+                np.array([one.hops for one in readings], np.uint8),
+            ),
+        )
+
+
+class MapCodec:
+    """The known cells of one robot's map, cut into tiles of one shape."""
+
+    def __init__(self, shape: tuple[int, int], grid: tuple[int, int]) -> None:
+        """`shape` of the tiles and of the whole `grid`, in rows and columns."""
+        self._shape, self._grid = shape, grid
+
+    def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
+        """The message with the smallest rectangle that holds all known cells."""
+        return pack_map(sender, iteration, assembled(items.values, items.origins, self._grid))
+
+    def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
+        """Its sender, iteration and the pieces of the map."""
+        sender, iteration, cells = unpack_map(data, self._grid)
+        _, origins, values = pieces(cells[None], self._shape)
+        nobody, now = np.full(len(values), -1, np.int32), np.full(len(values), iteration, np.int32)
+        return sender, iteration, TileItems(values, origins, nobody, now)
+
+
+def _ints(value: int) -> NDArray[np.int32]:
+    return np.array([value], np.int32)
+
+
+def pieces(
+    maps: NDArray[np.uint8], shape: tuple[int, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
+    """The `maps` (n, rows, columns) cut into tiles of `shape`, without those that are UNKNOWN all over.
+
+    Gives the row in `maps` (t,), rising, the origins (t, 2) and the values (t, *shape) of the tiles.
+    """
+    robots, rows, columns = maps.shape
+    down, across = -(-rows // shape[0]), -(-columns // shape[1])
+    padded = np.full((robots, down * shape[0], across * shape[1]), UNKNOWN, np.uint8)
+    padded[:, :rows, :columns] = maps
+    cut = padded.reshape(robots, down, shape[0], across, shape[1]).swapaxes(2, 3)
+    # Rows first: numpy is slow where it reduces the few cells of a tile's row one by one.
+    strips: NDArray[np.bool_] = (padded != UNKNOWN).reshape(robots, down, shape[0], -1).any(axis=2)
+    owners, row, column = np.nonzero(strips.reshape(robots, down, across, shape[1]).any(axis=3))
+    origins = np.stack([row * shape[0], column * shape[1]], axis=1).astype(np.int32)
+    return owners, origins, cut[owners, row, column]
+
+
+def assembled(values: NDArray[np.uint8], origins: NDArray[np.int32], grid: tuple[int, int]) -> NDArray[np.uint8]:
+    """The map (rows, columns) of a `grid` of which these tiles (t, rows, columns) are the `pieces`."""
+    height, width = values.shape[1:]
+    cells = np.full((grid[0] + height, grid[1] + width), UNKNOWN, np.uint8)
+    for (row, column), tile in zip(origins.tolist(), values, strict=True):
+        cells[row : row + height, column : column + width] = tile
+    return cells[: grid[0], : grid[1]]

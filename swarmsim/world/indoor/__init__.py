@@ -1,0 +1,1 @@
+"""Indoor maps: features with tags, venues, levels."""

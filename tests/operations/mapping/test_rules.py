@@ -1,0 +1,197 @@
+"""Rules of exploration: what each chooses by hand-made options, and whole runs by each."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import ROOT, made, seen_as, setting_of
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import Inbox
+from swarmsim.core.readings import Tiles
+from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.part import Part
+from swarmsim.engine.build import build
+from swarmsim.operations.mapping.exploration.rules import (
+    AssignedFrontier,
+    CoordinatedFrontier,
+    DispersedFrontier,
+    LargestFrontier,
+    Market,
+    MinPos,
+    PotentialField,
+    RandomFrontier,
+    ReservedFrontier,
+    UtilityFrontier,
+)
+from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, _latest_tiles
+from swarmsim.operations.mapping.sharing.codecs import GOAL, TileItems
+from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
+
+FAR = math.inf
+
+
+def candidates(
+    ways, goals=None, sizes=None, unknown=None, present=-1, announced=None, left=None, descend=None
+) -> Candidates:
+    """Pieces at these ways (1 + h, p), along one row unless `goals` says otherwise."""
+    ways = np.array(ways, float).reshape(-1, np.shape(ways)[-1])
+    count = ways.shape[1]
+    told = None if announced is None else np.array(announced, np.int32).reshape(-1, 2)
+    return Candidates(
+        id=0,
+        goals=np.array([(0, 10 * p) for p in range(count)] if goals is None else goals, np.int32),
+        ways=ways,
+        sizes=np.array([1] * count if sizes is None else sizes, np.int32),
+        unknown=np.array([0.5] * count if unknown is None else unknown, float),
+        present=present,
+        others=Others(np.arange(1, len(ways), dtype=np.int32), told, None if left is None else np.array(left, float)),
+        random=np.random.default_rng(1),
+        descend=descend or (lambda reach: 0),
+    )
+
+
+def test_random_takes_every_frontier_equally_often() -> None:
+    three = candidates([1, 2, 3])
+    drawn = [RandomFrontier().choose(three) for _ in range(3000)]
+    assert np.abs(np.bincount(drawn, minlength=3) / 3000 - 1 / 3).max() < 0.04
+
+
+def test_largest_takes_the_largest_and_of_equals_the_nearest() -> None:
+    assert LargestFrontier().choose(candidates([1, 2, 3], sizes=[4, 9, 9])) == 1
+
+
+def test_utility_weighs_what_there_is_to_see_against_the_way() -> None:
+    """U - weight L / Lmax: 0.2 - 0.1 w against 0.6 - 1.0 w cross at w = 4/9."""
+    two = candidates([10, 100], unknown=[0.2, 0.6])
+    assert UtilityFrontier(weight=0.44).choose(two) == 1
+    assert UtilityFrontier(weight=0.45).choose(two) == 0
+
+
+def test_coordinated_leaves_to_others_what_is_theirs() -> None:
+    """The other one is nearer to the first piece and takes it; the second piece, beside it, is worth less for that."""
+    goals = [(0, 0), (0, 3), (0, 40)]
+    ours, theirs = [10, 12, 30], [2, 5, 42]
+    rule = CoordinatedFrontier(weight=0.02, reach=7.0)
+    assert rule.choose(candidates([ours], goals)) == 0
+    # 1 - (1 - 3/7) - 0.24 = 0.19 against 1 - 0.60 = 0.40
+    assert rule.choose(candidates([ours, theirs], goals)) == 2
+    # with shorter sight the second piece is not seen from the first: 0.76
+    assert CoordinatedFrontier(weight=0.02, reach=2.0).choose(candidates([ours, theirs], goals)) == 1
+
+
+def test_min_pos_goes_where_the_fewest_are_nearer() -> None:
+    assert MinPos().choose(candidates([[5, 6, 20], [1, 2, 30], [9, 3, 30]])) == 2
+    assert MinPos().choose(candidates([[5, 6, 20]])) == 0
+    assert MinPos().choose(candidates([[5, 6], [5, FAR]])) == 0  # as near is not nearer; no way is no rank
+
+
+def test_assigned_shares_the_pieces_out() -> None:
+    """Alone the robot would take the first; both together walk least if the other one does: 1 + 4 against 3 + 20."""
+    assert AssignedFrontier().choose(candidates([[3, 4], [1, 20]])) == 1
+    assert AssignedFrontier().choose(candidates([[3], [1]])) == 0  # none is left for it
+
+
+def test_potential_field_goes_where_the_walk_ends() -> None:
+    asked = []
+    walk = candidates([1, 2, 3], descend=lambda reach: asked.append(reach) or 2)
+    assert PotentialField(reach=20.0).choose(walk) == 2
+    assert asked == [20.0]
+
+
+def test_market_gives_way_to_lower_prices_only() -> None:
+    goals, near = [(0, 0), (0, 20)], [(0, 1)]
+    assert Market(revenue=0.0).choose(candidates([[5, 9], [1, 1]], goals, announced=near, left=[4])) == 1
+    assert Market(revenue=0.0).choose(candidates([[5, 9], [1, 1]], goals, announced=near, left=[6])) == 0
+    assert Market(revenue=10.0).choose(candidates([[5, 9]], goals, [1, 1], [0.0, 0.5], announced=[], left=[])) == 1
+    assert Market().choose(candidates([[5], [1]], [(0, 0)], announced=near, left=[1])) == 0  # all are taken
+
+
+def test_reserved_keeps_off_and_keeps_its_mind() -> None:
+    goals = [(0, 0), (0, 5), (0, 40)]
+    rule = ReservedFrontier(reach=7.0, stays=5.0)
+    assert rule.choose(candidates([[3, 4, 8]], goals, announced=[], left=[])) == 0
+    assert rule.choose(candidates([[3, 4, 8], [0, 0, 0]], goals, announced=[(0, 2)], left=[1])) == 2
+    assert rule.choose(candidates([[3, 4, 8], [0, 0, 0]], goals, announced=[(-1, -1)], left=[0])) == 0
+    assert rule.choose(candidates([[3, 4, 7]], goals, present=2, announced=[], left=[])) == 2
+    assert rule.choose(candidates([[3, 4, 9]], goals, present=2, announced=[], left=[])) == 0
+
+
+def test_dispersed_goes_where_others_are_not() -> None:
+    """With weight 10 and reach 10: 5 + 10 exp(-0.1) = 14.0 against 12 + 10 exp(-3) = 12.5."""
+    two = [[5, 12], [1, 30]]
+    assert DispersedFrontier(weight=10.0, reach=10.0).choose(candidates(two)) == 1
+    assert DispersedFrontier(weight=5.0, reach=10.0).choose(candidates(two)) == 0
+    assert DispersedFrontier(weight=10.0, reach=10.0, stays=2.0).choose(candidates(two, present=0)) == 0
+    assert DispersedFrontier().choose(candidates([[5, 12]])) == 0
+    assert DispersedFrontier().choose(candidates([[5, 12], [FAR, FAR]])) == 0
+
+
+@pytest.mark.parametrize("use", ["market", "reserved-frontier"])
+def test_rules_that_need_goals_say_so(use: str) -> None:
+    with pytest.raises(InputError, match=r"expected mind\.computation\.share\.use = 'tile-and-goal'"):
+        made(f'mind.strategy={{use="{use}"}}').simulation.run()
+
+
+RULES = [name for name, kind in registry.known("strategy").items() if issubclass(kind, Exploring)]
+
+
+@pytest.mark.parametrize("use", RULES)
+def test_every_rule_maps_the_room(use: str) -> None:
+    assert made(f'mind={{strategy={{use="{use}"}}, computation={{share={{use="tile-and-goal"}}}}}}').simulation.run()
+
+
+def test_rules_count_their_bytes() -> None:
+    """The recommended way takes 15 bytes more than the tile alone, goals take 6."""
+    assert piece_bytes(6, 7) == 15
+    assert GOAL.size == 6
+    tile = TileItems(np.ones((1, 6, 7), np.uint8), np.zeros((1, 2), np.int32), np.array([3]), np.array([9]))
+    assert len(GossipCodec((6, 7)).pack(3, 9, tile)) == 21  # nothing of the map yet
+
+
+def test_of_several_tiles_of_one_robot_the_latest_counts() -> None:
+    origins = np.arange(8, dtype=np.int32).reshape(4, 2)
+    sources, sensed = np.array([1, -1, 1, 0], np.int32), np.array([4, 4, 5, 5], np.int32)
+    tiles = TileItems(np.zeros((4, 2, 2), np.uint8), origins, sources, sensed)
+    heard = Inbox(np.array([0, 0, 0, 1]), np.array([1, 2, 1, 0]), sensed, tiles)
+    latest = _latest_tiles(heard)
+    assert latest.receivers.tolist() == [0, 1]
+    assert latest.content.origins.tolist() == [[4, 5], [6, 7]]
+    assert len(_latest_tiles(heard.take(np.zeros(0, int)))) == 0
+
+
+def test_gossip_tells_what_waited_longest_and_never_what_it_does_not_know() -> None:
+    """Two pieces change one after the other; they are told in that order, then over and over."""
+    context = setting_of(1, (12, 21))
+    policy = Part("sharing", {"use": "gossip"}).build(context)
+
+    observed, log_odds = np.zeros((1, 12, 21), bool), np.zeros((1, 12, 21), np.float32)
+    tiles, alive = Tiles(np.ones((1, 6, 7), np.uint8), np.zeros((1, 2), np.int32)), np.ones(1, bool)
+    told = []
+    for t in range(8):
+        changes = np.empty((0, 3), np.int32)
+        if t in (1, 2):
+            row, column = ((7, 15), (0, 8))[t - 1]
+            observed[0, row, column], log_odds[0, row, column] = True, 1.0 if t == 1 else -1.0
+            changes = np.array([[0, row * 21 + column, 2 if t == 1 else 1]], np.int32)
+        maps = SimpleNamespace(observed=observed, log_odds=log_odds, changes=changes)
+        said = policy.say(seen_as(t, np.zeros((1, 3)), alive, tiles), maps)
+        assert said.content.sources.tolist() == [0, -1][: len(said.content)]
+        told.append(said.content.origins[1:].tolist())
+        if t == 1:
+            assert np.argwhere(said.content.values[1]).tolist() == [[1, 1]]
+            assert said.content.values[1].max() == 2
+    assert told == [[], [[6, 14]], [[0, 7]], [[6, 14]], [[0, 7]], [[6, 14]], [[0, 7]], [[6, 14]]]
+
+
+def test_the_recommended_way_is_faster_than_the_papers_rule() -> None:
+    path, took = ROOT / "scenarios" / "exploring.toml", []
+    for keys in ((), ('mind.strategy={use="nearest-frontier"}', 'mind.computation.share={use="current-tile"}')):
+        runs = [build(load(path, [*keys, f"seed={seed}"]), str(path)).simulation for seed in range(1, 7)]
+        assert all(run.run() for run in runs)
+        took.append(np.mean([run.finished_after for run in runs]))
+    assert took[0] < 0.9 * took[1]
