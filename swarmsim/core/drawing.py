@@ -218,6 +218,41 @@ def ends_of(parts: Iterable[Reals]) -> tuple[Reals, Whole]:
     return np.concatenate([np.empty((0, 2)), *listed]), np.cumsum([len(part) for part in listed], dtype=np.int64)
 
 
+def each(inks: Inks, count: int) -> Sequence[Ink]:
+    """The ink of each of so many shapes."""
+    return [inks] * count if isinstance(inks, str) else inks
+
+
+def placed(mark: Polygons, radii: Reals, grown: float = 0.0) -> Reals:
+    """The corners (p, 2) of areas in m, where robots are drawn with these radii (n,) in m.
+
+    Those of areas around a place are moved outwards from it by `grown` m.
+    """
+    if mark.at is None:
+        return mark.points
+    owner = np.repeat(np.arange(len(mark.ends)), np.diff(mark.ends, prepend=0))
+    x, y = mark.points.T if mark.unit == "m" or mark.of is None else radii[mark.of][owner] * mark.points.T
+    if grown:
+        share = 1.0 + grown / np.maximum(np.hypot(x, y), 1e-9)
+        x, y = share * x, share * y
+    cosine, sine = (1.0, 0.0) if mark.yaw is None else (np.cos(mark.yaw)[owner], np.sin(mark.yaw)[owner])
+    return np.asarray(mark.at[owner] + np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=1))
+
+
+def sizes(mark: Circles, radii: Reals) -> Reals:
+    """The radii (c,) of circles in m, where robots are drawn with these radii (n,) in m."""
+    scale = radii[mark.of] if mark.unit == "body" and mark.of is not None else np.ones(len(mark.centre))
+    return np.asarray(scale * mark.radius)
+
+
+def alike(one: Sequence[Mark], other: Sequence[Mark]) -> bool:
+    """Whether shapes are the same, number by number."""
+    return len(one) == len(other) and all(
+        type(a) is type(b) and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        for a, b in zip(one, other, strict=True)
+    )
+
+
 def inks_of(mark: Mark) -> list[Ink]:
     """Every ink that a shape names."""
     if isinstance(mark, Raster):
@@ -242,7 +277,7 @@ def wrong(found: object, robots: int) -> str | None:
 
 def _check(mark: Mark, robots: int) -> None:
     """Raise ValueError, which begins with the field at fault, for a shape that cannot be drawn."""
-    count = _count(mark)
+    count = count_of(mark)
     sides: dict[str, tuple[int | None, ...]] = {
         "centre": (count, 2), "points": (None, 2), "ends": (count,), "holes": (count,), "at": (count, 2),
         "yaw": (count,), "of": (count,), "on": (len(mark.points) if isinstance(mark, Lines) else 0,),
@@ -268,7 +303,7 @@ def _check(mark: Mark, robots: int) -> None:
         raise ValueError(f"ink is {odd!r}; expected '#rrggbb', 'robot I' or one of {', '.join(INKS)}")
 
 
-def _count(mark: Mark) -> int:
+def count_of(mark: Mark) -> int:
     """How many shapes there are."""
     match mark:
         case Circles():

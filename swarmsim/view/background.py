@@ -57,7 +57,7 @@ class Background:
         self.surface.blit(self._still, (0, 0))
         self.surface.blit(self._over, (0, 0))
         self._values = [np.zeros_like(one.values) for one in cells]
-        self._colours = [self._painter.colours(one) for one in cells]
+        self._colours = [self._painter.theme.shades(one.palette) for one in cells]
         if cells:
             self._x, self._y = self._painter.areas_of(cells[0])
 

@@ -11,7 +11,7 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from swarmsim.core.drawing import Circles, Ink, Inks, Lines, Mark, Polygons, Raster, Rays, Texts, Whole
+from swarmsim.core.drawing import Circles, Ink, Inks, Lines, Mark, Polygons, Raster, Rays, Texts, Whole, placed
 from swarmsim.view.camera import Camera
 from swarmsim.view.lettering import Lettering
 from swarmsim.view.theme import Colour, Theme
@@ -97,14 +97,6 @@ class Painter:
         ):
             pygame.draw.lines(sheet, ink, False, points, width)
 
-    def colours(self, raster: Raster) -> NDArray[np.uint8]:
-        """The colours (256, 3) of a raster's values."""
-        found = np.zeros((256, 3), np.uint8)
-        for first, last, low, high in raster.palette:
-            shares = np.arange(last - first + 1) / max(last - first, 1)
-            found[first : last + 1] = self.theme.between(low, high, shares)
-        return found
-
     def areas_of(self, raster: Raster) -> tuple[list[int], list[int]]:
         """Where columns and rows of cells begin and end, in pixels.
 
@@ -157,16 +149,8 @@ class Painter:
 
     def _corners(self, mark: Polygons, radii: Reals, grown: float = 0.0) -> list[list[Pixel]]:
         """The corners of each area in pixels; of one around a place, moved outwards from this by some more."""
-        if mark.at is None:
-            return _split(self.camera.pixels(mark.points), mark.ends)
-        owner = np.repeat(np.arange(len(mark.ends)), np.diff(mark.ends, prepend=0))
-        x, y = self._scale(mark.unit, mark.of, radii, len(mark.ends))[owner] * mark.points.T
-        if grown:
-            share = 1.0 + grown / np.maximum(np.hypot(x, y), 1e-9)
-            x, y = share * x, share * y
-        cosine, sine = (1.0, 0.0) if mark.yaw is None else (np.cos(mark.yaw)[owner], np.sin(mark.yaw)[owner])
-        turned = np.stack([x * cosine - y * sine, -x * sine - y * cosine], axis=1)
-        return _split(self.camera.pixels(mark.at)[owner] + turned, mark.ends)
+        scale = self.camera.scale
+        return _split(self.camera.pixels(placed(mark, radii / scale, grown / scale)), mark.ends)
 
     def _polygons(self, surface: pygame.Surface, mark: Polygons, radii: Reals) -> None:
         corners = self._corners(mark, radii)
@@ -269,7 +253,7 @@ class Painter:
         return self._texts[key]
 
     def _cells(self, surface: pygame.Surface, raster: Raster) -> None:
-        colours, (x, y) = self.colours(raster), self.areas_of(raster)
+        colours, (x, y) = self.theme.shades(raster.palette), self.areas_of(raster)
         for r, c in np.argwhere(raster.values).tolist():
             surface.fill(colours[raster.values[r, c]].tolist(), (x[c], y[r + 1], x[c + 1] - x[c], y[r] - y[r + 1]))
 

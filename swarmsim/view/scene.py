@@ -181,10 +181,6 @@ class Scene:
         """The bearings of each robot's beams in rad, counter-clockwise from straight ahead; none without a ring."""
         return [self._beams.bearings(robot) for robot in range(self.robots)]
 
-    def beam_reach(self, robot: int) -> float:
-        """How far beams of a robot are drawn at most, in m."""
-        return self._beams.reach(robot)
-
     def marks_at(self, row: int) -> list[Mark]:
         """What is wrong with each robot in an iteration."""
         return [self._occurrences.mark(robot, row) for robot in range(self.robots)]

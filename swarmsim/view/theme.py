@@ -72,6 +72,13 @@ class Theme:
         start, end = np.array(self.ink(low), np.float64), np.array(self.ink(high), np.float64)
         return np.rint(start + np.asarray(shares)[..., None] * (end - start)).astype(np.uint8)
 
+    def shades(self, palette: Sequence[tuple[int, int, Ink, Ink]]) -> NDArray[np.uint8]:
+        """The colours (256, 3) of a raster's values."""
+        found = np.zeros((256, 3), np.uint8)
+        for first, last, low, high in palette:
+            found[first : last + 1] = self.between(low, high, np.arange(last - first + 1) / max(last - first, 1))
+        return found
+
 
 def colour_of(robot: int) -> Colour:
     """The colour of a robot, which it may share with others."""

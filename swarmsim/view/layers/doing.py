@@ -44,10 +44,9 @@ class Tiles:
 
 def tiles(corners: Reals, size: Reals, of: Whole) -> Polygons:
     """Rectangles of one size in m, by their lower left corners (k, 2)."""
-    form = size * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-    points = (corners[:, None] + form).reshape(-1, 2)
-    inks = inks_of_robots(of)
-    return Polygons(points, 4 * np.arange(1, len(of) + 1), inks, inks, 1.0, (0.13, 0.67), of=of, name="tile", z=TILES)
+    form, inks = size * np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]), inks_of_robots(of)
+    points, ends = ends_of([form] * len(of))
+    return Polygons(points, ends, inks, inks, 1.0, (0.13, 0.67), at=corners, of=of, name="tile", z=TILES)
 
 
 class Beams:

@@ -82,7 +82,7 @@ class Robots:
 
 def headings(pose: Reals, of: Whole, yaw: Reals) -> Polygons:
     """Lines from robots' centres, under their discs, along these headings."""
-    return forms(pose[:, :2], LINE, of, "curve", FAULTS + 0.5, "heading", yaw)
+    return forms(pose[:, :2], LINE, of, "curve", FAULTS + 0.5, "heading", yaw, rides=True)
 
 
 class Faults:
