@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swarmsim.cli.options import AllowCode
 from swarmsim.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def export(
         int | None, typer.Option(metavar="I", help="The robot whose map it is; by default the union of all.")
     ] = None,
     at: Annotated[int | None, typer.Option(metavar="N", help="The map's iteration; by default the last.")] = None,
+    allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Write a run for other programs: what was mapped for ROS, or all of it for a robotics viewer.
@@ -39,6 +41,7 @@ def export(
     """
     from swarmsim.core.errors import InputError
     from swarmsim.recording.reader import Recording
+    from swarmsim.view.layers.own import left_out
 
     if map_ is None and mcap is None and rerun is None:
         raise InputError("export: nothing to write; name a file with --map, --mcap or --rerun")
@@ -49,6 +52,8 @@ def export(
     if not opened.iterations:
         raise InputError(f"{recording}: no whole iteration was recorded; expected at least one")
     written = [] if map_ is None else _map(opened, recording, map_, robot, at)
+    if (mcap is not None or rerun is not None) and (told := left_out(opened.scenario)) and not quiet:
+        print(told)
     if mcap is not None:
         from swarmsim.view.viewers.foxglove import write_mcap
 

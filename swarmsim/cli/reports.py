@@ -35,6 +35,7 @@ def report(
     from swarmsim.core.errors import InputError
     from swarmsim.core.scenario.files import write_whole
     from swarmsim.recording.reader import Recording
+    from swarmsim.view.layers.own import left_out
     from swarmsim.view.page.document import replay_page
 
     if out.suffix.lower() not in (".html", ".htm"):
@@ -45,8 +46,11 @@ def report(
         _study(what, out, store, replays, keep_old)
         return
     for path in (what, *([] if beside is None else [beside])):
-        if not Recording(path).iterations:
+        opened = Recording(path)
+        if not opened.iterations:
             raise InputError(f"{path}: no whole iteration was recorded; there is nothing to show")
+        if told := left_out(opened.scenario):
+            print(told)
     write_whole(out, replay_page(Recording(what), None if beside is None else Recording(beside)))
     print(f"{out}: {out.stat().st_size / 1e6:.1f} MB; open it in any browser")
 

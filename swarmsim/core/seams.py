@@ -9,6 +9,7 @@ from typing import Final
 from swarmsim.core import parts
 from swarmsim.core.adapters.forms import (
     FunctionComputation,
+    FunctionLayer,
     FunctionStrategy,
     FunctionTask,
     FunctionTopology,
@@ -17,6 +18,7 @@ from swarmsim.core.adapters.forms import (
 )
 from swarmsim.core.adapters.minds import MindComputation, MindStrategy
 from swarmsim.core.context import BuildContext, Field, WorldContext
+from swarmsim.core.drawing import Layer, Shown
 
 _ABSENT: Final = object()
 
@@ -90,6 +92,7 @@ SEAMS: Final = {
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),
         Seam("probe", ("probes",), parts.Probe, many=True),
+        Seam("layer", ("layers",), Layer, many=True, given=Shown, function=FunctionLayer),
     )
 }  # fmt: skip
 

@@ -109,7 +109,7 @@ class Scene:
         if not recording.iterations:
             raise InputError(f"{recording.path}: no whole iteration was recorded; there is nothing to show")
         self._recording = recording
-        scenario = recording.scenario
+        self.scenario = scenario = recording.scenario
         self._plan = plan = floor_plan(recording.world, scenario.world)
         beyond = [plan.border, *([plan.unknown] if scenario.world.unknown == "wall" else [])]
         #: What is solid, by layer; what nobody knows, and what closes an open building, besides.

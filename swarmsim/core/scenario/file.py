@@ -15,6 +15,7 @@ from msgspec import inspect as types
 
 from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
+from swarmsim.core.drawing import Layer
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import (
     AnyComputation,
@@ -168,6 +169,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     task: Part[AnyTask] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
     probes: tuple[Part[Probe], ...] = ()
+    layers: tuple[Part[Layer], ...] = ()  # what pictures show besides
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
@@ -177,7 +179,7 @@ OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
-LATER: Final = ("probes", "sensors")
+LATER: Final = ("layers", "probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",

@@ -9,6 +9,7 @@ from swarmsim.core.drawing import Mark
 from swarmsim.view.layers.building import Boxes, Building
 from swarmsim.view.layers.doing import Beams, Links, Tiles, Ways
 from swarmsim.view.layers.known import FieldEstimates, Maps
+from swarmsim.view.layers.own import own_layers
 from swarmsim.view.layers.robots import Beliefs, Faults, People, Robots
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
@@ -41,6 +42,8 @@ class Layers:
             Robots(), Tiles(scene), Beams(scene), Ways(), Links(), Beliefs(), Faults(), People(), Boxes(),
             FieldEstimates(scene), Maps(scene), Building(scene),
         )  # fmt: skip
+        self._own = own_layers(scene.scenario, scene.at(0))
+        self.all += tuple(self._own)
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """The signs of those that a look shows."""
@@ -51,4 +54,6 @@ class Layers:
         return sorted((mark for layer in self._shown(look) for mark in layer.draw(shot)), key=lambda mark: mark.z)
 
     def _shown(self, look: Style) -> list[OurLayer]:
-        return [layer for layer in self.all if layer.name in look.layers or layer.name not in LAYERS]
+        own: list[OurLayer] = [*self._own] if "own" in look.layers else []
+        ours = self.all[: len(self.all) - len(self._own)]
+        return [*(layer for layer in ours if layer.name in look.layers or layer.name not in LAYERS), *own]
