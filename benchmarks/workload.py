@@ -87,6 +87,6 @@ ranges = true
 {task}
 [stop]
 iterations = {iterations}
-when_done = "go-on"
+when_done = "continue"
 """)
     return path

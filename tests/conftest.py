@@ -25,7 +25,7 @@ from swarmsim.engine.build import Run, build
 from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.operations.mapping.grids import OccupancyGrids
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import TileItems
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 

@@ -33,8 +33,8 @@ FEATURES = 8
 def keys(world: int) -> dict:
     """What the scenario is changed to."""
     return {
-        "world.seed": world, "robots.count": ROBOTS, "stop.iterations": ITERATIONS, "stop.when_done": "go-on",
-        "mind.computation.share": {"use": "current-tile"},
+        "world.seed": world, "robots.count": ROBOTS, "stop.iterations": ITERATIONS, "stop.when_done": "continue",
+        "mind.computation.sharing": {"use": "current-tile"},
     }  # fmt: skip
 
 

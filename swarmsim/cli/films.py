@@ -103,7 +103,7 @@ def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> Non
     opened = Recording(path)
     if not opened.scenario.mind.computation.declares("merges", False):
         raise InputError(
-            f"--frames: the robots of {path} have one frame of reference; expected mind.computation.share.use = merge"
+            f"--frames: the robots of {path} have one frame of reference; expected mind.computation.sharing.use = merge"
         )
     made = build(opened.scenario, str(path), opened.world)
     gathering = Gathering(Scene(opened), made.context.start, how)

@@ -45,7 +45,7 @@ def run(
 
     A table replaces the whole table: --set 'network.topology={use="ring"}'
 
-    Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 share=0.2 lasts=100"
+    Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 fraction=0.2"
     """
     from swarmsim.core.errors import InputError, StorageError
     from swarmsim.core.scenario.file import files_outside

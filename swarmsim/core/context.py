@@ -82,13 +82,13 @@ class BuildContext:
         start: NDArray[np.float64] | None = None,
         channels: Channels = NOTHING,
     ) -> Self:
-        """The setting of a part of all robots, without a field; they start at (n, 3) or, by default, at the origin."""
+        """The context of a part of all robots, without a field; they start at (n, 3) or, by default, at the origin."""
         ids = np.arange(robots.count)
         poses = np.zeros((robots.count, 3)) if start is None else start
         return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses, channels=channels)
 
     def serving(self, ids: NDArray[np.int64]) -> Self:
-        """The same for a mind of the robots with these numbers (rows,); to be asked of a setting of all robots."""
+        """The same for a mind of the robots with these numbers (rows,); to be asked of a context of all robots."""
         return replace(self, robots=self.robots.of(ids), ids=ids)
 
     @property

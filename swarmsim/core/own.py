@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core import renamed
 from swarmsim.core.errors import InputError
 
 _PACKAGE: Final = Path(__file__).parents[1]
@@ -84,9 +85,11 @@ def told(problem: BaseException, at: str = "") -> str:
 
 
 def _meant(problem: BaseException) -> str:
-    """The attribute most like one that is not there, after a semicolon, or nothing."""
+    """What is called otherwise now, or the attribute most like one that is not there, after a semicolon, or nothing."""
     if not isinstance(problem, AttributeError) or problem.obj is None:
-        return ""
+        return renamed.hint_of(problem)
+    if type(problem.obj).__name__ == "Me" and problem.name in renamed.OF_MINDS:
+        return renamed.hint([problem.name], renamed.OF_MINDS)
     similar = difflib.get_close_matches(str(problem.name), [name for name in dir(problem.obj) if name[0] != "_"], n=1)
     return f"; did you mean {similar[0]!r}?" if similar else ""
 

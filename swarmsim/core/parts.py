@@ -111,7 +111,7 @@ class Sharing(Protocol[C, K]):
         """The message of every robot, from what it senses now and what it knew before this iteration."""
         ...
 
-    def taken(self, senses: Senses, inbox: Inbox[C]) -> Inbox[MessageBatch]:
+    def accepted(self, senses: Senses, inbox: Inbox[C]) -> Inbox[MessageBatch]:
         """The items of the inbox that are taken in."""
         ...
 

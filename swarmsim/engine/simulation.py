@@ -55,7 +55,7 @@ class Simulation:
         parts: Parts,
         period: float,
         limit: int,
-        when_done: Literal["stop", "go-on"] = "stop",
+        when_done: Literal["stop", "continue"] = "stop",
         blamed: Callable[[BaseException], str | None] = lambda problem: None,
         name: str = "",
         clock: Clock | None = None,

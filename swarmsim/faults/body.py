@@ -61,7 +61,7 @@ class Push(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The fault. Raises InputError for a velocity that no blow gives."""
         if not all(-10.0 <= one <= 10.0 for one in self.velocity):
             raise InputError(f"velocity: {list(self.velocity)} m/s; expected at most 10 m/s either way")
-        once = self if self.lasts or self.between else msgspec.structs.replace(self, lasts=1)
+        once = self if self.duration or self.between else msgspec.structs.replace(self, duration=1)
         return TimedFault(Timeline(once, context), Blow(self.velocity), context.number)
 
 

@@ -26,7 +26,7 @@ class Scheduled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     at: Iteration | None = None  # the first iteration with the change
     progress: Share | None = None  # it comes once this share of the task is done
     every: Duration | None = None  # iterations from one change to the next of its kind; default: never again
-    lasts: Duration | None = None  # iterations with the change; default: for good
+    duration: Duration | None = None  # iterations with the change; default: for good
 
 
 class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -80,8 +80,10 @@ class Schedule:
         """`again` allows strikes while another lasts. Raises InputError for keys that contradict each other."""
         if (change.at is None) == (change.progress is None):
             raise InputError("at: expected either at or progress to say when")
-        if change.every is not None and not again and (change.lasts is None or change.lasts >= change.every):
-            raise InputError(f"every: {change.every} iterations, but it does not end before; expected a shorter lasts")
+        if change.every is not None and not again and (change.duration is None or change.duration >= change.every):
+            raise InputError(
+                f"every: {change.every} iterations, but it does not end before; expected a shorter duration"
+            )
         self._change = change
         self._since: int | None = None  # the iteration of the first strike
 
@@ -95,7 +97,7 @@ class Schedule:
             return range(0)
         elapsed = now - self._since
         every = change.every or elapsed + 1
-        over = 0 if change.lasts is None or elapsed < change.lasts else (elapsed - change.lasts) // every + 1
+        over = 0 if change.duration is None or elapsed < change.duration else (elapsed - change.duration) // every + 1
         return range(over, elapsed // every + 1)
 
 

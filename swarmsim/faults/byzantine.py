@@ -18,8 +18,7 @@ from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Senses
 from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
-from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import Maps, TileItems
 
 Cells = Annotated[int, Meta(ge=-10_000, le=10_000)]
 KEYS = {"offset": "origin", "age": "replay", "id": "spoof"}  # which failure has which key

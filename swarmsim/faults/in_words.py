@@ -1,4 +1,4 @@
-"""Faults in words, as on the command line: `motor off at=20 share=0.2 lasts=100`."""
+"""Faults in words, as on the command line: `motor off at=20 fraction=0.2 duration=100`."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     `frozen`: goal and path stay as they were, so that the robot goes there and stands; it still maps. `random-walk`:
     it walks to one random place after the other, through cells that its own map calls free; it still maps. `reboot`:
     it forgets its map and its plan, and stands without mapping until the fault ends: after one iteration unless
-    `lasts`, `between` or `duty` says otherwise.
+    `duration`, `between` or `duty` says otherwise.
     """
 
     failure: Literal["frozen", "random-walk", "reboot"]
@@ -44,8 +44,8 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if self.reach is not None and self.failure != "random-walk":
             raise InputError(f"reach: a mind that fails by {self.failure!r} has none; expected failure = 'random-walk'")
         timed: Mind = self
-        if self.failure == "reboot" and self.lasts is None and self.between is None and self.duty is None:
-            timed = msgspec.structs.replace(self, lasts=1)
+        if self.failure == "reboot" and self.duration is None and self.between is None and self.duty is None:
+            timed = msgspec.structs.replace(self, duration=1)
         confusion: FailureMode = Reboot()
         if self.failure == "frozen":
             confusion = Frozen(context)

@@ -67,7 +67,7 @@ def _check(fault: Radio, robots: int) -> None:
     if fault.groups is not None:
         _check_groups(fault.groups, robots)
     if fault.failure in ("jam", "partition"):
-        for key in ("life", "robots", "count", "share", "choose", "point", "region", "keep"):
+        for key in ("life", "robots", "count", "fraction", "target", "point", "region", "min_alive"):
             if getattr(fault, key) != _default(key):
                 raise InputError(f"{key}: {fault.failure!r} strikes the network, not robots; expected no such key")
 
@@ -106,7 +106,7 @@ class NetworkSchedule:
     def __init__(self, fault: Timed, context: BuildContext) -> None:
         # The network takes the part of the only robot that there is to strike.
         alone = replace(context, swarm=1)
-        self._timeline = Timeline(msgspec.structs.replace(fault, keep=0), alone)
+        self._timeline = Timeline(msgspec.structs.replace(fault, min_alive=0), alone)
         #: Who has the fault (n,): everybody or nobody; a live view.
         self.active: NDArray[np.bool_] = np.zeros(context.swarm, np.bool_)
 

@@ -40,15 +40,15 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     progress: Share | None = None  # strikes once this share of the task is done
     rate: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None  # strikes per iteration, as a Poisson process
     life: Life | None = None  # strikes each robot once, at the end of a life of its own
-    lasts: Duration | None = None  # iterations with the fault; default: for good
+    duration: Duration | None = None  # iterations with the fault; default: for good
     duty: tuple[Duration, Duration] | None = None  # intermittent: iterations with and then without it, in turn
     robots: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # these
     count: Annotated[int, Meta(ge=1)] | None = None  # so many at a time; default: 1, or all in `region`
-    share: Share | None = None  # so large a part of those alive, rounded, but one at least
-    choose: Literal["random", "nearest", "farthest", "hub"] = "random"  # the hub is heard by most
+    fraction: Share | None = None  # so large a part of those alive, rounded, but one at least
+    target: Literal["random", "nearest", "farthest", "hub"] = "random"  # the hub is heard by most
     point: tuple[float, float] | None = None  # m: what nearest and farthest are measured from
     region: tuple[float, float, float, float] | None = None  # m: only robots with centres in left, lower, right, upper
-    keep: Annotated[int, Meta(ge=0)] = 1  # live robots that are never struck
+    min_alive: Annotated[int, Meta(ge=0)] = 1  # live robots that are never struck
 
 
 class Timeline:
@@ -81,7 +81,7 @@ class Timeline:
         if fault.between is not None:
             lasts: int | None = fault.between[1] - fault.between[0]
         else:
-            lasts = fault.lasts
+            lasts = fault.duration
         if lasts is not None:
             self._since[(self._since >= 0) & (now - self._since >= lasts)] = -1
         for _ in range(self._strikes(now, progress)):
@@ -112,7 +112,7 @@ class Timeline:
         """Whom it strikes now, down to those kept."""
         fault = self._fault
         open_ = state.alive & (self._since < 0)
-        room = int(open_.sum()) - fault.keep
+        room = int(open_.sum()) - fault.min_alive
         if fault.robots is not None:
             chosen = np.zeros_like(open_)
             chosen[list(fault.robots)] = True
@@ -127,7 +127,7 @@ class Timeline:
         count = min(self._wanted(candidates, state), len(candidates), room)
         if count <= 0:
             return candidates[:0]
-        if fault.choose == "random":
+        if fault.target == "random":
             struck = self._stream.choice(candidates, count, replace=False)
         else:
             struck = candidates[np.argsort(self._order(state, parts)[candidates], kind="stable")[:count]]
@@ -136,8 +136,8 @@ class Timeline:
 
     def _wanted(self, candidates: Robots, state: State) -> int:
         fault = self._fault
-        if fault.share is not None:
-            return max(1, round(fault.share * int(state.alive.sum())))
+        if fault.fraction is not None:
+            return max(1, round(fault.fraction * int(state.alive.sum())))
         if fault.count is not None:
             return fault.count
         everybody = fault.robots is not None or fault.region is not None or fault.life is not None
@@ -145,11 +145,11 @@ class Timeline:
 
     def _order(self, state: State, parts: Parts) -> NDArray[np.float64]:
         """A number for each robot (n,): those with the lowest are struck first."""
-        if self._fault.choose == "hub":
+        if self._fault.target == "hub":
             heard_by = np.bincount(parts.topology.links(state)[:, 1], minlength=state.robots)
             return -heard_by.astype(np.float64)
         apart: NDArray[np.float64] = np.hypot(*(state.pose[:, :2] - np.array(self._fault.point)).T)
-        return apart if self._fault.choose == "nearest" else -apart
+        return apart if self._fault.target == "nearest" else -apart
 
 
 def _check(fault: Timed, robots: int) -> None:
@@ -165,20 +165,20 @@ def _check(fault: Timed, robots: int) -> None:
         raise InputError("every: nothing to count from; expected `at` as well")
     if fault.between is not None and fault.between[1] <= fault.between[0]:
         raise InputError(f"between: {list(fault.between)} is no time; expected the second to be later")
-    if fault.between is not None and fault.lasts is not None:
-        raise InputError("lasts: `between` says how long already; expected one of them")
-    if fault.keep >= robots:
-        raise InputError(f"keep: {fault.keep} of {robots} robots, so that none is ever struck")
+    if fault.between is not None and fault.duration is not None:
+        raise InputError("duration: `between` says how long already; expected one of them")
+    if fault.min_alive >= robots:
+        raise InputError(f"min_alive: {fault.min_alive} of {robots} robots, so that none is ever struck")
     if fault.robots == ():
         raise InputError("robots: the list is empty; expected at least one id, or no such key")
     for robot in fault.robots or ():
         if robot >= robots:
             raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {robots - 1}")
-    if fault.count is not None and fault.share is not None:
-        raise InputError("share: `count` says how many already; expected one of them")
-    if fault.choose in ("nearest", "farthest") and fault.point is None:
-        raise InputError(f"point: required key is missing; expected x and y in m for choose={fault.choose!r}")
-    if fault.point is not None and fault.choose not in ("nearest", "farthest"):
-        raise InputError(f"point: choose={fault.choose!r} measures nothing; expected choose='nearest' or 'farthest'")
+    if fault.count is not None and fault.fraction is not None:
+        raise InputError("fraction: `count` says how many already; expected one of them")
+    if fault.target in ("nearest", "farthest") and fault.point is None:
+        raise InputError(f"point: required key is missing; expected x and y in m for target={fault.target!r}")
+    if fault.point is not None and fault.target not in ("nearest", "farthest"):
+        raise InputError(f"point: target={fault.target!r} measures nothing; expected target='nearest' or 'farthest'")
     if fault.region is not None and not (fault.region[0] < fault.region[2] and fault.region[1] < fault.region[3]):
         raise InputError(f"region: {list(fault.region)} holds nothing; expected left, lower, right, upper edge in m")

@@ -37,7 +37,7 @@ class Snapshot:
 
     @property
     def mean_degree(self) -> float:
-        """How many others a live robot hears, in the mean; NaN if none is alive."""
+        """How many others a live robot hears on average; NaN if none is alive."""
         return float(self.degrees.mean()) if len(self.degrees) else np.nan
 
     @property
@@ -84,7 +84,7 @@ class Spells:
         return estimate.quantiles, estimate.probabilities
 
     def median(self) -> float | None:
-        """The shortest length that no more than half of the spells outlast, or None if so many were not seen to end."""
+        """The shortest length that at most half of the spells outlast, or None if fewer than half were seen to end."""
         lengths, outlasting = self.survival()
         reached = np.flatnonzero(outlasting <= 0.5 + 1e-12)  # a product of quotients, which rounds
         return float(lengths[reached[0]]) if len(reached) else None

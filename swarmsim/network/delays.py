@@ -1,4 +1,4 @@
-"""Channels that hold messages back: by a delay, by how much a radio can send, and by whose turn it is."""
+"""Channels that hold messages back: by a delay, by a radio's bandwidth, and by time slots."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whol
 
 
 class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each message is on its way for some iterations; whatever the sender does meanwhile, it arrives.
+    """Each message takes some iterations to arrive, even if its sender dies meanwhile.
 
     `fixed`: for exactly `delay` iterations. `geometric`: for k >= 0 with probability q (1 - q)^k, where
     q = 1 / (1 + `delay`), so that `delay` is the mean; a message can overtake another.
@@ -74,7 +74,7 @@ class LatentChannel:
 
 
 class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot sends so many bytes per second, every message for every receiver on its own, first in first out.
+    """Each robot sends at a limited rate (bytes/s), each message separately to each receiver, first in first out.
 
     What cannot be sent waits. A robot saves up no time in which it had nothing to send.
     """
@@ -129,7 +129,7 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class QueueingChannel:
-    """Robots that can send only so many bytes in each iteration."""
+    """Robots that can send a limited number of bytes in each iteration."""
 
     def __init__(self, below: Channel, queues: TransmitQueues, income: Callable[[int], NDArray[np.float64]]) -> None:
         """`income` gives, for an iteration, how many bytes each robot (n,) may send in it."""
@@ -148,7 +148,7 @@ class TransmitQueues:
 
     Bytes that a robot may send add up while something waits, so that a message can be longer than what one
     iteration carries. Messages are lost as "sender dead" with the robot in whose radio they wait, as "expired" if
-    they get too old, as "queue full" if too many wait, and as "receiver dead" if sent to nobody.
+    they get too old, as "queue full" if too many wait, and as "receiver dead" if no receiver is alive.
     """
 
     def __init__(self, robots: int, limit: int | None, expiry: int | None) -> None:

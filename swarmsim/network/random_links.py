@@ -46,7 +46,7 @@ class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     """Each robot hears k others drawn anew in every iteration: as many as with `knn`, but near or far.
 
     When a robot dies, those who would have heard it hear another each, or all the others once fewer than k are left;
-    nobody else's links change.
+    all other links stay.
     """
 
     k: Degree  # others heard
@@ -76,7 +76,7 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     Neighbours in the ring are, until there are k, the next higher id, the next lower, the one after the next higher,
     and so on. After Watts & Strogatz 1998, except that links are directed and that everybody hears exactly k others
     whatever p is: from p = 0, a ring for k = 2, to p = 1, a random net. Drawn once, at the start; a dead robot leaves
-    a gap, nobody takes its place.
+    a gap.
     """
 
     k: Degree  # others heard

@@ -19,7 +19,7 @@ Degree = Annotated[int, Meta(ge=0)]
 
 
 def check_degree(k: int, robots: int) -> None:
-    """Raise InputError unless there are k others for each of so many robots."""
+    """Raise InputError unless each robot has at least k others."""
     if k >= robots:
         raise InputError(f"k: {k} neighbours asked of {robots} robots; expected at most {robots - 1}")
 
@@ -27,7 +27,7 @@ def check_degree(k: int, robots: int) -> None:
 class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot hears its k nearest others, moving with the robots: directed, or only where both chose each other.
 
-    Of others equally far away the one with the lower id is nearer. Of the dead nobody takes notice: everybody hears
+    Ties in distance go to the lower id. Dead robots are ignored: everybody hears
     the k nearest live robots, or all of them once fewer than k others are left. On a `periodic` page, as particles can
     have, distances are the shortest around it.
     """
@@ -73,7 +73,7 @@ class MutualNeighbourLinks:
 
 
 class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Nobody hears anybody."""
+    """No robot hears another."""
 
     def build(self, context: BuildContext) -> FixedLinks:
         """The topology without links."""
@@ -101,7 +101,7 @@ class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Static: the hub hears everybody, and everybody hears the hub. Once the hub is dead nobody hears anybody."""
+    """Static: the hub hears everybody, and everybody hears the hub. Once the hub is dead, no robot hears another."""
 
     hub: Id = 0  # id of the robot in the middle
 
@@ -116,13 +116,13 @@ class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the links of a list of pairs [receiver, sender], which may stand in a file: {file = "net.csv"}.
 
-    A dead robot's links are gone, and nobody takes its place.
+    A dead robot's links are gone, and no other robot takes its place.
     """
 
     links: tuple[tuple[Id, Id], ...]  # pairs of ids: receiver, sender
 
     def build(self, context: BuildContext) -> FixedLinks:
-        """The listed links; raises InputError for a robot that there is not, a robot that hears itself, or a repeat."""
+        """The listed links; raises InputError for an unknown robot, a robot that hears itself, or a repeat."""
         count = context.swarm
         first: dict[tuple[int, int], int] = {}
         for place, link in enumerate(self.links):
@@ -141,7 +141,7 @@ def _both_ways(edges: Iterable[tuple[int, int]]) -> set[tuple[int, int]]:
 
 
 class FixedLinks:
-    """Links between fixed ids; a dead robot leaves a gap, nobody takes its place."""
+    """Links between fixed ids; a dead robot leaves a gap."""
 
     def __init__(self, links: Collection[tuple[int, int]]) -> None:
         self._links: Links = np.array(sorted(links), np.int32).reshape(-1, 2)

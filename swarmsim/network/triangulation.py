@@ -1,4 +1,4 @@
-"""Topologies from the Delaunay triangulation of the live robots: who is a neighbour with nobody in between.
+"""Topologies from the Delaunay triangulation of the live robots: neighbours without another robot between them.
 
 Each contains the next: `delaunay`, `gabriel`, `relative-neighbourhood`. Their definitions name no triangulation, which
 is not unique where four robots stand on one circle, but the robots' places alone:

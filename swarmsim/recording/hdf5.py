@@ -1,4 +1,4 @@
-"""HDF5 files: one that grows, which is closed or abandoned here alone, and those whose writer was killed."""
+"""HDF5 files: one that grows, and those that a killed writer left open."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Growing:
         begun = self.file.swmr_mode
         try:
             yield
-        except (OSError, RuntimeError) as problem:  # as h5py words whatever HDF5 could not do
+        except (OSError, RuntimeError) as problem:  # h5py's words for HDF5's failures
             self._abandon()
             raise StorageError(f"{self.path}: cannot be written ({_reason(problem)}); {kept}") from problem
         self._readable = begun

@@ -66,7 +66,7 @@ class Table:
     low: tuple[float, ...] = ()
     high: tuple[float | str, ...] = ()
     blank: float | None = None  # what may stand in it besides, and NaN; None: nothing
-    by: str = ""  # the seam whose parts, ours and others, may give it in this form; none: the recording itself alone
+    by: str = ""  # the seam of the parts that may write it in this form; empty: only the recording itself
     every: int = 1  # of EACH: iterations from one row to the next
 
 

@@ -14,7 +14,7 @@ from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import Knowledge, Moment, State
 
 EDITION: Final = 2  # of what measures mean; raised when that changes, so that studies do not mix old rows with new ones
-SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of what a curve can reach, whose times are measured
+SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of what a curve can reach; the time to each is measured
 
 
 def reached(curve: NDArray[np.float64], share: float) -> int | None:
@@ -46,12 +46,12 @@ def share_of(part: float, whole: float) -> float | None:
 
 
 class RunMeasures:
-    """An observer that keeps what is measured of every run, whatever its task, so that studies need no recording."""
+    """Keeps the measures that every run has, so that studies need no recording."""
 
     def __init__(self, robots: Robots | Crew, period: float, curve: Curve) -> None:
         """`period` in s; `curve` is that of the task."""
         self._period, self._curve = period, curve
-        self._leap = 2.0 * robots.speed * period  # m; whoever is that far in one iteration was carried there
+        self._leap = 2.0 * robots.speed * period  # m; a robot that moves farther in one iteration was carried
         self._path = np.zeros(len(robots.each("speed")))
         self._last: State | None = None
         self._values: list[float] = []  # of the curve

@@ -22,6 +22,7 @@ from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Declared, Row
+from swarmsim.core.renamed import in_new_words
 from swarmsim.core.scenario import files
 from swarmsim.core.scenario.file import Scenario, shape
 from swarmsim.recording import hdf5, layout
@@ -120,7 +121,7 @@ class Recording:
         code: bytes = layout.attribute(file, "code", "S") if "code" in file.attrs else b"{}"
         #: A hash of each piece of code that made it; none in recordings from before these were kept.
         self.code = msgspec.json.decode(code, type=dict[str, str])
-        self.scenario: Scenario = shape(tomllib.loads(text["scenario"]), str(self.path))
+        self.scenario: Scenario = shape(in_new_words(tomllib.loads(text["scenario"])), str(self.path))
         place: list[float] = layout.attribute(file, "lattice", "f", (5,)).tolist()
         x0, y0, cell, rows, columns = place
         if not (abs(x0) < FAR and abs(y0) < FAR and 0.0 < cell < FAR and 0.0 < rows < FAR and 0.0 < columns < FAR):
@@ -268,7 +269,7 @@ class Recording:
             if any(
                 not 0 <= robot <= self._sizes["last robot"] for event in found for robot in getattr(event, "robots", ())
             ):
-                raise ValueError("an event is about a robot that there is not")
+                raise ValueError("an event names a robot that does not exist")
         except (msgspec.MsgspecError, ValueError) as problem:
             raise self._damaged(problem) from problem
         return found

@@ -1,4 +1,4 @@
-"""Writes a recording while the run goes: whatever kills the run, what was flushed can be read."""
+"""Writes a recording during a run; if the run is killed, what was flushed can still be read."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Held:
 class Recorder:
     """An observer that writes every iteration to a new file.
 
-    The file is in HDF5's single-writer mode: whatever kills the run, everything up to the last flush, at
+    The file is in HDF5's single-writer mode: if the run is killed, everything up to the last flush, at
     most BLOCK iterations ago, can still be read.
     """
 

@@ -244,7 +244,7 @@ class FieldSensor:
 
 
 def with_field(sensor: Sensor, context: BuildContext, noise: float) -> Sensor:
-    """The sensor, which also samples the setting's field, if there is one; `noise` as in FieldSensor."""
+    """The sensor, which also samples the context's field, if there is one; `noise` as in FieldSensor."""
     if context.scalar_field is None:
         return sensor
     salt = int(context.streams.open("field noise").integers(0, 2**64, dtype=np.uint64))

@@ -53,21 +53,21 @@ class Entry:
     kind: str  # among KINDS
     count: int  # robots, drawn at random
     first: int  # iteration with it
-    lasts: int | None  # iterations; None: for good
+    duration: int | None  # iterations; None: for good
 
     def part(self) -> Part[Fault]:
         """As a scenario has it."""
-        lasts = {} if self.lasts is None else {"lasts": self.lasts}
-        return Part("fault", {**KINDS[self.kind], "at": self.first, "count": self.count, "keep": 0, **lasts})
+        lasts = {} if self.duration is None else {"duration": self.duration}
+        return Part("fault", {**KINDS[self.kind], "at": self.first, "count": self.count, "min_alive": 0, **lasts})
 
     def size(self, limit: int) -> int:
         """Robot-iterations with the fault in a run of so many iterations."""
         left = max(limit - self.first, 0)
-        return self.count * (left if self.lasts is None else min(self.lasts, left))
+        return self.count * (left if self.duration is None else min(self.duration, left))
 
     def words(self) -> str:
         """What happens, in a few words."""
-        until = "for good" if self.lasts is None else f"for {self.lasts}"
+        until = "for good" if self.duration is None else f"for {self.duration}"
         return f"{self.kind}: {self.count} robot{'s' * (self.count > 1)} from iteration {self.first} on, {until}"
 
 
@@ -212,20 +212,20 @@ class Search:
             if before or after:
                 steps.add((*before, *after))
             limit = min(self.limit)
-            lasts = limit - entry.first if entry.lasts is None else entry.lasts
+            lasts = limit - entry.first if entry.duration is None else entry.duration
             others = [
                 replace(entry, count=count) for count in {entry.count // 2, entry.count * 3 // 4, entry.count - 1}
             ]
-            others += [replace(entry, lasts=length) for length in {lasts // 2, lasts * 7 // 8}]
+            others += [replace(entry, duration=length) for length in {lasts // 2, lasts * 7 // 8}]
             others += [
-                replace(entry, first=entry.first + cut, lasts=None if entry.lasts is None else lasts - cut)
+                replace(entry, first=entry.first + cut, duration=None if entry.duration is None else lasts - cut)
                 for cut in {lasts // 2, lasts // 8}
             ]
             steps |= {
                 (*before, other, *after)
                 for other in others
                 if other.count > 0
-                and (other.lasts is None or other.lasts > 0)
+                and (other.duration is None or other.duration > 0)
                 and other.size(limit) < entry.size(limit)
             }
         return steps

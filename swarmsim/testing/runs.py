@@ -38,7 +38,7 @@ def opened(
 
 def limited(overrides: Sequence[str], iterations: int) -> tuple[str, ...]:
     """The overrides, and some that make a run last exactly so many iterations."""
-    return (*overrides, f"stop.iterations={iterations}", 'stop.when_done="go-on"')
+    return (*overrides, f"stop.iterations={iterations}", 'stop.when_done="continue"')
 
 
 def check_strictly(

@@ -269,7 +269,7 @@ class Window:
         if self.picked is None:
             self.words = "pick a robot first: click on it"
             return
-        keep = {} if "box" in fault else {"robots": [self.picked], "keep": 0}
+        keep = {} if "box" in fault else {"robots": [self.picked], "min_alive": 0}
         self._try({**fault, **keep}, f"robot {self.picked} {word}")
 
     def _push(self) -> None:
@@ -281,7 +281,8 @@ class Window:
         way = np.array([x, y]) - here
         velocity = (PUSH * way / max(float(np.hypot(*way)), 1e-9)).round(3).tolist()
         self._try(
-            {"use": "push", "velocity": velocity, "robots": [self.picked], "keep": 0}, f"robot {self.picked} pushed"
+            {"use": "push", "velocity": velocity, "robots": [self.picked], "min_alive": 0},
+            f"robot {self.picked} pushed",
         )
 
     def _close_off(self, one: tuple[int, int], other: tuple[int, int]) -> None:

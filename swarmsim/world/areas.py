@@ -21,7 +21,7 @@ from swarmsim.world.viewport import LARGEST, Page
 
 _GRID = 1e-9  # m, coordinates are rounded to it, which welds walls that abut
 _BOUNDLESS = 1e12  # user units, beyond which geometry fails before the scale applies
-_MANY = 1000  # shapes; from so many on, only those that touch are united
+_MANY = 1000  # shapes; beyond it, only those that touch are united
 _CAPS: Final[dict[str, Literal["flat", "round", "square"]]] = {"butt": "flat", "round": "round", "square": "square"}
 _JOINS: Final[dict[str, Literal["mitre", "round", "bevel"]]] = {
     "miter": "mitre",
@@ -31,7 +31,7 @@ _JOINS: Final[dict[str, Literal["mitre", "round", "bevel"]]] = {
     "bevel": "bevel",
 }
 _UNSCALED = "non-scaling-stroke"
-_FEW = 20_000  # corners of an outline, of which any number of crossings is borne
+_FEW = 20_000  # corners of an outline; up to it, any number of crossings is accepted
 _MOST_CROSSINGS = 2_000_000
 _MOST_STEPS = 2_000_000_000  # pieces that an outline cuts itself into, times its corners
 

@@ -25,7 +25,7 @@ from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 
 _SLIVER = 1e-6  # of a cell; an overlap of walls with a cell below it is rounding, not wall
 TOUCH = 1e-9  #: m, a body this close to a wall still counts as clear of it
-_MOST_CELLS = 25_000_000  # beyond it, somebody drew millimetres as metres
+_MOST_CELLS = 25_000_000  # beyond it, the drawing's millimetres were read as metres
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +37,7 @@ class Arena:
     solid: MultiPolygon  # walls, the border of an open building, and boxes that stand in it
     lattice: Lattice
     occupied: Cells  # whether walls cover any of a cell
-    unmapped: Cells  # whether any of a cell is what nobody knows; such cells never count
+    unmapped: Cells  # whether part of a cell is unmapped; such cells never count
     segments: NDArray[np.float64]  # (s, 4): x1, y1, x2, y2 in m; solid wall lies on the left
 
     @classmethod
@@ -112,7 +112,7 @@ class Arena:
         return cells
 
     def floor(self, spawn: str) -> Cells:
-        """The free cells (rows, columns) that are 4-connected to the spawn area, whatever the robot's size.
+        """The free cells (rows, columns) that are 4-connected to the spawn area, for a robot of any size.
 
         Where the area touches several unconnected pieces of floor, the one that holds most of it counts.
         Raises InputError as `spawn_cells` does, and if the outline of the world is open.
@@ -156,7 +156,7 @@ class Arena:
         return fits
 
     def coverage_domain(self, reachable: Cells, observed: Cells) -> Cells:
-        """The cells (rows, columns) whose observation is 100 %.
+        """The cells (rows, columns) that make 100 %.
 
         `reachable` is what the method of that name gives, `observed` the cells seen from the centres of these. The
         domain is the observed free cells that are 4-connected to reachable ones through free cells, and the observed

@@ -79,7 +79,7 @@ class Element:
 
 
 def parse(source: str, name: str) -> Element:
-    """The root of the SVG text `source`, whatever encoding it declares.
+    """The root of the SVG text `source`; the encoding that it declares is ignored.
 
     Nothing outside of the text is read. Entities that it defines itself are replaced, within libxml2's limits.
     Messages repeat nothing of a text that is no SVG. Raises InputError.

@@ -86,7 +86,7 @@ def _holds_another(taken: int, pieces: NDArray[np.object_], is_open: NDArray[np.
 
 
 def check_outside(drawn: MultiPolygon, floor: Floor, name: str) -> None:
-    """Raise InputError if robots would run around a block that is most likely a building whose rooms were filled."""
+    """Raise InputError if robots would run around a solid block that is probably a building with filled rooms."""
     hull = shapely.convex_hull(drawn).area
     if floor.opening is not None and hull > 0.0 and drawn.area > BLOCK * hull:
         raise InputError(

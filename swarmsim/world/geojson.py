@@ -193,7 +193,7 @@ def _plan(
     notices: Sequence[str],
     ours: bool,
 ) -> FloorPlan:
-    """The plan with these shapes by layer and area, of which what is larger than one metre each way is multiplied."""
+    """The plan with these shapes by layer and area, scaled if larger than one metre each way."""
     layers = {layer: joined(found.get((layer, ""), ())) for layer in SOLID_LAYERS}
     spawns = {area: joined(shapes) for (layer, area), shapes in found.items() if layer == SPAWN_LAYER}
     unknown, border = (joined(found.get((layer, ""), ())) for layer in (UNKNOWN_LAYER, _BORDER))

@@ -1,4 +1,4 @@
-"""A floor plan: what is solid, what nobody knows, where robots may start, and how large it is."""
+"""A floor plan: what is solid, what is unmapped, where robots may start, and how large it is."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class FloorPlan:
     page: Box  # left, lower, right, upper
     unknown: MultiPolygon = field(
         default_factory=MultiPolygon
-    )  # what nobody knows; in `walls` as well where it counts as solid
+    )  # unmapped; in `walls` as well where it counts as solid
     notices: tuple[str, ...] = ()  # what was passed over, in sentences that name the file
     border: MultiPolygon = field(default_factory=MultiPolygon)  # what closes an open building; solid, but no wall of it
     openings: tuple[Box, ...] = ()  # doors that were made, for pictures

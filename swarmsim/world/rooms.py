@@ -14,7 +14,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.world.cells import Cells, spread
 
 _FINE = 1e-3  # m, to which a door's width is found
-_MOST = 400  # doors whose width is found so; of others it is taken from the cells
+_MOST = 400  # doors measured exactly; beyond it, widths are taken from the cells
 _THING = 2.0  # widest doors long; what stands free and is no longer parts no rooms, as specks, tables and racks do not
 _APART = 0.2  # of the widest door; pieces that are closer are one thing, as those of a wall that a map has in pieces
 

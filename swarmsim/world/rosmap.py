@@ -186,7 +186,7 @@ def _number(text: str) -> float | str:
 
 
 def _opened(path: Path) -> Image.Image:
-    """A picture whose size is bearable, not decoded yet. Raises InputError."""
+    """A picture of acceptable size, not decoded yet. Raises InputError."""
     if not path.is_file():
         raise InputError(f"{path}: no such file; expected an image: PGM or PNG")
     check_plain(path, "an image: PGM or PNG", None)

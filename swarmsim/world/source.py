@@ -43,7 +43,7 @@ _READERS: Final[dict[str, Callable[[Path, World], Drawing]]] = {
     ".zip": imdf.read,
 }
 _MAPS: Final = (".yaml", ".yml", *rosmap.PICTURES)
-_MODEL: Final = 1_000_000_000  # bytes of a model of a building, of which one storey is kept
+_MODEL: Final = 1_000_000_000  # bytes of a building's model; one storey of it is kept
 _EXPECTED: Final = (
     "a drawing (.svg, .dxf), a map (.yaml, .pgm, .png), polygons (.geojson, .wkt), a building model (.ifc), an indoor "
     "map (.osm, .imdf) or a simulator's world (.world, .sdf)"

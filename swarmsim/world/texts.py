@@ -1,4 +1,4 @@
-"""Files of buildings as text, in whatever encoding and packing they come."""
+"""Files of buildings as text, in any encoding, packed or not."""
 
 from __future__ import annotations
 

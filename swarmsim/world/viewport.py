@@ -91,7 +91,7 @@ class Page:
         return cls(view[0], view[1], view[2], view[3], unit, (size[0], size[1]), matrix, pen, said)
 
     def within(self, width: float, height: float) -> Page:
-        """The same where a viewport of so many user units has a coordinate system of its own."""
+        """The same inside a viewport with a coordinate system of its own."""
         return replace(self, left=0.0, top=0.0, width=width, height=height)
 
     def units(self, text: str, what: str) -> float:
@@ -118,7 +118,7 @@ class Page:
         return value
 
     def viewport(self, element: Element, matrix: Matrix, size: tuple[float, float]) -> tuple[Page, Matrix]:
-        """The viewport of so many user units that a nested <svg>, or a <symbol>, opens, and the matrix in it."""
+        """The viewport that a nested <svg> or a <symbol> opens, and the matrix in it."""
         if "viewBox" not in element.attributes:
             return self.within(*size), matrix
         view = tuple(numbers(element.attributes["viewBox"], "viewBox", (4,)))

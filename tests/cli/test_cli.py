@@ -213,7 +213,7 @@ def test_a_run_that_is_stopped_says_what_is_kept_even_if_quiet(
     tmp_path: Path, ended: signal.Signals, code: int, word: str, quiet: list[str]
 ) -> None:
     out = tmp_path / "run"
-    forever = ["--set", "stop.when_done='go-on'", "--set", "stop.iterations=100000"]
+    forever = ["--set", "stop.when_done='continue'", "--set", "stop.iterations=100000"]
     command = [sys.executable, "-m", "swarmsim", "run", str(ROOT / "scenarios/room.toml"), "--out", str(out)]
     process = subprocess.Popen([*command, *forever, *quiet], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     recording = out / "recording.h5"

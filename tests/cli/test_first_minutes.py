@@ -102,11 +102,11 @@ def test_keys_and_parts_are_completed() -> None:
         break
     assert fault_words("mot") == ["motor"]
     assert set(fault_words("motor ")) >= {"motor off", "motor slow", "motor stuck", "motor at="}
-    assert fault_words("motor off sh") == ["motor off share="]
+    assert fault_words("motor off sh") == ["motor off fraction="]
     assert "crash at=5 count=" in fault_words("crash at=5 c")
     assert "crash at=5 at=" not in fault_words("crash at=5 a")
     assert fault_words("nothing ") == []
-    assert fault_in_words("motor off share=0.5 at=3").table["failure"] == "off"
+    assert fault_in_words("motor off fraction=0.5 at=3").table["failure"] == "off"
     assert example_names("faults/b") == [
         "faults/batteries",
         "faults/blind",

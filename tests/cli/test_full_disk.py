@@ -32,7 +32,7 @@ except StorageError as problem:
 sys.exit(1)  # the limit comes first
 """
 SIZES = 30  # of a disk, for each verb
-LONG = ["--set", "robots.count=15", "--set", "stop.iterations=400", "--set", "stop.when_done='go-on'"]
+LONG = ["--set", "robots.count=15", "--set", "stop.iterations=400", "--set", "stop.when_done='continue'"]
 SHORT = ["--set", "stop.iterations=20"]
 
 
@@ -40,7 +40,7 @@ SHORT = ["--set", "stop.iterations=20"]
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run, a study that is done, one that is not, and a script."""
     folder = tmp_path_factory.mktemp("inputs")
-    run = made("robots.count=3", "stop.iterations=200", "stop.when_done='go-on'")
+    run = made("robots.count=3", "stop.iterations=200", "stop.when_done='continue'")
     (folder / "run").mkdir()
     with run.recorder(folder / "run" / "recording.h5") as recorder:
         run.simulation.run([recorder])
@@ -50,7 +50,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "script.py").write_text(
         SCRIPT.format(
             scenario=str(ROOT / "scenarios/room.toml"),
-            changes={"robots.count": 15, "stop.iterations": 400, "stop.when_done": "go-on"},
+            changes={"robots.count": 15, "stop.iterations": 400, "stop.when_done": "continue"},
         )
     )
     return folder

@@ -21,7 +21,7 @@ class Lamp(msgspec.Struct, frozen=True):
 SCRIPT = """
 import sys
 from pathlib import Path
-from swarmsim.core import distributions
+from swarmsim.core.code import distributions
 entry = distributions.parts()["topology"]["lamp"]
 print(*distributions.plugin(entry))
 if len(sys.argv) > 1:

@@ -160,7 +160,7 @@ def test_parts_say_what_others_need_to_know() -> None:
     assert says("channel", "delays", False, **slow)
     assert says("channel", "delays", False, use="range", metres=1.0, over=slow)
     assert not says("channel", "delays", True, use="range", metres=1.0)
-    assert says("computation", "merges", False, share={"use": "merge"})
+    assert says("computation", "merges", False, sharing={"use": "merge"})
     assert not says("computation", "merges", False)
     assert says("fault", "mark", "fault", use="remove", at=1) == "removed"
     assert NONE.declares("noise", 0.0) == 0.0

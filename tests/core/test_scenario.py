@@ -86,7 +86,7 @@ def test_overrides_are_toml_values_at_dotted_keys(tmp_path: Path) -> None:
         ("title=2024", "title", "2024"),
         ("title=true", "title", "true"),
         ('title="in quotes"', "title", "in quotes"),
-        ("stop.when_done=go-on", "stop.when_done", "go-on"),
+        ("stop.when_done=continue", "stop.when_done", "continue"),
         ("robots.spawn = hall", "robots.spawn", "hall"),
         ("sensor.preset=sharp-gp2y0a21", "sensor.preset", "sharp-gp2y0a21"),
         ("mind.strategy.use=random-waypoint", "mind.strategy.use", "random-waypoint"),
@@ -294,9 +294,9 @@ def test_the_schema_accepts_every_shipped_scenario_and_refuses_unknown_keys(root
 def test_old_keys_are_refused_with_the_new_ones(tmp_path: Path) -> None:
     for override, now in (
         ("behaviour={decay=0.1}", "mind.computation and mind.strategy"),
-        ('network.sharing={use="map"}', "mind.computation.share"),
+        ('network.sharing={use="map"}', "mind.computation.sharing"),
         ("stop.coverage=0.5", "task.share"),
-        ('stop.at_coverage="go-on"', "stop.when_done"),
+        ('stop.at_coverage="continue"', "stop.when_done"),
     ):
         message = refusal(scenario(tmp_path), override)
         assert override.partition("=")[0] in message

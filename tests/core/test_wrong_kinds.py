@@ -40,7 +40,7 @@ use = "latency"
 delay = 1
 over = {use = "bernoulli", loss = 0.1, over = {use = "range", metres = 3.0}}
 [mind.computation]
-share = {use = "gossip"}
+sharing = {use = "gossip"}
 [[faults]]
 use = "crash"
 life = {mean = 30}
@@ -138,13 +138,13 @@ def test_whatever_stands_at_a_key_is_built_or_refused_by_file(wrong: Any) -> Non
         (("network", "topology"), {}, "network.topology.use: required key is missing; known: chain"),
         (("network", "channel", "over", "over"), [], "network.channel.over.over: expected `object`, got `array`"),
         (("network", "channel", "over", "over", "metres"), {}, "network.channel.over.over.metres: expected `float`"),
-        (("mind", "computation", "share", "use"), "x", "mind.computation.share.use: no sharing is called 'x'"),
+        (("mind", "computation", "sharing", "use"), "x", "mind.computation.sharing.use: no sharing is called 'x'"),
         (("mind", "computation", "trust"), "x", "mind.computation.trust: .*'x'; expected 'all' or 'own' or 'quorum'"),
         (("field", "sources", 0, "x"), "a", r"field.sources\[0\].x: expected `float`, got `str`"),
         (("faults", 1), {}, r"faults\[1\].use: required key is missing; known: battery"),
         (("faults", 1, "failure"), "x", r"faults\[1\].failure: invalid enum value 'x'; expected 'delay' or 'jam'"),
         (("faults", 0, "robots"), [float("nan")], r"faults\[0\].robots: nan is not a number to compute with"),
-        (("stop", "when_done"), "x", "stop.when_done: invalid enum value 'x'; expected 'go-on' or 'stop'"),
+        (("stop", "when_done"), "x", "stop.when_done: invalid enum value 'x'; expected 'continue' or 'stop'"),
         (("world", "layers", "wolls"), ["x"], "world.layers.wolls: unknown key; did you mean 'walls'"),
     ],
 )

@@ -274,7 +274,7 @@ class Sharing:
 
     def __init__(self, inner, wrong):
         self.inner, self.wrong = inner, wrong
-        self.taken = inner.taken
+        self.accepted = inner.accepted
 
     def say(self, senses, maps):
         said = self.inner.say(senses, maps)
@@ -307,9 +307,9 @@ class Faults(Base, frozen=True):
         (["motion={use='./failing.py:Motions'}"], r"motion failing\.py:Motion, iteration 2: ZeroDivisionError"),
         (["motion={use='./failing.py:Motions', wrong=true}"], r"motion .*command: \[0, 0\] is not finite"),
         (["physics={use='./failing.py:Physics'}"], r"iteration 2, physics .*failing\.py:Physics: ZeroDivisionError"),
-        (["mind.computation.share={use='./failing.py:Shares'}"], r"computation .*, iteration 2: ZeroDivisionError"),
+        (["mind.computation.sharing={use='./failing.py:Shares'}"], r"computation .*, iteration 2: ZeroDivisionError"),
         (
-            ["mind.computation.share={use='./failing.py:Shares', wrong=true}"],
+            ["mind.computation.sharing={use='./failing.py:Shares', wrong=true}"],
             r"computation .*2: sizes: float64",
         ),
         (["faults=[{use='./failing.py:Faults'}]"], r"fault failing\.py:Faults, iteration 2: ZeroDivisionError"),
@@ -480,17 +480,17 @@ GOALS = ("market", "reserved-frontier")
 RULES = [name for name, kind in registry.known("strategy").items() if issubclass(kind, Exploring)]
 MINDS = [
     *(
-        ("room", f'mind={{strategy={{use="{name}"}}, computation={{share={{use="{share}"}}}}}}')
+        ("room", f'mind={{strategy={{use="{name}"}}, computation={{sharing={{use="{share}"}}}}}}')
         for name in RULES
         for share in ("tile-and-goal" if name in GOALS else "gossip",)
     ),
-    *(("room", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
+    *(("room", f'mind.computation.sharing={{use="{policy}"}}') for policy in registry.known("sharing")),
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),
     ("operations/moving-field", "robots.count=7"),
     *((f"operations/{name}", "seed=2") for name in ("dispersion", "area-coverage", "perimeter", "formation")),
 ]
-FAULTS = 'faults=[{use="crash", at=8, lasts=6, count=1}]'
+FAULTS = 'faults=[{use="crash", at=8, duration=6, count=1}]'
 
 
 def path_of(scenario: str) -> Path:

@@ -134,7 +134,7 @@ class Hearing(Base, frozen=True):
 
 class Sharing(Base, frozen=True):
     def build(self, context):
-        return Wrapped(CurrentTile().build(context), self.how, "say", "taken")
+        return Wrapped(CurrentTile().build(context), self.how, "say", "accepted")
 
 
 class Strategy(Base, frozen=True):
@@ -197,7 +197,7 @@ PLACES = {
     "Localisation": "localisation",
     "Computation": "mind.computation",
     "Hearing": "mind.computation",
-    "Sharing": "mind.computation.share",
+    "Sharing": "mind.computation.sharing",
     "Strategy": "mind.strategy",
     "Topology": "network.topology",
     "Channel": "network.channel",

@@ -101,14 +101,14 @@ def test_capacities_have_the_mean_and_spread_asked_for_and_each_robot_its_own() 
 
 
 def test_a_repair_does_not_bring_back_a_robot_without_energy() -> None:
-    first = '{use="crash", at=3, lasts=5, robots=[4]}'
+    first = '{use="crash", at=3, duration=5, robots=[4]}'
     drained = '{use="battery", capacity=5.0, per_metre=0.0, per_byte=0.0, idle=1.0, robots=[4, 6]}'
     for faults in (f"{first}, {drained}", f"{drained}, {first}"):
         moments, _ = watch(f"faults=[{faults}]", iterations=20)
         # it spends nothing while crashed, so that 2 of 5 J are left for iterations 8 and 9
         assert np.flatnonzero(alive(moments)[:, 4]).tolist() == [0, 1, 2, 8, 9]
         assert np.flatnonzero(alive(moments)[:, 6]).tolist() == [0, 1, 2, 3, 4]
-    late = '{use="crash", at=4, lasts=3, robots=[6]}, {use="crash", at=8, lasts=2, robots=[4]}'
+    late = '{use="crash", at=4, duration=3, robots=[6]}, {use="crash", at=8, duration=2, robots=[4]}'
     drained = drained.replace("5.0", "4.0")
     for faults in (f"{drained}, {late}", f"{late}, {drained}"):
         moments, run = watch(f"faults=[{faults}]", iterations=14)

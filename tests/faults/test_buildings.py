@@ -25,7 +25,7 @@ ROOM = str(ROOT / "scenarios" / "room.toml")
 RADIUS = 0.055
 DOORWAY = (3.15, 1.65, 3.3, 2.55)  # the one between the two rooms
 SLACK = 0.0035  # m: how far contacts give way: a sub-step at full speed, and Chipmunk's own slop
-GO_ON = 'stop.when_done="go-on"'
+GO_ON = 'stop.when_done="continue"'
 
 
 def fault(use: str, **keys: object) -> str:
@@ -166,7 +166,7 @@ def test_a_door_waits_for_the_robot_in_it() -> None:
 
 
 def test_a_door_opens_and_closes_on_its_schedule_and_everything_comes_back() -> None:
-    run, watch = watched(faults(fault("door", at=10, every=40, lasts=15, box=DOORWAY)), iterations=100)
+    run, watch = watched(faults(fault("door", at=10, every=40, duration=15, box=DOORWAY)), iterations=100)
     told = [(e.iteration, e.kind) for e in watch.told if e.robot < 0 and e.kind.startswith("door")]
     closed = [i for i, kind in told if kind == "door closed"]
     opened = [i for i, kind in told if kind == "door opened"]
@@ -179,7 +179,7 @@ def test_a_door_opens_and_closes_on_its_schedule_and_everything_comes_back() -> 
 
 
 def test_a_door_can_be_closed_from_the_start_and_open_later() -> None:
-    _, watch = watched(faults(fault("door", at=0, lasts=20, box=DOORWAY)), iterations=25)
+    _, watch = watched(faults(fault("door", at=0, duration=20, box=DOORWAY)), iterations=25)
     assert [(e.iteration, e.kind) for e in watch.told[:2]] == [(0, "door closed"), (20, "door opened")]
     assert boxes_at(watch.events, 0) == boxes_at(watch.events, 19) == [DOORWAY]
     assert boxes_at(watch.events, 20) == []
@@ -237,7 +237,7 @@ def test_without_boxes_the_building_is_as_planned() -> None:
 
 def test_furniture_moves_as_a_whole_and_back() -> None:
     here, there = (2.1, 0.6, 2.5, 1.0), (3.9, 2.6, 4.3, 3.0)
-    run, watch = watched(faults(fault("furniture", at=30, lasts=40, box=here, to=there)), iterations=100)
+    run, watch = watched(faults(fault("furniture", at=30, duration=40, box=here, to=there)), iterations=100)
     for moment in watch.moments:
         assert boxes_at(watch.events, moment.state.iteration) in ([], [here], [there])
     moves = [(e.iteration, e.kind) for e in watch.told if e.kind == "furniture placed"]
@@ -249,7 +249,7 @@ def test_furniture_moves_as_a_whole_and_back() -> None:
 
 def test_boxes_of_several_faults_stand_side_by_side() -> None:
     chest = (4.2, 0.4, 4.6, 0.8)
-    both = faults(fault("furniture", at=0, lasts=30, box=chest), fault("door", at=10, box=DOORWAY))
+    both = faults(fault("furniture", at=0, duration=30, box=chest), fault("door", at=10, box=DOORWAY))
     run, watch = watched(both, iterations=60)
     assert set(boxes_at(watch.events, 59)) == {DOORWAY} == set(run.simulation.parts.building.boxes)
     assert any(len(boxes_at(watch.events, i)) == 2 for i in range(60))
@@ -280,7 +280,7 @@ def test_rubble_depends_on_the_seed_alone_and_each_fall_has_its_own_draws() -> N
 
 
 def test_rubble_can_be_cleared_away() -> None:
-    _, watch = watched(faults(RUBBLE.replace("every=10", "lasts=12")), iterations=30)
+    _, watch = watched(faults(RUBBLE.replace("every=10", "duration=12")), iterations=30)
     assert len(boxes_at(watch.events, 16)) == 4
     assert boxes_at(watch.events, 17) == []
 
@@ -294,8 +294,8 @@ def test_rubble_can_be_cleared_away() -> None:
         (fault("door", at=1, box=(3.0, 1.0, 3.0, 2.0)), r"faults\[0\]\.box: \[3, 1, 3, 2\] has no size"),
         (fault("door", at=1, box=(3.0, 1.0, 5.2, 2.0)), r"faults\[0\]\.box: .*reaches out of the page"),
         (fault("door", at=1, every=5, box=DOORWAY), r"faults\[0\]\.every: 5 iterations, but"),
-        (fault("door", at=1, every=5, lasts=5, box=DOORWAY), r"faults\[0\]\.every"),
-        (fault("door", at=1, lats=5, box=DOORWAY), r"faults\[0\]\.lats: unknown key; did you mean 'lasts'"),
+        (fault("door", at=1, every=5, duration=5, box=DOORWAY), r"faults\[0\]\.every"),
+        (fault("door", at=1, durtion=5, box=DOORWAY), r"faults\[0\]\.durtion: unknown key; did you mean 'duration'"),
         (fault("furniture", at=1, box=DOORWAY, to=(9.0, 1.0, 9.5, 2.0)), r"faults\[0\]\.to: .*reaches out"),
         (fault("rubble", at=1, region=(0.3, 0.3, 0.6, 3.6)), r"faults\[0\]\.size: 0.15 to 0.5 m in a region of 0.3"),
         (fault("rubble", at=1, region=(-0.3, 0.3, 3.6, 3.6)), r"faults\[0\]\.region: .*reaches out"),
@@ -315,13 +315,13 @@ def test_boxes_that_leave_no_place_to_stand_are_refused() -> None:
     assert building.version == 0
 
 
-@pytest.mark.parametrize(("every", "lasts"), [(None, None), (None, 4), (5, 2), (3, None), (2, 7)])
-def test_the_strikes_that_last_are_those_a_loop_finds(every, lasts) -> None:
-    change = Door(at=3, every=every, lasts=lasts, box=DOORWAY)
+@pytest.mark.parametrize(("every", "duration"), [(None, None), (None, 4), (5, 2), (3, None), (2, 7)])
+def test_the_strikes_that_last_are_those_a_loop_finds(every, duration) -> None:
+    change = Door(at=3, every=every, duration=duration, box=DOORWAY)
     schedule = Schedule(change, again=True)
     for now in range(40):
         starts = [3] if every is None else range(3, 40, every)
-        lasting = [k for k, s in enumerate(starts) if s <= now and (lasts is None or now < s + lasts)]
+        lasting = [k for k, s in enumerate(starts) if s <= now and (duration is None or now < s + duration)]
         assert list(schedule.strikes(now, 0.0)) == lasting
 
 
@@ -392,7 +392,7 @@ def test_beams_end_at_people_but_the_truth_does_not_know_them(crowded) -> None:
     assert all(np.array_equal(truth, run.arena.occupied) for truth in watch.truths)
 
 
-@pytest.mark.parametrize("given", [CROWD, faults(fault("door", at=20, lasts=30, box=DOORWAY)), faults(RUBBLE)])
+@pytest.mark.parametrize("given", [CROWD, faults(fault("door", at=20, duration=30, box=DOORWAY)), faults(RUBBLE)])
 def test_a_changing_world_is_the_same_again_and_its_recording_tells_it(given, tmp_path) -> None:
     totals = []
     for number in range(2):

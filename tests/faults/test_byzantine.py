@@ -64,7 +64,7 @@ class Ears:
         return self.policy.say(senses, self.grids)
 
     def hear(self, senses: Senses, inbox: Inbox) -> Inbox:
-        taken = self.policy.taken(senses, inbox)
+        taken = self.policy.accepted(senses, inbox)
         self.grids.update(senses.alive, senses.readings.tiles, taken.take(np.zeros(len(taken), bool)))
         return taken
 
@@ -234,15 +234,15 @@ LATE = 'network.channel={use="latency", delay=3}'
 @pytest.mark.parametrize("channel", ["network.channel={}", LATE], ids=["at once", "late"])
 @pytest.mark.parametrize("lie", ['failure="inverted"', 'failure="spoof"'])
 def test_lies_are_those_said_from_the_onset_to_the_end_whenever_they_arrive(lie, channel) -> None:
-    moments, run = watch(f'faults=[{{use="byzantine", {lie}, at=10, lasts=5, robots=[7]}}]', channel)
+    moments, run = watch(f'faults=[{{use="byzantine", {lie}, at=10, duration=5, robots=[7]}}]', channel)
     plain, _ = watch(channel, iterations=10)
     told = 0
     for moment, before in zip(moments, plain, strict=False):
         assert_array_equal(moment.state.pose, before.state.pose)
-        assert_array_equal(moment.knowledge.taken.content.values, before.inbox.content.values)
-        assert_array_equal(moment.knowledge.taken.senders, before.inbox.senders)
+        assert_array_equal(moment.knowledge.accepted.content.values, before.inbox.content.values)
+        assert_array_equal(moment.knowledge.accepted.senders, before.inbox.senders)
     for moment in moments:
-        inbox, heard = moment.knowledge.taken, moment.delivery.heard
+        inbox, heard = moment.knowledge.accepted, moment.delivery.heard
         lied = (heard[:, 1] == 7) & (heard[:, 2] >= 10) & (heard[:, 2] < 15)
         told += lied.sum()
         if "spoof" in lie:
@@ -303,7 +303,7 @@ def test_a_lie_that_cannot_be_told_is_refused(keys: str, words: str) -> None:
 
 def test_a_robot_alone_cannot_pass_itself_off_as_another() -> None:
     with pytest.raises(InputError, match="failure: a robot alone has nobody"):
-        Byzantine(at=0, failure="spoof", keep=0).build(context(1))
+        Byzantine(at=0, failure="spoof", min_alive=0).build(context(1))
 
 
 def test_a_recording_holds_the_maps_of_those_who_were_told_of_places_outside_of_the_building(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ RADIUS = 0.055  # m: the default of robots
 ITERATIONS = {"room": 30, "basilica": 40, "operations/wandering": 30}
 MORE = {"room": (), "basilica": ("robots.count=4",), "operations/wandering": ("robots.count=4", "sensor.reach=9.0")}
 DOORWAY = "[3.15, 1.65, 3.3, 2.55]"  # of the room
-WHEN = "at=8, lasts=12"
+WHEN = "at=8, duration=12"
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ REMOVED, CRASHED, LATE = ("removed", "returned"), ("crashed", "repaired"), ("lat
 OUT = {"lives": True, "silent": True, "deaf": True}
 CASES = [
     Case(f'use="remove", count=2, {WHEN}', words=REMOVED, **OUT),
-    Case('use="remove", at=8, every=9, lasts=4, map="lost"', words=REMOVED, **OUT),
+    Case('use="remove", at=8, every=9, duration=4, map="lost"', words=REMOVED, **OUT),
     Case('use="remove", at=8, duty=[3, 2], count=2', words=REMOVED, scenario="basilica", **OUT),
     Case(f'use="crash", count=2, {WHEN}', words=CRASHED, **OUT),
     Case('use="crash", between=[8, 20], duty=[2, 3], map="lost"', words=CRASHED, **OUT),
-    Case('use="crash", rate=0.2, lasts=5', onset=0, words=CRASHED, scenario="basilica", **OUT),
+    Case('use="crash", rate=0.2, duration=5', onset=0, words=CRASHED, scenario="basilica", **OUT),
     Case('use="join", at=8, every=5, times=2', onset=0, words=LATE, **OUT),
     Case('use="join", at=8, count=3, map="copied"', onset=0, words=LATE, scenario="basilica", **OUT),
     Case('use="push", at=8, velocity=[0.3, 0.1], count=2', words=("pushed", "steady again")),
@@ -104,7 +104,7 @@ CASES = [
     radio("transmit", ", count=2", silent=True),
     radio("receive", ", count=2", deaf=True),
     radio("off", ", count=2", silent=True, deaf=True),
-    radio("off", ", duty=[2, 2], share=0.5", silent=True, deaf=True, scenario="basilica"),
+    radio("off", ", duty=[2, 2], fraction=0.5", silent=True, deaf=True, scenario="basilica"),
     radio("loss", ", loss=0.5, count=2"),
     radio("delay", ", delay=3, count=2"),
     radio("jam", ", area=[0.3, 0.3, 3.2, 3.6]"),
@@ -139,10 +139,10 @@ CASES = [
         **OUT,
     ),
     Case(f'use="door", box={DOORWAY}, {WHEN}'),
-    Case('use="door", box=[3.15, 1.65, 3.3, 2.55], progress=0.3, lasts=5', onset=1),
+    Case('use="door", box=[3.15, 1.65, 3.3, 2.55], progress=0.3, duration=5', onset=1),
     Case(f'use="furniture", box=[0.6, 0.6, 1.0, 0.9], {WHEN}'),
     Case(f'use="furniture", box=[0.6, 0.6, 1.0, 0.9], to=[2.4, 2.6, 2.8, 3.0], {WHEN}', onset=0),
-    Case('use="rubble", region=[0.3, 0.3, 4.8, 3.6], count=4, at=8, every=6, lasts=9'),
+    Case('use="rubble", region=[0.3, 0.3, 4.8, 3.6], count=4, at=8, every=6, duration=9'),
     Case('use="people", count=3', onset=0),
     Case('use="people", count=2, radius=0.25, speed=1.0, patience=1.0', onset=0, scenario="basilica"),
 ]
@@ -177,7 +177,7 @@ class Watch:
 def watched(case: Case | None, scenario: str, *more: str, seed: int = 1) -> Watch:
     """A run with the fault, or without any for None."""
     faults = f"faults=[{{{case.keys}}}]" if case else "faults=[]"
-    settings = ('stop.when_done="go-on"', f"stop.iterations={ITERATIONS[scenario]}", f"seed={seed}")
+    settings = ('stop.when_done="continue"', f"stop.iterations={ITERATIONS[scenario]}", f"seed={seed}")
     run = made(*settings, *MORE[scenario], *more, faults, scenario=scenario)
     watch = Watch(run)
     run.simulation.run([watch])

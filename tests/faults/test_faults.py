@@ -11,7 +11,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.state import Moment
 from swarmsim.recording.reader import Recording
 
-SHRINKING = 'faults=[{use="remove", at=20, every=10, count=3, keep=4}]'
+SHRINKING = 'faults=[{use="remove", at=20, every=10, count=3, min_alive=4}]'
 
 
 def watch(*overrides: str, iterations: int = 60) -> tuple[list[Moment], object]:
@@ -67,8 +67,8 @@ def test_what_happened_before_the_first_removal_is_untouched(shrunk) -> None:
 
 
 def test_a_lost_map_leaves_the_union_and_a_kept_one_stays() -> None:
-    kept, _ = watch('faults=[{use="remove", at=20, count=10, keep=1, map="kept"}]', iterations=21)
-    lost, _ = watch('faults=[{use="remove", at=20, count=10, keep=1, map="lost"}]', iterations=21)
+    kept, _ = watch('faults=[{use="remove", at=20, count=10, min_alive=1, map="kept"}]', iterations=21)
+    lost, _ = watch('faults=[{use="remove", at=20, count=10, min_alive=1, map="lost"}]', iterations=21)
     assert kept[20].measured.values["coverage"] >= kept[19].measured.values["coverage"]
     assert lost[20].measured.values["coverage"] < lost[19].measured.values["coverage"]
     dead = np.flatnonzero(~lost[20].state.alive)
@@ -97,7 +97,7 @@ def test_two_faults_each_take_their_own() -> None:
         ('{use="remove", at=-1}', r"faults\[0\]\.at.*>= 0"),
         ('{use="remove"}', r"faults\[0\]\.at: required key is missing"),
         ('{use="remove", at=5, cuont=3}', r"faults\[0\]\.cuont: unknown key; did you mean 'count'"),
-        ('{use="remove", at=5, keep=15}', r"faults\[0\]\.keep: 15 of 15 robots"),
+        ('{use="remove", at=5, min_alive=15}', r"faults\[0\]\.min_alive: 15 of 15 robots"),
         ('{use="remove", at=5, map="burnt"}', r"faults\[0\]\.map"),
         ('{use="remvoe", at=5}', r"faults\[0\]\.use.*'remvoe'.*'remove'"),
         ("{at=5}", r"faults\[0\]\.use"),
@@ -132,7 +132,7 @@ def in_room(faults: str, *overrides: str, iterations: int = 40, robots: int = 4)
 
 
 def test_a_lost_map_does_not_come_back_with_its_robot() -> None:
-    moments, _ = in_room('{use="remove", at=10, robots=[1], lasts=5, map="lost"}')
+    moments, _ = in_room('{use="remove", at=10, robots=[1], duration=5, map="lost"}')
     each = [float(moment.measured.robots["covered"][1]) for moment in moments]
     assert each[9] > each[15] > 0
     assert each[10:15] == [0.0] * 5

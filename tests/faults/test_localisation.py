@@ -21,7 +21,7 @@ from swarmsim.faults.localisation import Belief, Localisation, landing_places
 from swarmsim.operations.mapping.measures.quality import MapMeasures
 from swarmsim.recording.digests import Digests
 
-STRUCK = "at=4, lasts=3, robots=[1]"
+STRUCK = "at=4, duration=3, robots=[1]"
 WITH = range(4, 7)  # the iterations with the fault
 
 
@@ -125,7 +125,7 @@ def test_motion_is_asked_at_believed_poses_and_others_rows_are_bit_equal(plain: 
 def test_a_lone_biased_robot_maps_its_world_aside_and_steers_by_that_map() -> None:
     alone = ("robots.count=1", "network.topology.k=0", "mind.strategy.ties='row-order'")
     right = Watch(iterations=60, more=alone)
-    wrong = Watch('failure="bias", dx=0.30, at=0, keep=0', iterations=60, more=alone)
+    wrong = Watch('failure="bias", dx=0.30, at=0, min_alive=0', iterations=60, more=alone)
     np.testing.assert_array_equal(
         wrong.moments[0].readings.tiles.origins - right.moments[0].readings.tiles.origins, [[0, 2]]
     )
@@ -145,7 +145,7 @@ def test_a_drift_grows_by_so_much_in_every_iteration() -> None:
 
 def test_a_random_walk_has_the_steps_asked_for() -> None:
     walk = Watch(
-        'failure="drift", sigma=0.004, sigma_yaw=0.02, at=0, share=1.0, keep=0',
+        'failure="drift", sigma=0.004, sigma_yaw=0.02, at=0, fraction=1.0, min_alive=0',
         iterations=250,
         scenario="basilica",
         more=("robots.count=8",),
@@ -163,7 +163,7 @@ def test_a_random_walk_has_the_steps_asked_for() -> None:
 
 def test_the_drift_of_one_robot_depends_neither_on_others_nor_on_other_faults() -> None:
     alone = Watch(f'failure="drift", sigma=0.05, {STRUCK}').error[:, 1]
-    together = Watch('failure="drift", sigma=0.05, at=4, lasts=3, robots=[0, 1, 2], keep=0').error[:, 1]
+    together = Watch('failure="drift", sigma=0.05, at=4, duration=3, robots=[0, 1, 2], min_alive=0').error[:, 1]
     beside = Watch(f'failure="drift", sigma=0.05, {STRUCK}', 'failure="drift", sigma=0.05, at=1, robots=[2]')
     np.testing.assert_allclose(together, alone, atol=1e-12)
     np.testing.assert_allclose(beside.error[:, 1], alone, atol=1e-12)
@@ -208,7 +208,7 @@ def test_places_to_land_have_room_and_a_way_from_the_entrance() -> None:
 
 @pytest.fixture(scope="module")
 def kidnapped() -> Watch:
-    return Watch('failure="kidnap", at=6, lasts=8, count=4', iterations=20, scenario="basilica")
+    return Watch('failure="kidnap", at=6, duration=8, count=4', iterations=20, scenario="basilica")
 
 
 def test_a_kidnapped_robot_is_elsewhere_and_does_not_notice(kidnapped: Watch) -> None:
@@ -237,7 +237,9 @@ def test_kidnapped_robots_land_clear_of_walls_and_bodies_where_they_could_have_g
     reachable = arena.reachable(run.scenario.robots.spawn, radius)
     places = landing_places(run.simulation.parts.building, arena.lattice, radius)
     np.testing.assert_array_equal(places, arena.lattice.centres(np.argwhere(reachable)))
-    watch = Watch('failure="kidnap", at=2, every=2, lasts=1, share=1.0, keep=0', iterations=25, scenario="basilica")
+    watch = Watch(
+        'failure="kidnap", at=2, every=2, duration=1, fraction=1.0, min_alive=0', iterations=25, scenario="basilica"
+    )
     for moment in watch.moments[2::2]:
         pose = moment.state.pose
         cells = arena.lattice.cells(pose[:, :2])
@@ -313,7 +315,7 @@ def test_nobody_is_put_onto_people() -> None:
     ],
 )
 def test_however_wrong_an_estimate_lies_on_the_map(fault: str, tmp_path) -> None:
-    watch = Watch(f"{fault}, share=1.0, keep=0", iterations=15)
+    watch = Watch(f"{fault}, fraction=1.0, min_alive=0", iterations=15)
     lattice, run = watch.run.arena.lattice, watch.run
     for t, moment in enumerate(watch.moments):
         cells = lattice.cells(watch.believed[t][:, :2])

@@ -47,7 +47,7 @@ class Watch:
         return tuple(self.moments[iteration].intents.goals[ROBOT].tolist())
 
 
-def watched(failure: str, more: str = f"at={ONSET}, lasts={END - ONSET}, robots=[{ROBOT}]") -> Watch:
+def watched(failure: str, more: str = f"at={ONSET}, duration={END - ONSET}, robots=[{ROBOT}]") -> Watch:
     return Watch(f'faults=[{{use="mind", failure="{failure}", {more}}}]')
 
 
@@ -298,7 +298,7 @@ def test_a_reboot_takes_one_iteration_unless_told_otherwise_and_can_strike_again
 
 
 def test_a_recording_shows_what_a_reboot_has_wiped(tmp_path: Path) -> None:
-    fault = 'faults=[{use="mind", failure="reboot", at=12, lasts=4, count=5}]'
+    fault = 'faults=[{use="mind", failure="reboot", at=12, duration=4, count=5}]'
     run = made("stop.iterations=40", fault, 'mind.computation.trust="quorum"', scenario="basilica")
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:

@@ -88,7 +88,7 @@ def pairs(iteration: int, robots: int = 4) -> set[Letter]:
 
 @pytest.mark.parametrize(("failure", "ends"), [("transmit", {1}), ("receive", {0}), ("off", {0, 1})])
 def test_a_dead_radio_loses_what_it_should_from_the_onset_to_the_end(failure: str, ends: set[int]) -> None:
-    trial = Trial(Radio(failure=failure, at=2, lasts=3, robots=[1])).tick(7)
+    trial = Trial(Radio(failure=failure, at=2, duration=3, robots=[1])).tick(7)
     for t in range(7):
         lost = {letter for letter in pairs(t) if any(letter[end] == 1 for end in ends)} if 2 <= t < 5 else set()
         assert trial.lost(t) == dict.fromkeys(lost, "radio off")
@@ -105,7 +105,7 @@ def test_lost_messages_keep_their_size_and_the_rest_its_order() -> None:
 
 
 def test_what_is_under_way_to_a_robot_that_goes_deaf_is_lost_when_it_would_arrive() -> None:
-    trial = Trial(Radio(failure="receive", at=4, lasts=2, robots=[1]), inner=latent(3)).tick(10)
+    trial = Trial(Radio(failure="receive", at=4, duration=2, robots=[1]), inner=latent(3)).tick(10)
     for t in range(10):
         due = pairs(t - 3) if t >= 3 else set()
         lost = {letter for letter in due if letter[0] == 1} if 4 <= t < 6 else set()
@@ -114,7 +114,7 @@ def test_what_is_under_way_to_a_robot_that_goes_deaf_is_lost_when_it_would_arriv
 
 
 def test_what_is_under_way_from_a_robot_that_falls_silent_still_arrives() -> None:
-    trial = Trial(Radio(failure="transmit", at=4, lasts=2, robots=[1]), inner=latent(3)).tick(10)
+    trial = Trial(Radio(failure="transmit", at=4, duration=2, robots=[1]), inner=latent(3)).tick(10)
     for t in range(10):
         silent = {letter for letter in pairs(t) if letter[1] == 1} if 4 <= t < 6 else set()
         assert trial.lost(t) == dict.fromkeys(silent, "radio off")
@@ -152,7 +152,7 @@ def test_messages_to_and_from_a_bad_radio_are_lost_as_often_as_asked() -> None:
 
 
 def test_a_loss_of_one_loses_everything() -> None:
-    trial = Trial(Radio(failure="loss", loss=1.0, at=0, robots=[0, 1, 2, 3], keep=0)).tick(5)
+    trial = Trial(Radio(failure="loss", loss=1.0, at=0, robots=[0, 1, 2, 3], min_alive=0)).tick(5)
     assert all(set(trial.lost(t)) == pairs(t) for t in range(5))
 
 
@@ -175,7 +175,7 @@ def test_losses_depend_on_the_seed_and_on_the_fault() -> None:
 
 
 def test_a_slow_radio_holds_messages_and_tells_how_old_they_are() -> None:
-    trial = Trial(Radio(failure="delay", delay=2, at=1, lasts=3, robots=[1])).tick(8)
+    trial = Trial(Radio(failure="delay", delay=2, at=1, duration=3, robots=[1])).tick(8)
     for t in range(8):
         prompt = {letter for letter in pairs(t) if not (1 in letter[:2] and 1 <= t < 4)}
         late = {letter for letter in pairs(t - 2) if 1 in letter[:2]} if 1 <= t - 2 < 4 else set()
@@ -207,14 +207,14 @@ def test_a_message_held_for_a_robot_that_dies_is_lost() -> None:
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_a_held_message_meets_a_deaf_receiver_in_either_order_of_the_faults(order: tuple[int, int]) -> None:
-    faults = (Radio(failure="delay", delay=3, at=0, lasts=1, robots=[1]), Radio(failure="receive", at=3, robots=[1]))
+    faults = (Radio(failure="delay", delay=3, at=0, duration=1, robots=[1]), Radio(failure="receive", at=3, robots=[1]))
     trial = Trial(*(faults[i] for i in order)).tick(5)
     assert {letter for letter in pairs(0) if letter[0] == 1} <= set(trial.lost(3))
     assert {letter for letter in pairs(0) if letter[1] == 1} <= trial.heard(3)
 
 
 def test_whoever_is_in_a_jammed_area_neither_sends_nor_hears_while_there() -> None:
-    trial = Trial(Radio(failure="jam", area=(2.0, 0.0, 6.0, 2.0), at=1, lasts=4)).tick(2)
+    trial = Trial(Radio(failure="jam", area=(2.0, 0.0, 6.0, 2.0), at=1, duration=4)).tick(2)
     assert trial.lost(0) == {}
     for _ in range(4):  # robot 1 walks out of the area, robot 3 into it
         trial.bodies.pose[1, 0] -= 0.4
@@ -227,7 +227,7 @@ def test_whoever_is_in_a_jammed_area_neither_sends_nor_hears_while_there() -> No
 
 
 def test_what_is_under_way_into_a_jammed_area_is_lost_on_arrival() -> None:
-    trial = Trial(Radio(failure="jam", area=(2.0, 0.0, 6.0, 2.0), at=3, lasts=1), inner=latent(2)).tick(7)
+    trial = Trial(Radio(failure="jam", area=(2.0, 0.0, 6.0, 2.0), at=3, duration=1), inner=latent(2)).tick(7)
     assert trial.lost(3) == {letter: "jammed" for letter in pairs(1) if letter[0] in (1, 2)} | {
         letter: "jammed" for letter in pairs(3) if letter[1] in (1, 2)
     }
@@ -235,7 +235,7 @@ def test_what_is_under_way_into_a_jammed_area_is_lost_on_arrival() -> None:
 
 
 def test_a_swarm_in_groups_hears_nothing_from_other_groups() -> None:
-    trial = Trial(Radio(failure="partition", groups=[[0, 2], [1]], at=1, lasts=2)).tick(4)
+    trial = Trial(Radio(failure="partition", groups=[[0, 2], [1]], at=1, duration=2)).tick(4)
     part = {0: "a", 2: "a", 1: "b", 3: "c"}
     for t in range(4):
         between = {letter for letter in pairs(t) if part[letter[0]] != part[letter[1]]} if 1 <= t < 3 else set()
@@ -263,7 +263,7 @@ def test_a_message_has_one_reason_whatever_happens_to_it() -> None:
     everything = (
         Radio(failure="partition", groups=[[0, 1]], at=0),
         Radio(failure="jam", area=(0.0, 0.0, 9.0, 9.0), at=0),
-        Radio(failure="off", at=0, robots=[0, 1, 2, 3], keep=0),
+        Radio(failure="off", at=0, robots=[0, 1, 2, 3], min_alive=0),
     )
     trial = Trial(*everything).tick(3)
     for t in range(3):
@@ -272,8 +272,8 @@ def test_a_message_has_one_reason_whatever_happens_to_it() -> None:
         assert {reason for reason, letters in trial.deliveries[t].lost if len(letters)} == {"partition", "jammed"}
 
 
-WHEN = st.fixed_dictionaries({"at": st.integers(0, 8), "lasts": st.integers(1, 6)})
-WHO = st.fixed_dictionaries({"robots": st.lists(st.integers(0, 3), min_size=1, unique=True), "keep": st.just(0)})
+WHEN = st.fixed_dictionaries({"at": st.integers(0, 8), "duration": st.integers(1, 6)})
+WHO = st.fixed_dictionaries({"robots": st.lists(st.integers(0, 3), min_size=1, unique=True), "min_alive": st.just(0)})
 KINDS = st.one_of(
     *(st.tuples(st.just({"failure": failure}), WHEN, WHO) for failure in ("transmit", "receive", "off")),
     st.tuples(st.fixed_dictionaries({"failure": st.just("loss"), "loss": st.floats(0.01, 1.0)}), WHEN, WHO),
@@ -316,7 +316,7 @@ def moments(*faults: str, iterations: int = 12) -> tuple[list[Moment], Digests]:
 
 
 def test_in_a_run_late_tiles_are_those_that_were_sent() -> None:
-    late, _ = moments('failure="delay", delay=3, at=0, share=1.0, keep=0')
+    late, _ = moments('failure="delay", delay=3, at=0, fraction=1.0, min_alive=0')
     for t, moment in enumerate(late):
         assert len(moment.inbox.receivers) == (len(late[t - 3].links) if t >= 3 else 0)
         for sender, values, sensed in zip(
@@ -350,9 +350,9 @@ def test_in_a_run_nothing_differs_before_the_onset() -> None:
         ({"failure": "partition", "groups": [[0, 1, 2, 3]]}, "^groups: everybody is in one"),
         ({"failure": "jam", "area": (1.0, 0.0, 1.0, 1.0)}, "^area: .*has no size"),
         ({"failure": "jam", "area": (0.0, 0.0, 1.0, 1.0), "robots": [1]}, "^robots: 'jam' strikes the network"),
-        ({"failure": "jam", "area": (0.0, 0.0, 1.0, 1.0), "keep": 0}, "^keep: 'jam' strikes the network"),
+        ({"failure": "jam", "area": (0.0, 0.0, 1.0, 1.0), "min_alive": 0}, "^min_alive: 'jam' strikes the network"),
         ({"failure": "partition", "x": 1.0, "count": 2}, "^count: 'partition' strikes the network"),
-        ({"failure": "partition", "x": 1.0, "choose": "hub"}, "^choose: 'partition' strikes the network"),
+        ({"failure": "partition", "x": 1.0, "target": "hub"}, "^target: 'partition' strikes the network"),
     ],
 )
 def test_a_fault_that_cannot_work_is_refused(keys: dict[str, object], words: str) -> None:

@@ -16,7 +16,7 @@ from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run
 from swarmsim.faults.sensor import Sensor
 
-STRUCK = "at=4, lasts=3, robots=[1]"
+STRUCK = "at=4, duration=3, robots=[1]"
 WITH = range(4, 7)  # the iterations with the fault
 ITERATIONS = 9
 
@@ -92,7 +92,7 @@ def test_garbage_of_one_robot_depends_neither_on_others_nor_on_other_faults() ->
         return watch(*faults, iterations=5)[4].readings.tiles.values[1]
 
     alone = first(f'failure="garbage", {STRUCK}')
-    together = first('failure="garbage", at=4, robots=[0, 1, 2], keep=0')
+    together = first('failure="garbage", at=4, robots=[0, 1, 2], min_alive=0')
     beside = first(f'failure="garbage", {STRUCK}', 'failure="garbage", at=4, robots=[2]')
     np.testing.assert_array_equal(alone, together)
     np.testing.assert_array_equal(alone, beside)
@@ -128,7 +128,8 @@ def test_an_offset_puts_the_tile_aside_as_it_is(parts: Parts) -> None:
 @pytest.mark.parametrize("offset", [[1000, 1000], [-1000, 1000], [1000, -1000], [-1000, -1000]])
 def test_tiles_that_are_put_off_the_lattice_map_nothing(offset: list[int], tmp_path) -> None:
     run = made(
-        "stop.iterations=12", f'faults=[{{use="sensor", failure="offset", offset={offset}, at=0, share=1.0, keep=0}}]'
+        "stop.iterations=12",
+        f'faults=[{{use="sensor", failure="offset", offset={offset}, at=0, fraction=1.0, min_alive=0}}]',
     )
     keep = Keep()
     with run.recorder(tmp_path / "recording.h5") as recorder:
@@ -265,7 +266,7 @@ def test_a_beam_that_is_not_there_is_refused_by_its_number(parts: Parts, plain: 
     ],
 )
 def test_beams_die_of_sensors_that_sample_a_field_too_and_of_mixed_swarms(more: tuple[str, ...]) -> None:
-    dead = f'faults=[{{use="sensor", failure="beams", beams={list(range(72))}, at=2, robots=[0, 1, 2], keep=0}}]'
+    dead = f'faults=[{{use="sensor", failure="beams", beams={list(range(72))}, at=2, robots=[0, 1, 2], min_alive=0}}]'
     moments = moments_of(made(*more, dead, "stop.iterations=4"))
     seen = [moment.readings.tiles.values.any(axis=(1, 2)).tolist() for moment in moments]
     assert seen == [[True] * 3] * 2 + [[False] * 3] * 2

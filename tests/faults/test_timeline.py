@@ -69,34 +69,36 @@ def test_a_fault_at_an_iteration_is_there_from_then_on_for_good() -> None:
 
 
 def test_a_fault_lasts_as_long_as_it_says() -> None:
-    active = course(timeline(at=7, lasts=4, robots=[2]), 20)[:, 2]
+    active = course(timeline(at=7, duration=4, robots=[2]), 20)[:, 2]
     assert active.tolist() == [False] * 7 + [True] * 4 + [False] * 9
 
 
 def test_between_is_its_first_iteration_with_and_the_first_without_it() -> None:
     assert_array_equal(
-        course(timeline(between=[3, 8], robots=[1]), 12), course(timeline(at=3, lasts=5, robots=[1]), 12)
+        course(timeline(between=[3, 8], robots=[1]), 12), course(timeline(at=3, duration=5, robots=[1]), 12)
     )
 
 
 def test_every_strikes_again_after_so_many_iterations() -> None:
-    active = course(timeline(at=2, every=5, lasts=2, robots=[0]), 20)[:, 0]
+    active = course(timeline(at=2, every=5, duration=2, robots=[0]), 20)[:, 0]
     assert np.flatnonzero(active).tolist() == [2, 3, 7, 8, 12, 13, 17, 18]
 
 
 def test_every_without_an_end_takes_one_more_each_time_down_to_those_kept() -> None:
-    assert course(timeline(at=2, every=3, keep=2), 14).sum(axis=1).tolist() == [0] * 2 + [1] * 3 + [2] * 3 + [3] * 6
+    assert (
+        course(timeline(at=2, every=3, min_alive=2), 14).sum(axis=1).tolist() == [0] * 2 + [1] * 3 + [2] * 3 + [3] * 6
+    )
 
 
 def test_coverage_strikes_once_however_often_it_is_reached_again() -> None:
     shares = [0.1, 0.3, 0.5, 0.7, 0.4, 0.2, 0.6, 0.9]
-    active = course(timeline(progress=0.5, lasts=2, robots=[3]), 8, covered=lambda t: shares[t])[:, 3]
+    active = course(timeline(progress=0.5, duration=2, robots=[3]), 8, covered=lambda t: shares[t])[:, 3]
     assert np.flatnonzero(active).tolist() == [2, 3]
 
 
 def test_a_rate_strikes_as_often_as_a_poisson_process() -> None:
     rate, iterations = 0.7, 4000
-    strikes = course(timeline(40, rate=rate, lasts=1), iterations + 1, alive=40).sum(axis=1)
+    strikes = course(timeline(40, rate=rate, duration=1), iterations + 1, alive=40).sum(axis=1)
     assert strikes[0] == 0
     expected = rate * iterations
     assert abs(strikes.sum() - expected) < Z99 * math.sqrt(expected)
@@ -109,7 +111,7 @@ def test_a_rate_strikes_as_often_as_a_poisson_process() -> None:
 @pytest.mark.parametrize(("mean", "shape"), [(60.0, 1.0), (80.0, 3.0)])
 def test_lives_end_once_each_and_last_as_long_as_a_weibull_law_says(mean: float, shape: float) -> None:
     robots = 400
-    line = timeline(robots, life={"mean": mean, "shape": shape}, lasts=1, keep=0)
+    line = timeline(robots, life={"mean": mean, "shape": shape}, duration=1, min_alive=0)
     active = course(line, 1000, alive=robots)
     assert (active.sum(axis=0) == 1).all()
     scale = mean / math.gamma(1.0 + 1.0 / shape)
@@ -123,8 +125,8 @@ def test_lives_end_once_each_and_last_as_long_as_a_weibull_law_says(mean: float,
 
 
 def test_the_life_of_a_robot_does_not_depend_on_how_many_there_are() -> None:
-    few = course(timeline(3, life={"mean": 20.0}, keep=0), 200, alive=3)
-    many = course(timeline(9, life={"mean": 20.0}, keep=0), 200, alive=9)
+    few = course(timeline(3, life={"mean": 20.0}, min_alive=0), 200, alive=3)
+    many = course(timeline(9, life={"mean": 20.0}, min_alive=0), 200, alive=9)
     assert_array_equal(few, many[:, :3])
 
 
@@ -132,12 +134,12 @@ def test_the_life_of_a_robot_does_not_depend_on_how_many_there_are() -> None:
 
 
 def test_a_duty_switches_the_fault_on_and_off_until_it_ends() -> None:
-    active = course(timeline(at=4, duty=[2, 3], lasts=9, robots=[4]), 20)[:, 4]
+    active = course(timeline(at=4, duty=[2, 3], duration=9, robots=[4]), 20)[:, 4]
     assert np.flatnonzero(active).tolist() == [4, 5, 9, 10]
 
 
 def test_a_robot_with_the_fault_is_not_struck_again_before_it_ends() -> None:
-    assert course(timeline(2, at=0, every=2, lasts=7, robots=[0]), 8, alive=2)[:, 0].tolist() == [True] * 7 + [False]
+    assert course(timeline(2, at=0, every=2, duration=7, robots=[0]), 8, alive=2)[:, 0].tolist() == [True] * 7 + [False]
 
 
 def test_an_intermittent_fault_does_not_begin_again_with_the_dead() -> None:
@@ -178,29 +180,29 @@ def test_a_count_of_those_named_is_drawn_among_them() -> None:
 
 @pytest.mark.parametrize(("share", "alive", "expected"), [(0.2, 10, 2), (0.01, 10, 1), (0.75, 8, 6), (1.0, 10, 9)])
 def test_a_share_of_those_alive_but_one_at_least_and_all_but_those_kept(share, alive, expected) -> None:
-    assert len(struck(10, np.arange(10) < alive, share=share)) == expected
+    assert len(struck(10, np.arange(10) < alive, fraction=share)) == expected
 
 
 def test_the_dead_are_never_struck() -> None:
-    assert struck(5, [True, False, True, False, True], share=1.0, keep=0) == [0, 2, 4]
+    assert struck(5, [True, False, True, False, True], fraction=1.0, min_alive=0) == [0, 2, 4]
 
 
 PLACES = [(0.0, 0.0), (4.0, 0.0), (1.0, 1.0), (3.0, 0.5), (2.0, 2.0)]
 
 
 def test_nearest_and_farthest_are_measured_from_the_point() -> None:
-    assert struck(5, places=PLACES, choose="nearest", point=[4.0, 1.0], count=2) == [1, 3]
-    assert struck(5, places=PLACES, choose="farthest", point=[4.0, 1.0], count=2) == [0, 2]
+    assert struck(5, places=PLACES, target="nearest", point=[4.0, 1.0], count=2) == [1, 3]
+    assert struck(5, places=PLACES, target="farthest", point=[4.0, 1.0], count=2) == [0, 2]
 
 
 def test_of_equally_near_robots_the_lowest_ids_are_struck() -> None:
-    assert struck(5, places=np.zeros((5, 2)), choose="nearest", point=[1.0, 1.0], count=3) == [0, 1, 2]
+    assert struck(5, places=np.zeros((5, 2)), target="nearest", point=[1.0, 1.0], count=3) == [0, 1, 2]
 
 
 def test_the_hub_is_whoever_is_heard_by_most() -> None:
     links = [(0, 3), (1, 3), (2, 3), (3, 0), (4, 0), (3, 1)]  # receiver, sender
-    assert struck(5, links=links, choose="hub") == [3]
-    assert struck(5, links=links, choose="hub", count=2) == [0, 3]
+    assert struck(5, links=links, target="hub") == [3]
+    assert struck(5, links=links, target="hub", count=2) == [0, 3]
 
 
 def test_a_region_means_all_inside_it_unless_a_count_says_otherwise() -> None:
@@ -211,12 +213,15 @@ def test_a_region_means_all_inside_it_unless_a_count_says_otherwise() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=60)
 @given(
-    st.integers(2, 9), st.integers(0, 8), st.sampled_from([{"count": 3}, {"share": 0.6}, {"rate": 1.5}, {}]), st.data()
+    st.integers(2, 9),
+    st.integers(0, 8),
+    st.sampled_from([{"count": 3}, {"fraction": 0.6}, {"rate": 1.5}, {}]),
+    st.data(),
 )
 def test_so_many_live_robots_as_kept_are_without_the_fault_always(robots, keep, keys, data) -> None:
     keep = min(keep, robots - 1)
     when = {} if "rate" in keys else {"at": 0, "every": 1}
-    line = timeline(robots, keep=keep, **when, **keys)
+    line = timeline(robots, min_alive=keep, **when, **keys)
     alive = np.array(data.draw(st.lists(st.booleans(), min_size=robots, max_size=robots)))
     active = course(line, 15, alive=alive)
     assert ((alive & ~active).sum(axis=1) >= min(keep, alive.sum())).all()
@@ -233,24 +238,24 @@ def test_so_many_live_robots_as_kept_are_without_the_fault_always(robots, keep, 
         ({"rate": 0.5, "every": 3}, "every: nothing to count from; expected `at` as well"),
         ({"between": [3, 9], "every": 20}, "every: nothing to count from"),
         ({"between": [9, 9]}, r"between: \[9, 9\] is no time; expected the second to be later"),
-        ({"between": [3, 9], "lasts": 2}, "lasts: `between` says how long already"),
-        ({"at": 3, "keep": 5}, "keep: 5 of 5 robots, so that none is ever struck"),
+        ({"between": [3, 9], "duration": 2}, "duration: `between` says how long already"),
+        ({"at": 3, "min_alive": 5}, "min_alive: 5 of 5 robots, so that none is ever struck"),
         ({"at": 3, "robots": []}, "robots: the list is empty"),
         ({"at": 3, "robots": [1, 5]}, "robots: there is no robot 5; expected ids from 0 to 4"),
-        ({"at": 3, "count": 2, "share": 0.5}, "share: `count` says how many already"),
-        ({"at": 3, "choose": "nearest"}, "point: required key is missing; expected x and y in m for choose='nearest'"),
-        ({"at": 3, "choose": "hub", "point": [1.0, 1.0]}, "point: choose='hub' measures nothing"),
-        ({"at": 3, "point": [1.0, 1.0]}, "point: choose='random' measures nothing"),
+        ({"at": 3, "count": 2, "fraction": 0.5}, "fraction: `count` says how many already"),
+        ({"at": 3, "target": "nearest"}, "point: required key is missing; expected x and y in m for target='nearest'"),
+        ({"at": 3, "target": "hub", "point": [1.0, 1.0]}, "point: target='hub' measures nothing"),
+        ({"at": 3, "point": [1.0, 1.0]}, "point: target='random' measures nothing"),
         ({"at": 3, "region": [2.0, 0.0, 1.0, 1.0]}, r"region: \[2.0, 0.0, 1.0, 1.0\] holds nothing"),
         ({"at": -1}, "at: .*>= 0"),
-        ({"at": 3, "lasts": 0}, "lasts: .*>= 1"),
+        ({"at": 3, "duration": 0}, "duration: .*>= 1"),
         ({"rate": 0.0}, "rate: .*> 0"),
         ({"progress": 1.5}, "progress: .*<= 1"),
         ({"life": {"mean": 0.0}}, "life.mean: .*> 0"),
         ({"life": {"mean": 5.0, "shape": 0.05}}, "life.shape: .*>= 0.1"),
         ({"life": {"maen": 5.0}}, "life.maen: unknown key; did you mean 'mean'"),
         ({"at": 3, "duty": [0, 2]}, r"duty\[0\]: .*>= 1"),
-        ({"at": 3, "choose": "leader"}, "choose: "),
+        ({"at": 3, "target": "leader"}, "target: "),
     ],
 )
 def test_keys_that_contradict_each_other_are_refused(keys: dict[str, object], message: str) -> None:
@@ -286,7 +291,7 @@ class Watch:
 
 def watched(*overrides: str, iterations: int = 30, put=None) -> Watch:
     """A run in the room; `put` gives where some robots stand at the start."""
-    run = made(f"stop.iterations={iterations}", 'stop.when_done="go-on"', *overrides)
+    run = made(f"stop.iterations={iterations}", 'stop.when_done="continue"', *overrides)
     bodies = run.simulation.parts.bodies
     for robot, pose in (put or {}).items():
         bodies.crash(np.array([robot]))
@@ -298,7 +303,7 @@ def watched(*overrides: str, iterations: int = 30, put=None) -> Watch:
 
 
 def test_the_removed_return_to_the_spawn_area() -> None:
-    watch = watched("robots.count=4", 'faults=[{use="remove", at=5, lasts=10, robots=[0, 2]}]')
+    watch = watched("robots.count=4", 'faults=[{use="remove", at=5, duration=10, robots=[0, 2]}]')
     assert watch.told("removed") == [(5, 0), (5, 2)]
     assert watch.told("returned") == [(15, 0), (15, 2)]
     out = np.array([False] * 5 + [True] * 10 + [False] * 15)
@@ -312,7 +317,7 @@ def test_the_removed_return_to_the_spawn_area() -> None:
 
 
 def test_who_returns_waits_while_the_spawn_area_is_full() -> None:
-    faults = 'faults=[{use="remove", at=1, lasts=3, robots=[0]}, {use="motor", failure="off", at=0, robots=[1]}]'
+    faults = 'faults=[{use="remove", at=1, duration=3, robots=[0]}, {use="motor", failure="off", at=0, robots=[1]}]'
     run = made("robots.count=2", "stop.iterations=30", faults)
     parts = run.simulation.parts
     parts.building.entrance = parts.bodies.state().pose[1:, :2] + (0.05, 0.0)
@@ -361,7 +366,7 @@ def test_latecomers_have_the_map_they_are_given(memory: str) -> None:
         ("at=5, times=2", "every: required key is missing; expected iterations between 2 times"),
         ("at=0", "at: .*>= 1"),
         ("count=1", "at: required key is missing"),
-        ("at=5, lasts=3", "lasts: unknown key"),
+        ("at=5, duration=3", "duration: unknown key"),
         ('at=5, map="kept"', "map: "),
     ],
 )
@@ -397,7 +402,7 @@ def test_others_bump_into_the_crashed_and_pass_the_removed(kind: str) -> None:
 
 
 def test_the_crashed_stay_where_they_are_and_go_on_once_repaired() -> None:
-    watch = watched('faults=[{use="crash", at=5, lasts=10, robots=[1]}]')
+    watch = watched('faults=[{use="crash", at=5, duration=10, robots=[1]}]')
     assert watch.told("crashed") == [(5, 1)]
     assert watch.told("repaired") == [(15, 1)]
     pose, _, wheels = watch.rows(1)
@@ -412,7 +417,9 @@ def test_the_crashed_stay_where_they_are_and_go_on_once_repaired() -> None:
 
 @pytest.mark.parametrize(("kind", "other"), [("crash", "remove"), ("remove", "crash"), ("remove", "remove")])
 def test_an_intermittent_fault_brings_nobody_back_whom_another_has_taken(kind: str, other: str) -> None:
-    faults = f'faults=[{{use="{kind}", at=2, duty=[3, 3], robots=[0]}}, {{use="{other}", at=7, lasts=13, robots=[0]}}]'
+    faults = (
+        f'faults=[{{use="{kind}", at=2, duty=[3, 3], robots=[0]}}, {{use="{other}", at=7, duration=13, robots=[0]}}]'
+    )
     watch = watched(faults, iterations=24)
     # Out from 2 to 4 by the one and from 7 to 19 by the other; it begins with the living only, so not before 21.
     out = [t for t, moment in enumerate(watch.moments) if not moment.state.alive[0]]
@@ -423,7 +430,7 @@ OPEN = {0: (0.7, 0.9, 0.0), 1: (4.5, 3.3, 0.0)}  # robot 0 with 2 m of free floo
 
 
 def test_a_motor_that_is_off_stands_and_one_that_is_on_again_drives() -> None:
-    watch = watched("robots.count=2", 'faults=[{use="motor", failure="off", at=8, lasts=10, robots=[0]}]')
+    watch = watched("robots.count=2", 'faults=[{use="motor", failure="off", at=8, duration=10, robots=[0]}]')
     pose, velocity, wheels = watch.rows(0)
     assert np.abs(wheels[1:9]).max() > 0.1
     assert (wheels[9:19] == 0.0).all()
@@ -435,7 +442,7 @@ def test_a_motor_that_is_off_stands_and_one_that_is_on_again_drives() -> None:
 def test_a_slow_motor_turns_at_its_factor_of_what_is_wanted() -> None:
     faults = (
         'faults=[{use="motor", failure="stuck", at=0, robots=[0]},'
-        '{use="motor", failure="slow", factor=0.3, at=5, lasts=4, robots=[0]}]'
+        '{use="motor", failure="slow", factor=0.3, at=5, duration=4, robots=[0]}]'
     )
     pose, velocity, wheels = watched("robots.count=2", faults, put=OPEN, iterations=12).rows(0)
     factor = np.array([1.0] * 5 + [0.3] * 4 + [1.0] * 2)  # from iteration 1 on, at the end of each

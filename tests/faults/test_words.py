@@ -22,12 +22,12 @@ from swarmsim.faults.in_words import described, fault_in_words
     ("words", "keys"),
     [
         ("remove at=50 count=5", {"at": 50, "count": 5}),
-        ("motor off at=20 share=0.2 lasts=100", {"failure": "off", "at": 20, "share": 0.2, "lasts": 100}),
+        ("motor off at=20 fraction=0.2 duration=100", {"failure": "off", "at": 20, "fraction": 0.2, "duration": 100}),
         ("motor failure=off at=20", {"failure": "off", "at": 20}),
         ("mind random-walk at=3", {"failure": "random-walk", "at": 3}),
         ('remove at=3 map="lost"', {"at": 3, "map": "lost"}),
         ("  remove \t at=3\n map='lost' ", {"at": 3, "map": "lost"}),
-        ("remove at=3 choose=nearest point=[1, 2.5]", {"at": 3, "choose": "nearest", "point": [1.0, 2.5]}),
+        ("remove at=3 target=nearest point=[1, 2.5]", {"at": 3, "target": "nearest", "point": [1.0, 2.5]}),
         ("remove between=[3,\n5]", {"between": [3, 5]}),
         ("crash life={mean = 30, shape = 2}", {"life": {"mean": 30.0, "shape": 2.0}}),
         ("radio partition at=1 groups=[[0, 1], [2]]", {"failure": "partition", "at": 1, "groups": [[0, 1], [2]]}),
@@ -114,10 +114,10 @@ def test_brackets_without_end_are_refused() -> None:
         "remove at=50 count=5",
         "remove between=[3,5] robots=[1,2] map=lost",
         "crash life={mean=30.0,shape=2.0}",
-        "motor off at=20 share=0.2",
+        "motor off at=20 fraction=0.2",
         "motor slow at=20 wheel=left factor=0.25",
         "radio partition at=1 groups=[[0,1],[2]]",
-        "byzantine spoof rate=0.5 choose=hub",
+        "byzantine spoof rate=0.5 target=hub",
     ],
 )
 def test_the_cause_that_events_name_can_be_given_on_the_command_line(words: str) -> None:
@@ -135,7 +135,7 @@ ROOM = ROOT / "scenarios" / "room.toml"
 
 def test_faults_of_the_command_line_come_on_top_of_the_scenario(tmp_path: Path) -> None:
     one = 'faults=[{use="remove", at=2, robots=[0]}]'
-    more = ("--fault", "motor off at=3 lasts=2 robots=[1]", "--fault", "crash at=6 robots=[2]")
+    more = ("--fault", "motor off at=3 duration=2 robots=[1]", "--fault", "crash at=6 robots=[2]")
     short = ("--set", "stop.iterations=8")
     done = swarmsim("run", ROOM, *short, "--set", one, *more, "--out", tmp_path / "a")
     assert (done.exit_code, done.stderr) == (1, "")
@@ -149,7 +149,7 @@ def test_faults_of_the_command_line_come_on_top_of_the_scenario(tmp_path: Path) 
         ("begins", 2, 0, [0]), ("begins", 3, 1, [1]), ("ends", 5, 1, [1]), ("begins", 6, 2, [2]),
         ("ended", 7, None, None),
     ]  # fmt: skip
-    tables = ', {use="motor", failure="off", at=3, lasts=2, robots=[1]}, {use="crash", at=6, robots=[2]}]'
+    tables = ', {use="motor", failure="off", at=3, duration=2, robots=[1]}, {use="crash", at=6, robots=[2]}]'
     swarmsim("run", ROOM, *short, "--set", one[:-1] + tables, "--out", tmp_path / "b", "--quiet")
     assert json.loads((tmp_path / "b" / "summary.json").read_text())["digest"] == summary["digest"]
 
@@ -159,7 +159,7 @@ def test_faults_of_the_command_line_come_on_top_of_the_scenario(tmp_path: Path) 
     [
         ("remove cuont=3", "cuont: unknown key; did you mean 'count'"),
         ("remove count=3", "at: required key is missing"),  # found when it is built
-        ("remove at=3 keep=7", "keep: 7 of 3 robots"),
+        ("remove at=3 min_alive=7", "min_alive: 7 of 3 robots"),
         ("sensor beams at=3 beams=[9999]", "beams"),  # found when it is installed
         ("door at=3 box=[8,8,9,9]", "box"),
         ("remove at=3 region=[nan,0,1,1]", "region"),

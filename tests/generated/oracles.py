@@ -414,7 +414,7 @@ class _Count:
         scenario, shape = run.scenario, run.arena.lattice.shape
         self._sensed = np.zeros(shape, bool)
         self._senses = run.simulation.parts.sensor
-        kinds = {fault.use for fault in scenario.faults} | {scenario.mind.computation.table["share"]["use"]}
+        kinds = {fault.use for fault in scenario.faults} | {scenario.mind.computation.table["sharing"]["use"]}
         self._excused = [BELIEVED[kind] for kind in BELIEVED if kind in kinds]
         keeps = not any(
             fault.declares("map", "") == "lost" or fault.declares("failure", "") == "reboot"

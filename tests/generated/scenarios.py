@@ -105,7 +105,8 @@ class _Draw:
             "task": self._part("task", task),
             "motion": self._any("motion"),
             "stop": {
-                "iterations": 150 if self._large else dice.randint(4, 14), "when_done": dice.choice(("stop", "go-on")),
+                "iterations": 150 if self._large else dice.randint(4, 14),
+                "when_done": dice.choice(("stop", "continue")),
             },
         }  # fmt: skip
         if sensor:
@@ -134,7 +135,7 @@ class _Draw:
             for one in table["sensors"] if dice.random() < 0.5 else []:
                 name = f"{one['name']}_{one['use']}" if "name" in one else one["use"]
                 fails: Table = {"failure": "noisy", "sigma": 0.1} if one["use"] == "neighbours" else {"failure": "off"}
-                fault = {"use": "sensor", "at": dice.randint(0, 5), "keep": 0, "channels": [name], **fails}
+                fault = {"use": "sensor", "at": dice.randint(0, 5), "min_alive": 0, "channels": [name], **fails}
                 table["faults"] = [*table.get("faults", []), fault]
             if dice.random() < 0.2:
                 table["sensors"].append({**self._ring(ranges=False), "name": "rear"})
@@ -282,7 +283,7 @@ class _Draw:
             elif dice.random() < 0.5:
                 table["quorum"] = 2
         share = "tile-and-goal" if strategy in TOLD_GOALS else dice.choice(sorted(registry.known("sharing")))
-        table["share"] = self._part("sharing", share)
+        table["sharing"] = self._part("sharing", share)
         return table
 
     def _robots(self, sees: bool, ranges: bool) -> tuple[Any, Table]:

@@ -69,8 +69,8 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         if "sensor" in group:
             yield "sensor", group["sensor"]
     yield from (("computation", mind["computation"]), ("strategy", mind["strategy"]))
-    if "share" in mind["computation"]:
-        yield "sharing", mind["computation"]["share"]
+    if "sharing" in mind["computation"]:
+        yield "sharing", mind["computation"]["sharing"]
     yield "topology", table["network"]["topology"]
     channel = table["network"]["channel"]
     while channel:

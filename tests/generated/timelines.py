@@ -52,21 +52,21 @@ class Timelines:
         dice = self._dice
         first, last = dice.randint(0, 8), dice.randint(1, 6)
         times: list[Table] = [
-            {"at": first, **self._maybe(every=dice.randint(1, 5), lasts=last)},
+            {"at": first, **self._maybe(every=dice.randint(1, 5), duration=last)},
             {"between": [first, first + last]},
-            {"progress": round(dice.uniform(0.05, 0.9), 2), **self._maybe(lasts=last)},
-            {"rate": dice.choice((0.05, 0.3, 1.0)), **self._maybe(lasts=last)},
+            {"progress": round(dice.uniform(0.05, 0.9), 2), **self._maybe(duration=last)},
+            {"rate": dice.choice((0.05, 0.3, 1.0)), **self._maybe(duration=last)},
         ]
         if life:
             law = {"mean": dice.choice((2.0, 6.0)), **self._maybe(shape=dice.choice((0.5, 3.0)))}
-            times.append({"life": law, **self._maybe(lasts=last)})
+            times.append({"life": law, **self._maybe(duration=last)})
         return {**dice.choice(times), **self._maybe(duty=[dice.randint(1, 3), dice.randint(1, 3)])}
 
     def _scheduled(self) -> Table:
         first: Table = self._dice.choice(({"at": self._dice.randint(0, 6)}, {"progress": 0.2}))
         lasts = self._dice.randint(1, 5)
-        again: Table = {"every": lasts + self._dice.randint(1, 3), "lasts": lasts}  # not before it ends
-        return {**first, **self._dice.choice(({}, {"lasts": lasts}, again))}
+        again: Table = {"every": lasts + self._dice.randint(1, 3), "duration": lasts}  # not before it ends
+        return {**first, **self._dice.choice(({}, {"duration": lasts}, again))}
 
     def _whom(self) -> Table:
         dice, all_ = self._dice, range(self._robots)
@@ -74,15 +74,19 @@ class Timelines:
             {},
             {"robots": dice.sample(all_, dice.randint(1, self._robots))},
             {"region": self._box(0.5, 3.0)},
-            {"choose": "hub"},
-            {"choose": dice.choice(("nearest", "farthest")), "point": [1.0, 1.0]},
+            {"target": "hub"},
+            {"target": dice.choice(("nearest", "farthest")), "point": [1.0, 1.0]},
         ]
-        many: list[Table] = [{}, {"count": dice.randint(1, self._robots)}, {"share": round(dice.uniform(0.1, 1.0), 2)}]
-        return {**dice.choice(which), **dice.choice(many), **self._maybe(keep=dice.randint(0, self._robots - 1))}
+        many: list[Table] = [
+            {},
+            {"count": dice.randint(1, self._robots)},
+            {"fraction": round(dice.uniform(0.1, 1.0), 2)},
+        ]
+        return {**dice.choice(which), **dice.choice(many), **self._maybe(min_alive=dice.randint(0, self._robots - 1))}
 
     def _robots_at_times(self) -> Table:
         found = {**self._when(), **self._whom()}
-        return found if found.get("keep", 1) < self._robots else {**found, "keep": 0}
+        return found if found.get("min_alive", 1) < self._robots else {**found, "min_alive": 0}
 
     def _fails(self, ways: dict[str, Table]) -> Table:
         failure = self._dice.choice(sorted(ways))

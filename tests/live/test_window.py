@@ -32,7 +32,9 @@ def no_screen(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
     path = ROOT / "scenarios" / "room.toml"
-    made = Session(load(path, ["robots.count=4", "stop.when_done='go-on'", "stop.iterations=400"]), str(path), tmp_path)
+    made = Session(
+        load(path, ["robots.count=4", "stop.when_done='continue'", "stop.iterations=400"]), str(path), tmp_path
+    )
     yield made
     made._recorder.close()
 
@@ -174,7 +176,7 @@ def test_a_strike_gives_the_same_run_whatever_the_clock(tmp_path: Path, until: f
     clocks = {"fast": still, "slow": count(0.0, 1.0).__next__, "uneven": count(0.0, 0.02).__next__}
     for name, clock in clocks.items():
         (tmp_path / name).mkdir()
-        session = Session(load(path, ["robots.count=4", "stop.when_done='go-on'"]), str(path), tmp_path / name)
+        session = Session(load(path, ["robots.count=4", "stop.when_done='continue'"]), str(path), tmp_path / name)
         opened, frames = window(session, tmp_path, clock), 0
         while opened.time < until:
             opened.frame(0.1 if until - opened.time >= 2.0 else (until - opened.time) / 20.0)

@@ -30,7 +30,7 @@ def oracle(pose: np.ndarray, speed: float, iterations: int) -> list[float]:
 
 
 def test_order_is_that_of_the_equation_written_out() -> None:
-    keys = ("robots.count=40", 'network.topology={use="full"}', "stop.iterations=12", 'stop.when_done="go-on"')
+    keys = ("robots.count=40", 'network.topology={use="full"}', "stop.iterations=12", 'stop.when_done="continue"')
     run = made(*keys, scenario=FREE)
     start = run.simulation.state.pose.copy()
     ours = [moment.measured.values["order"] for moment in moments_of(run)]
@@ -38,7 +38,7 @@ def test_order_is_that_of_the_equation_written_out() -> None:
 
 
 def test_headings_follow_the_equation_on_any_network() -> None:
-    run = made("robots.count=30", "stop.iterations=60", 'stop.when_done="go-on"', scenario=FREE)
+    run = made("robots.count=30", "stop.iterations=60", 'stop.when_done="continue"', scenario=FREE)
     heading = run.simulation.state.pose[:, 2].copy()
     for moment in moments_of(run):
         turned = heading.copy()
@@ -50,7 +50,7 @@ def test_headings_follow_the_equation_on_any_network() -> None:
 
 
 def test_particles_move_as_far_as_they_should_and_leave_at_one_edge_to_enter_at_the_other() -> None:
-    run = made("robots.count=30", "stop.iterations=200", 'stop.when_done="go-on"', scenario=FREE)
+    run = made("robots.count=30", "stop.iterations=200", 'stop.when_done="continue"', scenario=FREE)
     moments = moments_of(run)
     for before, after in pairwise(moments):
         step = after.state.pose[:, :2] - before.state.pose[:, :2]
@@ -64,7 +64,7 @@ def test_particles_move_as_far_as_they_should_and_leave_at_one_edge_to_enter_at_
 
 def late_order(noise: float, seed: int) -> float:
     keys = (f"mind.computation.noise={noise}", f"seed={seed}", "robots.count=50", "stop.iterations=80")
-    moments = moments_of(made(*keys, 'stop.when_done="go-on"', scenario=FREE))
+    moments = moments_of(made(*keys, 'stop.when_done="continue"', scenario=FREE))
     return float(np.mean([moment.measured.values["order"] for moment in moments[40:]]))
 
 

@@ -240,7 +240,7 @@ def _room(folder: Path) -> Recording:
 
 
 def test_a_swarm_of_the_dead_makes_no_progress() -> None:
-    dead = 'faults=[{use="remove", at=1, robots=[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], keep=0}]'
+    dead = 'faults=[{use="remove", at=1, robots=[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], min_alive=0}]'
     last = moments_of(made("robots.count=12", "stop.iterations=3", dead, scenario=FIELD))[-1].measured
     assert (last.progress, last.finished) == (0.0, False)
 

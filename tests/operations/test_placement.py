@@ -15,7 +15,7 @@ from swarmsim.operations.placement.covering import centroid
 from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.placement.rendezvous import centres
 
-GO_ON = 'stop.when_done="go-on"'
+GO_ON = 'stop.when_done="continue"'
 SQUARE = shapely.LinearRing([(1.5, 1.5), (6.5, 1.5), (6.5, 6.5), (1.5, 6.5)])
 
 

@@ -391,7 +391,7 @@ def test_fast_robots_do_not_pass_thin_walls(tmp_path, speed, substep):
     (tmp_path / "s.toml").write_text(
         f'world = "w.svg"\n[robots]\ncount = 8\nspeed = {speed}\nacceleration = {10 * speed}\ntraction = 9.0\n'
         f'[physics]\nsubstep = {substep}\n[network.topology]\nuse = "none"\n'
-        '[stop]\niterations = 40\nwhen_done = "go-on"\n'
+        '[stop]\niterations = 40\nwhen_done = "continue"\n'
     )
     run = build(load(tmp_path / "s.toml"), "s.toml")
     while not run.simulation.over:

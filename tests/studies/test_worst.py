@@ -34,7 +34,7 @@ def test_shrinking_finds_the_least_that_fails() -> None:
     """It takes seven crashed robots for 100 iterations, and nothing else does anything."""
     answer = search(
         lambda faults, seed: any(
-            f["use"] == "crash" and f["count"] >= 7 and min(f.get("lasts", 1000), 2 * SOUND - f["at"]) >= 100
+            f["use"] == "crash" and f["count"] >= 7 and min(f.get("duration", 1000), 2 * SOUND - f["at"]) >= 100
             for f in (fault.table for fault in faults)
         )
     ).run(80)

@@ -20,7 +20,7 @@ SCENARIOS = sorted(
     if "studies" not in path.parts
 )
 LONGER = {"merging": 110}  # frames are found after 84 iterations
-FORGETS = 'faults=[{use="mind", failure="reboot", at=8, lasts=3}, {use="remove", at=4, count=2, lasts=9}]'
+FORGETS = 'faults=[{use="mind", failure="reboot", at=8, duration=3}, {use="remove", at=4, count=2, duration=9}]'
 KINDS = (
     'robots=[{count=4, speed=0.1, sensor={tile=[5, 9]}}, {count=3, radius=0.04, sensor={preset="gternal"}}, {count=3}]'
 )
@@ -45,7 +45,7 @@ def test_it_does_for_long(scenario: str) -> None:
 @pytest.mark.parametrize("trust", ["all", "own", "quorum"])
 @pytest.mark.parametrize("policy", registry.known("sharing"))
 def test_so_it_does_whatever_is_shared_and_believed_and_when_it_has_to_forget(policy: str, trust: str) -> None:
-    mind = f'mind.computation={{share={{use="{policy}"}}, trust="{trust}", decay=0.01, hits="spared"}}'
+    mind = f'mind.computation={{sharing={{use="{policy}"}}, trust="{trust}", decay=0.01, hits="spared"}}'
     testing.check_one_robot(path_of("exploring"), [mind, FORGETS])
     testing.check_permutation(path_of("exploring"), [mind, FORGETS], iterations=12)
 
@@ -53,7 +53,7 @@ def test_so_it_does_whatever_is_shared_and_believed_and_when_it_has_to_forget(po
 @pytest.mark.parametrize(
     ("scenario", "key"),
     [
-        *(("exploring", f'mind.computation.share={{use="{policy}"}}') for policy in registry.known("sharing")),
+        *(("exploring", f'mind.computation.sharing={{use="{policy}"}}') for policy in registry.known("sharing")),
         *(
             (f"operations/{name}", "seed=3")
             for name in ("turn", "average-consensus", "field", "wandering", "formation")

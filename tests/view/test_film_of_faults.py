@@ -22,10 +22,10 @@ SIZE = (1280, 720)
 OFF, CRASHED, REMOVED, LATE = 0, 1, 2, 3  # robots
 FAULTS = """faults=[
     {use="join", at=20},
-    {use="motor", failure="off", at=5, lasts=10, robots=[0]},
-    {use="crash", at=8, lasts=10, robots=[1]},
-    {use="remove", at=9, lasts=100, robots=[2]},
-    {use="furniture", at=12, lasts=9, box=[3.9, 0.9, 4.3, 1.3]},
+    {use="motor", failure="off", at=5, duration=10, robots=[0]},
+    {use="crash", at=8, duration=10, robots=[1]},
+    {use="remove", at=9, duration=100, robots=[2]},
+    {use="furniture", at=12, duration=9, box=[3.9, 0.9, 4.3, 1.3]},
 ]""".replace("\n", "").replace(",]", "]")
 
 

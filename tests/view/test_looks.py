@@ -88,7 +88,7 @@ def test_focus_shows_the_map_of_one_robot(recording: Recording, robot: int) -> N
 
 
 def test_cells_that_are_forgotten_are_dark_again(tmp_path: Path) -> None:
-    run = made("stop.iterations=60", "stop.when_done='go-on'", "mind.computation.decay=0.2")
+    run = made("stop.iterations=60", "stop.when_done='continue'", "mind.computation.decay=0.2")
     with run.recorder(tmp_path / "r.h5") as recorder:
         run.simulation.run([recorder])
     recording = Recording(tmp_path / "r.h5")

@@ -23,7 +23,7 @@ from swarmsim.view.page.document import replay_page, study_page
 from swarmsim.view.scene import Scene
 
 FAULTS = """faults=[{use="people", count=1}, {use="join", at=8}, {use="motor", failure="off", at=5, count=1},
-    {use="remove", at=12, count=1}, {use="furniture", at=15, lasts=9, box=[3.9, 0.9, 4.3, 1.3]}]""".replace("\n", "")
+    {use="remove", at=12, count=1}, {use="furniture", at=15, duration=9, box=[3.9, 0.9, 4.3, 1.3]}]""".replace("\n", "")
 
 
 @pytest.fixture(scope="module")

@@ -268,7 +268,7 @@ def test_a_moment_outside_of_the_run_is_refused(recording: Recording) -> None:
 
 
 def test_robots_on_a_page_without_edges_cross_them_by_the_short_way(tmp_path: Path) -> None:
-    run = made("stop.iterations=60", 'stop.when_done="go-on"', scenario="operations/heading-consensus-free")
+    run = made("stop.iterations=60", 'stop.when_done="continue"', scenario="operations/heading-consensus-free")
     with run.recorder(tmp_path / "r.h5") as recorder:
         run.simulation.run([recorder])
     recording = Recording(tmp_path / "r.h5")

@@ -24,6 +24,7 @@ from swarmsim.core.lending import AS_IT_IS, lent
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.own import MisfitError
 from swarmsim.core.readings import Readings
+from swarmsim.core.renamed import OF_PARTS
 from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 
 
@@ -153,7 +154,7 @@ class OwnMinds(Knowledge):
             return self.shown[name]
         except KeyError:
             raise AttributeError(
-                f"{name!r} is not shown; the class names in 'shows': {', '.join(self.shown)}"
+                f"{name!r} is not shown; the class names in 'recorded': {', '.join(self.shown)}"
             ) from None
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
@@ -433,6 +434,9 @@ def _said(kind: type) -> dict[str, np.dtype[np.generic]]:
 
 def _required(kind: type) -> tuple[str, ...]:
     """The channels that a class of minds needs. Raises MisfitError for what are no names."""
+    for old, kinds in (("says", Mapping), ("shows", tuple)):
+        if isinstance(getattr(kind, old, None), kinds):
+            raise MisfitError(f"{old} is called {OF_PARTS[old]} now", kind, old)
     requires = getattr(kind, "requires", ())
     if not isinstance(requires, tuple | list) or not all(isinstance(name, str) for name in requires):
         raise MisfitError(f"requires is {own.brief(requires)}; expected names, as in ('tiles',)", kind, "requires")

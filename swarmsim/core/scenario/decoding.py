@@ -12,6 +12,7 @@ from msgspec import inspect as types
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import not_ending
+from swarmsim.core.renamed import key_now
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -121,7 +122,9 @@ def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str 
     fields = {field.encode_name: field for field in msgspec.structs.fields(kind)}
     for key in given:
         if key not in fields:
-            raise InputError(f"{place}{key}: unknown key; {nearest(key, fields)}")
+            now = key_now(key, fields)
+            told = f"is called {now} now" if now else f"unknown key; {nearest(key, fields)}"
+            raise InputError(f"{place}{key}: {told}")
     missing = []
     for key, field in fields.items():
         inner = next((k for k in (field.type, *getattr(field.type, "__args__", ())) if _is_struct(k)), None)

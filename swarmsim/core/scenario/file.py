@@ -145,7 +145,7 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     A run that goes on when its task is done ends after `iterations`, and is finished if it was done on the way.
     """
 
-    when_done: Literal["stop", "go-on"] = "stop"
+    when_done: Literal["stop", "continue"] = "stop"
     iterations: Count = 5000
 
 
@@ -183,7 +183,7 @@ LATER: Final = ("layers", "probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
-    "network.sharing": "mind.computation.share",
+    "network.sharing": "mind.computation.sharing",
     "stop.coverage": "task.share",
     "stop.at_coverage": "stop.when_done",
 }

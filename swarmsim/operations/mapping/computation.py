@@ -25,8 +25,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
-from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
@@ -62,7 +61,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     lowest: Probability = 0.12  # probability below which no cell falls
     highest: Probability = 0.97  # probability above which none rises
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
-    share: Part[Sharing[TileItems]] = Part("sharing")  # what is told
+    sharing: Part[Sharing[TileItems]] = Part("sharing")  # what is told
     hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
@@ -70,7 +69,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     @property
     def merges(self) -> bool:
         """Whether robots have frames of reference of their own."""
-        return self.share.declares("merges", False)
+        return self.sharing.declares("merges", False)
 
     def build(self, context: BuildContext) -> MapComputation:
         """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
@@ -84,7 +83,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         others = context.swarm - 1
         if self.trust == "quorum" and (self.quorum or 2) > others:
             raise InputError(f"quorum: {self.quorum or 2} of {others} others never agree; expected {others} at most")
-        return MapComputation(self, context, self.share.build(context, "share"))
+        return MapComputation(self, context, self.sharing.build(context, "sharing"))
 
 
 class MapComputation:

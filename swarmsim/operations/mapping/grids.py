@@ -12,7 +12,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Inbox
 from swarmsim.core.readings import Tiles
 from swarmsim.kernels import occupancy, trust
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+from swarmsim.operations.mapping.maps import TileItems
 
 
 class OccupancyGrids:

@@ -14,7 +14,16 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
-from swarmsim.operations.mapping.sharing.codecs import TileItems
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TileItems(MessageBatch):
+    """The tiles in messages."""
+
+    values: NDArray[np.uint8]  # (t, rows, columns)
+    origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
+    sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
+    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,7 +16,7 @@ JUMP = 20.0  # radii of a robot: a farther step goes round a page without edges,
 class Trails(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Where each live robot has been in the latest iterations."""
 
-    iterations: Annotated[int, Meta(ge=1, le=1000)] = 30
+    iterations: Annotated[int, Meta(ge=1, le=1000)] = 30  # how far back lines go
 
     def build(self, shown: Shown) -> Trails:
         """The layer."""

@@ -73,7 +73,7 @@ def cut(path: Path, world: World) -> Drawing:
         return _drawing(model, path, world)
     except (InputError, MemoryError):
         raise
-    except Exception as problem:  # whatever the library makes of a broken model
+    except Exception as problem:  # a broken model can raise anything here
         raise InputError(_broken(path, problem)) from None
 
 

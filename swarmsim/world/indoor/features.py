@@ -1,4 +1,4 @@
-"""Features with properties, whatever file holds them, and what their geometry covers."""
+"""Features with properties, from any format, and the area that they cover."""
 
 from __future__ import annotations
 

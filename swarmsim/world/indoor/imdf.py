@@ -54,7 +54,7 @@ def _folder(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _archive(path: Path) -> Iterator[tuple[str, str]]:
-    """Likewise of an archive, of which no more is unpacked than a file may hold."""
+    """The same for an archive; no more of it is unpacked than a file may hold."""
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             members = sorted(archive.infolist(), key=lambda member: (member.filename.count("/"), member.filename))

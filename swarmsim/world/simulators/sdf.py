@@ -29,7 +29,7 @@ LOW, HIGH = 0.05, 0.3  #: m above the ground, between which a robot is
 _EXPECTED: Final = "a world of Gazebo (SDF)"
 _ROUND: Final = 64  # corners of a cylinder
 _HARMLESS: Final = ("sun", "ground_plane")  # models that nearly every world includes
-_TURNING: Final = ("revolute", "continuous", "revolute2")  # joints, of which a robot has two or more
+_TURNING: Final = ("revolute", "continuous", "revolute2")  # joints; a robot has two or more of them
 _NAMED: Final = 8  # names in a notice
 Pose = NDArray[np.float64]  # (4, 4), from the coordinates of a thing to those around it
 

@@ -173,7 +173,7 @@ def test_a_patrol_goes_to_the_nearest_cell_at_least_half_as_old_as_the_oldest_in
 
 def ages(*overrides: str, iterations: int = 500):
     """When each cell of the domain was last sensed by anybody, in a run that goes on after 100 %."""
-    run = made(f"stop.iterations={iterations}", 'stop.when_done="go-on"', *overrides)
+    run = made(f"stop.iterations={iterations}", 'stop.when_done="continue"', *overrides)
     building, last = run.simulation.parts.building, np.full(run.domain.shape, -1)
 
     class Watch:
@@ -243,7 +243,7 @@ def test_a_run_that_forgets_and_patrols_is_the_same_again() -> None:
         keys = (
             'mind.strategy.idle="patrol"',
             "mind.computation.decay=0.02",
-            'stop.when_done="go-on"',
+            'stop.when_done="continue"',
             "stop.iterations=200",
         )
         made(*keys).simulation.run([digests])
@@ -252,7 +252,7 @@ def test_a_run_that_forgets_and_patrols_is_the_same_again() -> None:
 
 
 def test_a_map_that_forgets_shrinks_and_grows() -> None:
-    run = made("mind.computation.decay=0.02", 'stop.when_done="go-on"', "stop.iterations=200")
+    run = made("mind.computation.decay=0.02", 'stop.when_done="continue"', "stop.iterations=200")
     curve = []
 
     class Watch:

@@ -189,7 +189,9 @@ def test_robots_find_each_others_frames_and_finish() -> None:
 
 
 def test_robots_that_never_meet_know_what_they_sensed_alone() -> None:
-    run = made("seed=1", 'mind.computation.share={use="merge", within=0.001}', "stop.iterations=60", scenario="merging")
+    run = made(
+        "seed=1", 'mind.computation.sharing={use="merge", within=0.001}', "stop.iterations=60", scenario="merging"
+    )
     moments = moments_of(run)
     frames = moments[-1].knowledge.frames
     assert_array_equal(frames.known, np.eye(7, dtype=bool))
@@ -232,4 +234,4 @@ def test_a_film_of_frames_is_written_and_refused_for_other_runs(tmp_path, room) 
     assert "a look of its own" in refused.stderr
     refused = called("video", str(room), str(tmp_path / "no.mp4"), "--frames", "--quiet")
     assert refused.returncode == 2
-    assert "expected mind.computation.share.use = merge" in refused.stderr
+    assert "expected mind.computation.sharing.use = merge" in refused.stderr

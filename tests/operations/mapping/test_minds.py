@@ -649,7 +649,7 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
         motion=PurePursuit().build(place), bodies=bodies, task=Coverage().build(place), building=hall,
         schedule=Schedule(bodies.state()), lattice=lattice,
     )  # fmt: skip
-    simulation = Simulation(parts, 1.0, 10**6, "go-on")
+    simulation = Simulation(parts, 1.0, 10**6, "continue")
     blocked = 0
     for _ in range(2000):
         simulation.tick()

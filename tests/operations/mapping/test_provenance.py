@@ -52,8 +52,8 @@ class Followed:
 )
 def test_every_reading_is_followed_to_every_map(share: str) -> None:
     run = made(
-        f"mind.computation.share={share}", "robots.count=6", 'network.topology={use="knn", k=2}',
-        'faults=[{use="crash", at=9, count=1}]', "stop.iterations=40", 'stop.when_done="go-on"',
+        f"mind.computation.sharing={share}", "robots.count=6", 'network.topology={use="knn", k=2}',
+        'faults=[{use="crash", at=9, count=1}]', "stop.iterations=40", 'stop.when_done="continue"',
     )  # fmt: skip
     lattice = run.context.lattice
     probe, followed = MapProvenance(6, lattice), Followed(6, lattice.shape)

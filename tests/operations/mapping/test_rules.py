@@ -29,7 +29,8 @@ from swarmsim.operations.mapping.exploration.rules import (
     UtilityFrontier,
 )
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, _latest_tiles
-from swarmsim.operations.mapping.sharing.codecs import GOAL, TileItems
+from swarmsim.operations.mapping.maps import TileItems
+from swarmsim.operations.mapping.sharing.codecs import GOAL
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
 
 FAR = math.inf
@@ -133,7 +134,7 @@ def test_dispersed_goes_where_others_are_not() -> None:
 
 @pytest.mark.parametrize("use", ["market", "reserved-frontier"])
 def test_rules_that_need_goals_say_so(use: str) -> None:
-    with pytest.raises(InputError, match=r"expected mind\.computation\.share\.use = 'tile-and-goal'"):
+    with pytest.raises(InputError, match=r"expected mind\.computation\.sharing\.use = 'tile-and-goal'"):
         made(f'mind.strategy={{use="{use}"}}').simulation.run()
 
 
@@ -142,7 +143,7 @@ RULES = [name for name, kind in registry.known("strategy").items() if issubclass
 
 @pytest.mark.parametrize("use", RULES)
 def test_every_rule_maps_the_room(use: str) -> None:
-    assert made(f'mind={{strategy={{use="{use}"}}, computation={{share={{use="tile-and-goal"}}}}}}').simulation.run()
+    assert made(f'mind={{strategy={{use="{use}"}}, computation={{sharing={{use="tile-and-goal"}}}}}}').simulation.run()
 
 
 def test_rules_count_their_bytes() -> None:
@@ -190,7 +191,7 @@ def test_gossip_tells_what_waited_longest_and_never_what_it_does_not_know() -> N
 
 def test_the_recommended_way_is_faster_than_the_papers_rule() -> None:
     path, took = ROOT / "scenarios" / "exploring.toml", []
-    for keys in ((), ('mind.strategy={use="nearest-frontier"}', 'mind.computation.share={use="current-tile"}')):
+    for keys in ((), ('mind.strategy={use="nearest-frontier"}', 'mind.computation.sharing={use="current-tile"}')):
         runs = [build(load(path, [*keys, f"seed={seed}"]), str(path)).simulation for seed in range(1, 7)]
         assert all(run.run() for run in runs)
         took.append(np.mean([run.finished_after for run in runs]))

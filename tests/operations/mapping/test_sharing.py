@@ -280,7 +280,7 @@ def test_readings_are_counted_and_pieces_of_maps_fill_what_is_left(seed: int) ->
 
 def test_linked_robots_that_share_maps_know_all_that_the_other_knew_an_iteration_ago() -> None:
     run = made(
-        'network.topology={use="chain"}', 'mind.computation.share={use="map"}', "robots.count=2", "stop.iterations=60"
+        'network.topology={use="chain"}', 'mind.computation.sharing={use="map"}', "robots.count=2", "stop.iterations=60"
     )
     simulation, behaviour = run.simulation, run.simulation.parts.computation.maps
     before = behaviour.observed.copy()
@@ -298,7 +298,9 @@ LATE = 'network.channel={use="latency", delay=2, law="geometric", over={use="ber
 
 @pytest.mark.parametrize("table", ['{use="relay", hops=3}', '{use="map"}', '{use="current-tile"}'])
 def test_maps_replayed_from_a_recording_are_the_behaviours(table: str, tmp_path) -> None:
-    run = made(f"mind.computation.share={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120")
+    run = made(
+        f"mind.computation.sharing={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120"
+    )
     path = tmp_path / "recording.h5"
     behaviour = run.simulation.parts.computation.maps
     kept = []
@@ -320,7 +322,7 @@ def test_maps_replayed_from_a_recording_are_the_behaviours(table: str, tmp_path)
     assert "loss" in recording.summary()["lost"]
     digests = Digests()
     made(
-        f"mind.computation.share={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120"
+        f"mind.computation.sharing={table}", LATE, "robots.count=5", "network.topology.k=2", "stop.iterations=120"
     ).simulation.run([digests])
     assert digests.total() == recording.digest()
 
@@ -328,7 +330,7 @@ def test_maps_replayed_from_a_recording_are_the_behaviours(table: str, tmp_path)
 def test_with_one_hop_relaying_is_sharing_the_current_tile() -> None:
     def digest(table: str) -> bytes:
         digests = Digests()
-        made(f"mind.computation.share={table}", "robots.count=6", "network.topology.k=3").simulation.run([digests])
+        made(f"mind.computation.sharing={table}", "robots.count=6", "network.topology.k=3").simulation.run([digests])
         heard = DIGESTED.index("heard")  # which tells the hops as well
         return b"".join(row[: 8 * heard] + row[8 * heard + 8 :] for row in digests.rows)
 

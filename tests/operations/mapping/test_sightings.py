@@ -47,7 +47,7 @@ robots.count = 8
 network.topology.use = "full"
 stop.iterations = 120
 [mind]
-computation = {{use = "occupancy-grid", trust = "own", share = {{use = "merge"}}}}
+computation = {{use = "occupancy-grid", trust = "own", sharing = {{use = "merge"}}}}
 strategy.use = "dispersed-frontier"
 """
 

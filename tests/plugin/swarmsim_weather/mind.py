@@ -104,9 +104,9 @@ class Sometimes:
             senses = replace(senses, readings=senses.readings.having({"tiles.values": blank}))
         return self._inner.say(senses, maps)
 
-    def taken(self, senses: Senses, inbox: Inbox):
+    def accepted(self, senses: Senses, inbox: Inbox):
         """All that is heard."""
-        return self._inner.taken(senses, inbox)
+        return self._inner.accepted(senses, inbox)
 
 
 class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

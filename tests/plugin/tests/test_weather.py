@@ -71,7 +71,7 @@ def test_robots_agree_on_the_warmest_place_and_go_there(write) -> None:
     run = sw.run(path)
     assert run.finished
     assert run.iterations <= 5  # a ring of five, in which news travel one robot an iteration
-    moments = list(sw.simulate(path, overrides={"stop.when_done": "go-on", "stop.iterations": 60}))
+    moments = list(sw.simulate(path, overrides={"stop.when_done": "continue", "stop.iterations": 60}))
     assert np.ptp(moments[-1].knowledge.warmth) == 0.0
     start, end = (moments[i].state.pose[:, 0].mean() for i in (0, -1))
     assert end < start - 0.3  # it is warmer on the left

@@ -17,8 +17,8 @@ from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, frontier_costs, search
 from swarmsim.operations.mapping.exploration.nearest import FrontierStrategy, NearestFrontier
-from swarmsim.operations.mapping.maps import Maps
-from swarmsim.operations.mapping.sharing.codecs import GoalItems, TileItems
+from swarmsim.operations.mapping.maps import Maps, TileItems
+from swarmsim.operations.mapping.sharing.codecs import GoalItems
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 
 Grain = Annotated[int, Meta(ge=1)] | None
@@ -61,7 +61,7 @@ class Candidates:
         if others.goals is None or others.left is None:
             raise InputError(
                 "mind.strategy.use: this strategy needs to hear where others go; expected "
-                "mind.computation.share.use = 'tile-and-goal'"
+                "mind.computation.sharing.use = 'tile-and-goal'"
             )
         has = others.goals[:, 0] >= 0
         apart = others.goals[has, None, :] - self.goals[None]

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import MessageBatch
 from swarmsim.core.state import UNKNOWN
+from swarmsim.operations.mapping.maps import TileItems
 
 #: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
 HEADER: Final = struct.Struct(">HIhh")
@@ -27,16 +27,6 @@ MAP: Final = struct.Struct(">HIhhHH")
 #: After a tile: the row and column of the cell that its sender goes to explore (2 bytes each, signed; -1 for none) and
 #: how many cells of its way there are left (2), big-endian.
 GOAL: Final = struct.Struct(">hhH")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TileItems(MessageBatch):
-    """The tiles in messages."""
-
-    values: NDArray[np.uint8]  # (t, rows, columns)
-    origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
-    sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
-    sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,9 +13,8 @@ from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.state import FREE, OCCUPIED, Senses
-from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.codecs import (
-    TileItems,
     current_tile_bytes,
     pack,
     pack_cells,

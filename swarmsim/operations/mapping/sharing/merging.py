@@ -21,15 +21,8 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Senses
-from swarmsim.operations.mapping.maps import Frames, Maps
-from swarmsim.operations.mapping.sharing.codecs import (
-    MapCodec,
-    TileItems,
-    assembled,
-    current_tile_bytes,
-    map_bytes,
-    pieces,
-)
+from swarmsim.operations.mapping.maps import Frames, Maps, TileItems
+from swarmsim.operations.mapping.sharing.codecs import MapCodec, assembled, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 from swarmsim.operations.mapping.sharing.registration import Cells, Meetings, Transform, register

@@ -15,14 +15,13 @@ from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses
 from swarmsim.kernels import occupancy
-from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.codecs import (
     GOAL,
     GoalCodec,
     GoalItems,
     MapCodec,
     TileCodec,
-    TileItems,
     current_tile_bytes,
     map_bytes,
     pieces,
