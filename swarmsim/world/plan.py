@@ -25,9 +25,7 @@ class FloorPlan:
     layers: Mapping[str, MultiPolygon]  # the same, one by one: walls, pillars, furniture
     spawns: Mapping[str, MultiPolygon]  # areas in which robots may start, by name
     page: Box  # left, lower, right, upper
-    unknown: MultiPolygon = field(
-        default_factory=MultiPolygon
-    )  # unmapped; in `walls` as well where it counts as solid
+    unknown: MultiPolygon = field(default_factory=MultiPolygon)  # unmapped; in `walls` as well where it counts as solid
     notices: tuple[str, ...] = ()  # what was passed over, in sentences that name the file
     border: MultiPolygon = field(default_factory=MultiPolygon)  # what closes an open building; solid, but no wall of it
     openings: tuple[Box, ...] = ()  # doors that were made, for pictures
