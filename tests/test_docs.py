@@ -228,6 +228,10 @@ def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_pat
     assert not seen[60:, 0].any()  # its sensor is off from then on
     assert seen[60:, 1:].any()
     assert recording["crowding.others"].shape == (10, 5)
+    lamp, near = recording["lamp"], recording["neighbours_lamp"]
+    assert 0.3 < lamp.max() < 1.0
+    assert np.isin(near[near > 0.0], lamp).all()
+    assert (near > 0.0).any()
     begun = [event for event in recording.events() if isinstance(event, Begins)]
     assert [(event.iteration, event.fault) for event in begun] == [(20, 0), (60, 1)]
     check_contracts(tmp_path / "hall.toml", iterations=10, allow_code=True)

@@ -143,14 +143,14 @@ class Run:
         """One row for each iteration; columns are named with their units. Needs pandas.
 
         With the name of a probe, as in the scenario, one row for each sample and robot. With that of a channel of the
-        robots' sensors, such as `neighbours`, one for each iteration and robot and, where there are several of
-        something, for each of them. Raises InputError for what is neither.
+        robots' sensors or actuators, such as `neighbours` or `led`, one for each iteration and robot and, where there
+        are several of something, for each of them. Raises InputError for what is neither.
         """
         try:
             import pandas as pd
         except ImportError as problem:
             raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
-        if name is not None and name in self.recording.channels:
+        if name is not None and (name in self.recording.channels or name in self.recording.actuators):
             return pd.DataFrame(columns_of(self.recording, name))
         if name is not None:
             return pd.DataFrame(self._sampled(name))

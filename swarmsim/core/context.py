@@ -68,7 +68,8 @@ class BuildContext:
     starts: NDArray[np.float64]  # (N, 3): poses of all robots at the start, by number
     scalar_field: Field | None = None  # what there is to measure besides walls
     number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
-    channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built first
+    actuators: Channels = NOTHING  # what their actuators take and then are, for all parts but these, built first
+    channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built next
     gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
 
     @classmethod

@@ -166,3 +166,13 @@ def array_of(value: object, *shape: int | None) -> NDArray[np.generic]:
     if len(found.shape) != len(shape) or any(side not in (None, n) for side, n in zip(shape, found.shape, strict=True)):
         raise ValueError(brief(value) if found is value else f"{brief(value)}, of shape {found.shape}")
     return found
+
+
+def kept_as(kind: np.dtype[np.generic], value: object, *shape: int | None) -> NDArray[np.generic]:
+    """A copy of `array_of` in a type of numbers. Raises ValueError for what is another number there, too."""
+    given = array_of(value, *shape)
+    with np.errstate(all="ignore"):
+        kept = given.astype(kind)
+    if not np.array_equal(kept, given, equal_nan=True) and (kept.dtype.kind != "f" or not np.isfinite(kept).all()):
+        raise ValueError(f"{brief(value)} does not fit {kind}")
+    return kept

@@ -46,6 +46,22 @@ class Sensor(Protocol):
         ...
 
 
+class Actuator(Protocol):
+    """Does what robots decide besides driving, such as shining in a colour."""
+
+    @property
+    def channels(self) -> Channels:
+        """What it takes and what it then is, which does not change; `blank` is how it rests."""
+        ...
+
+    def act(self, commands: Readings, state: State) -> Readings:
+        """What it is from the end of this iteration on, by what everybody has decided, which is at rest for the dead.
+
+        Commands may lie beyond the bounds of their channel; what is given may not.
+        """
+        ...
+
+
 class Localisation(Protocol):
     """Tells each robot where it is; taken to err, by as much until the next iteration, unless it is Tracking."""
 
@@ -308,6 +324,7 @@ class Schedule:
 class Parts:
     """The parts of a swarm, one per seam, in their building."""
 
+    actuator: Actuator
     sensor: Sensor
     localisation: Tracking
     computation: AnyComputation

@@ -1,18 +1,19 @@
-"""What robots measure: columns of numbers, each declared by the sensor that gives it."""
+"""What robots measure, and what their actuators do: columns of numbers, each declared by the part that gives it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, Self
 
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
-from swarmsim.core.errors import InputError
+from swarmsim.core import own
+from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.lattice import Lattice
 
 NAME: Final = r"^[a-z][a-z0-9_]{0,40}(\.[a-z0-9_]{1,20})?$"  # names become tables, keys and attributes
@@ -20,6 +21,7 @@ LONGEST: Final = 100_000  # of a side of what a channel gives for one robot, and
 Name = Annotated[str, Meta(pattern=NAME)]
 Called = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,19}$")]  # the name of a sensor
 Word = Annotated[str, Meta(max_length=200)]
+COLOUR: Final = "sRGB"  # the unit of colours
 Side = Annotated[int, Meta(ge=0, le=LONGEST)]
 
 
@@ -28,7 +30,7 @@ Column = NDArray[Any]
 
 
 class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """One column of readings: what it holds of each robot, and how it is to be treated.
+    """One column of readings or of what an actuator does: what it holds of each robot, and how it is to be treated.
 
     `structure` is what other columns are read by, such as origins and counts: no fault changes it but on purpose,
     since kernels use it without looking at its bounds.
@@ -40,7 +42,7 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
     unit: Word = ""
     low: float = -math.inf  # what is measured lies within, both ends included
     high: float = math.inf
-    blank: float | None = None  # what stands where nothing is measured; None: NaN, in whole numbers 0
+    blank: float | None = None  # where nothing is measured, or an actuator rests; None: NaN, in whole numbers 0
     missing: float = 0.0  # what stands in its place for those who cannot take NaN
     #: What it is relative to, when robots err about their poses. body: the robot, it stays as it is. cells: rows and
     #: columns (..., 2), moved by whole cells. world: headings (), places (..., 2) or poses (..., 3), moved rigidly.
@@ -71,6 +73,11 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         """Whether it can be somewhat larger: what robots read themselves, and no choice between a few values."""
         return self.dtype in ("i4", "f4", "f8") and not (self.structure or self.group)
 
+    @property
+    def is_colour(self) -> bool:
+        """Whether it is red, green and blue, 0 to 255 each: pictures show it, of an actuator."""
+        return (self.dtype, self.shape, self.unit) == ("u1", (3,), COLOUR)
+
     def called(self, name: str, **changes: Any) -> Channel:
         """The same under another name, with its table."""
         table = "" if not self.table else f"{name.rpartition(self.name)[0]}{self.table}{name.rpartition(self.name)[2]}"
@@ -82,6 +89,13 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
             return self
         group, count = (f"{name}_{one}" if one else "" for one in (self.group, self.count))
         return self.called(f"{name}_{self.name}", group=group, count=count)
+
+    def seen_of(self, ragged: str, most: int) -> Channel:
+        """A channel that tells it of each robot in the rows of a ragged one, which has so many at most."""
+        return msgspec.structs.replace(
+            self, name=f"{ragged}_{self.name}", shape=(most, *self.shape), blank=self.empty, count=f"{ragged}_count",
+            table="", unrecorded="", axis=(),
+        )  # fmt: skip
 
     def blanks(self, robots: int) -> Column:
         """The column (n, ...) of robots that measure nothing."""
@@ -164,18 +178,40 @@ class Channels:
         try:
             return self.places[name]
         except KeyError:
-            raise InputError(f"the sensors of these robots give no {name!r}; they give {self.listed()}") from None
+            raise InputError(f"these robots have no channel {name!r}; they have {self.listed()}") from None
 
     def listed(self) -> str:
         """The names of what can be asked for: groups, and the channels that are in none."""
         names = dict.fromkeys(channel.group or channel.name for channel in self._all)
         return ", ".join(names) or "nothing"
 
+    def command(self, name: str, value: object, *rows: int) -> Column:
+        """What a robot, or so many `rows`, decides for an actuator with these channels, in the channel's type.
+
+        Raises ValueError, which says what is wrong and what there is.
+        """
+        channel = next((one for one in self._all if one.name == name), None)
+        if channel is None:
+            raise ValueError(
+                f"{own.brief(name)}, which no actuator of these robots takes; {nearest(str(name), self.places)}"
+            )
+        try:
+            return own.kept_as(np.dtype(channel.dtype), value, *rows, *channel.shape)
+        except ValueError as problem:
+            wanted = f"{np.dtype(channel.dtype)} of shape {(*rows, *channel.shape)}"
+            raise ValueError(f"{name}: {problem}; expected {wanted}; actuators take {self.listed()}") from None
+
     def axis(self, name: str) -> NDArray[np.float64]:
         """The coordinates (b,) of the first side of what a channel gives, such as bearings."""
         if name not in self._axes:
             self._axes[name] = np.array(self[name].axis)
         return self._axes[name]
+
+    def with_rows(self, places: Iterable[int]) -> list[int]:
+        """These columns, what their rows are counted by, and all others that are counted by the same."""
+        chosen = {*places}
+        counts = {self._all[place].count for place in chosen} - {""}
+        return [place for place, one in enumerate(self._all) if place in chosen or {one.name, one.count} & counts]
 
     def chosen(self, name: str) -> tuple[int, ...]:
         """The columns of a channel or a group."""
@@ -241,6 +277,19 @@ class Readings:
         place = self.channels.places.get("field")
         return None if place is None else self.columns[place]
 
+    @classmethod
+    def filled(cls, channels: Channels, columns: Mapping[str, Column], robots: NDArray[np.bool_]) -> Self:
+        """These columns (n, ...) by channel for some `robots` (n,); blank for all others, and where none is given."""
+        found = [channel.blanks(len(robots)) for channel in channels]
+        for channel, column in zip(channels, found, strict=True):
+            if channel.name in columns:
+                column[robots] = columns[channel.name][robots]
+        return cls(channels, tuple(found))
+
+    def named(self) -> dict[str, Column]:
+        """All columns by channel."""
+        return {channel.name: column for channel, column in zip(self.channels, self.columns, strict=True)}
+
     def arrays(self) -> tuple[Column, ...]:
         """All that was measured, in the order of its declaration."""
         return self.columns
@@ -273,12 +322,11 @@ class Readings:
     def blanked(self, robots: NDArray[np.int64] | NDArray[np.bool_], places: tuple[int, ...] | None = None) -> Readings:
         """The same with nothing measured by some robots, (r,) or a mask (n,), in all or some columns.
 
-        What the rows of a channel are counted by goes with it; all other structure stays.
+        With a channel goes what its rows are counted by, and what else is told of these; all other structure stays.
         """
         channels, changed = tuple(self.channels), list(self.columns)
-        chosen = range(len(changed)) if places is None else places
-        counts = {channels[place].count for place in chosen} - {""}
-        for place in {*chosen, *(self.channels.place(name) for name in counts)}:
+        counts = {channel.count for channel in channels}
+        for place in range(len(changed)) if places is None else self.channels.with_rows(places):
             channel = channels[place]
             if not channel.structure or channel.name in counts:
                 changed[place] = changed[place].copy()

@@ -75,6 +75,7 @@ SEAMS: Final = {
         Seam("generator", ("world", "generate"), parts.Generator, given=WorldContext),
         Seam("physics", ("physics",), parts.Bodies, "pymunk"),
         Seam("sensor", ("sensor",), parts.Sensor, "ir-ring", more="sensors", of_groups=True),
+        Seam("actuator", ("actuators",), parts.Actuator, many=True),
         Seam("field", ("field",), Field),
         Seam("localisation", ("localisation",), parts.Localisation, "perfect"),
         Seam(

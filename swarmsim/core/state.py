@@ -16,7 +16,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, MessageBatch
-from swarmsim.core.readings import Readings
+from swarmsim.core.readings import Column, Readings
 
 UNKNOWN = 0  #: value of a cell that nobody observed
 FREE = 1  #: value of a cell observed to be empty
@@ -33,6 +33,7 @@ class State:
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
     wheels: NDArray[np.float64]  # (n, 2): rim speed of the left and right wheel, m/s
     alive: NDArray[np.bool_]  # (n,)
+    actuators: Readings = field(default_factory=Readings)  # what they are now, by channel; those of the dead rest
 
     @property
     def robots(self) -> int:
@@ -124,13 +125,17 @@ class Senses:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intents:
-    """What every robot has decided to do until the next iteration: a way to follow or, in `twists`, a velocity."""
+    """What every robot has decided to do until the next iteration: a way to follow or, in `twists`, a velocity.
+
+    An actuator whose channel is not among the `commands` rests.
+    """
 
     goals: NDArray[np.int32]  # (n, 2): row and column of the goal cell; -1, -1 for none
     waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the way still ahead of each robot
     counts: NDArray[np.int32]  # (n,): how many of its waypoints each robot uses
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
     twists: NDArray[np.float64] | None = None  # (n, 2): m/s ahead, rad/s; NaN rows follow waypoints; None: all do
+    commands: Mapping[str, Column] = field(default_factory=dict)  # (n, ...): what actuators are to do, by channel
 
     @classmethod
     def twisting(cls, twists: NDArray[np.float64]) -> Intents:

@@ -24,6 +24,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.lending import lent
 from swarmsim.core.own import not_ending
 from swarmsim.core.parts import (
+    Actuator,
     AnyComputation,
     AnyStrategy,
     AnyTask,
@@ -33,7 +34,7 @@ from swarmsim.core.parts import (
     Sensor,
 )
 from swarmsim.core.probes import Row
-from swarmsim.core.readings import Channels
+from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.scenario import budget, registry
 from swarmsim.core.scenario.file import Scenario, Sensors, World, all_parts, fitted, parts_of, sensors_of
 from swarmsim.core.scenario.identity import Code, code_of
@@ -53,7 +54,7 @@ from swarmsim.recording.probes import Watching
 from swarmsim.recording.recorder import Recorder
 from swarmsim.robots.localisation import tracked
 from swarmsim.robots.sensors import with_field
-from swarmsim.robots.suites import MixedSensor, Suite, TwiceError
+from swarmsim.robots.suites import MixedSensor, Rig, Suite, TwiceError
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import around
 from swarmsim.world.plan import FloorPlan
@@ -62,6 +63,7 @@ from swarmsim.world.unreached import unreached
 
 P = TypeVar("P")
 Asked = dict[str, Part[object]]  # the parts of a scenario, by seam
+Equipment = tuple[Sensors, tuple[Part[Actuator], ...]]  # what robots have, of which a world's survey knows
 
 MANY = 20_000  # places from which is looked at once
 MOST_MAPPED = 20_000_000_000  # cells of all maps together
@@ -104,7 +106,7 @@ class Run:
         parts = self.simulation.parts
         return Recorder(
             path, self.scenario, self.world, arena.lattice, self.domain, arena.occupied, curve,
-            not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes,
+            not parts.localisation.exact, parts.sensor.channels, self.code.hashes, self.probes, parts.actuator.channels,
         )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
@@ -169,7 +171,7 @@ def build(
 
 def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
     robots, stop, asked, sensors = scenario.robots, scenario.stop, parts_of(scenario), sensors_of(scenario)
-    key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), sensors
+    key = world, scenario.world, scenario.grid.cell, _of_each_kind(robots), (sensors, scenario.actuators)
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
         with budget.of(scenario.budget):  # also while the run goes on
@@ -195,6 +197,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         context = replace(
             context, scalar_field=field if registry.is_ours(field) else held("field", field, context, clock)
         )
+    actuator = _actuators(scenario.actuators, context, strict, clock)
+    context = replace(context, actuators=actuator.channels)
     sensor = with_field(
         _sensors(scenario, context, strict, clock), context, float(scenario.field.declares("noise", 0.0))
     )
@@ -202,6 +206,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     mind, network = scenario.mind, scenario.network
     bodies = _make(scenario.physics, context)
     parts = Parts(
+        actuator=actuator,
         sensor=sensor,
         localisation=tracked(_make(scenario.localisation, context), context),
         computation=_make(mind.computation, context),
@@ -220,7 +225,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     _check_channels(parts, asked)
     _check_names(parts, asked)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    parts = guarded(parts, context, {*(HELD if strict else theirs)} - {"sensor"}, theirs, clock)  # those are held
+    parts = guarded(
+        parts, context, {*(HELD if strict else theirs)} - {"sensor", "actuator"}, theirs, clock
+    )  # held already
     parts = parts if watch is None else watch(parts)
     for number, one in enumerate(scenario.faults):
         fault = _make(one, replace(context, number=number), f"faults[{number}]")
@@ -273,14 +280,32 @@ def _suite(sensors: Sensors, context: BuildContext, strict: bool, clock: Clock) 
         raise InputError(problem.told([place for place, _ in sensors])) from problem
 
 
-def _wrong_names(channels: Channels) -> str | None:
-    """Why a channel of a sensor cannot be called so, or None: minds find it under that name, and recordings a table."""
+def _actuators(listed: tuple[Part[Actuator], ...], context: BuildContext, strict: bool, clock: Clock) -> Rig:
+    """The actuators of all robots as one. Raises InputError that starts with the place in the scenario."""
+    made: list[Actuator] = []
+    places = [f"actuators[{number}]" for number in range(len(listed))]
+    for number, (place, one) in enumerate(zip(places, listed, strict=True)):
+        part = _make(one, replace(context, number=number), place)
+        wrong = contracts.acting(part.channels, context.swarm) or _wrong_names(part.channels, "actuator")
+        if wrong is not None:
+            raise InputError(f"{place}.use: {one.use!r} declares {wrong}")
+        if strict or not registry.is_ours(part):
+            part = held("actuator", part, context, clock, not registry.is_ours(part))
+        made.append(part)
+    try:
+        return Rig(made, [str(one.declares("name", None) or "") for one in listed])
+    except TwiceError as problem:
+        raise InputError(problem.told(places)) from problem
+
+
+def _wrong_names(channels: Channels, seam: str = "sensor") -> str | None:
+    """Why a channel cannot be called so, or None: minds find a sensor's under that name, and recordings a table."""
     for channel in channels:
-        if channel.name in OF_ME:
+        if channel.name in OF_ME and seam == "sensor":
             return f"{channel.name!r}: a mind finds something else as me.{channel.name}; expected 'my_{channel.name}'"
         table = channel.recorded_as
         wrong = table and (
-            layout.wrong_name(table, "sensor")
+            layout.wrong_name(table, seam)
             or layout.wrong_form(table, np.empty((1, *channel.shape), channel.dtype), layout.EACH, 1)
         )
         if wrong:
@@ -324,6 +349,10 @@ def _check_knowledge(place: str, part: AnyStrategy | AnyTask, computation: AnyCo
 def _check_names(parts: Parts, asked: Asked) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
     used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
+    for one in parts.actuator.channels:
+        if one.recorded_as in used:
+            raise InputError(f"actuators: {one.recorded_as!r} is what a sensor gives already; expected another name")
+        used |= {one.recorded_as: "actuator"} if one.recorded_as else {}
     for seam, part in (("computation", parts.computation), ("task", parts.task)):
         place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
         for name, says, at in announced(seam, part):
@@ -344,11 +373,11 @@ class _Explorable:
 
 
 @lru_cache(maxsize=8)
-def _open(text: str, world: World, cell: float, robots: Robots, sensors: Sensors) -> _Explorable:
+def _open(text: str, world: World, cell: float, robots: Robots, equipment: Equipment) -> _Explorable:
     """The world as these robots can explore it; cached for a study's other runs. Raises InputError."""
     plan = floor_plan(text, world)
     with told_to_scale(plan, world):
-        margin = max(margin_of(one) for _, one in sensors) + 1
+        margin = max(margin_of(one) for _, one in equipment[0]) + 1
         arena = Arena.open(plan, cell, margin, world.title)
         budget.begin(budget.opening(arena.occupied.size))
         spawn = arena.area_name(robots.spawn)
@@ -356,7 +385,7 @@ def _open(text: str, world: World, cell: float, robots: Robots, sensors: Sensors
         beside = unreached(arena, reachable, robots.radius, spawn)
         if world.pockets == "refuse":
             beside.refuse(arena, robots.radius, spawn)
-    observed = _observed(sensors, arena, robots, reachable)
+    observed = _observed(equipment, arena, robots, reachable)
     domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     if not domain.any():
         raise InputError("sensor: robots see no cell from anywhere; expected beams that reach farther than a cell")
@@ -366,15 +395,17 @@ def _open(text: str, world: World, cell: float, robots: Robots, sensors: Sensors
 
 
 @lru_cache(maxsize=16)
-def _survey(text: str, world: World, cell: float, robots: Robots, sensors: Sensors, boxes: tuple[Box, ...]) -> Survey:
+def _survey(
+    text: str, world: World, cell: float, robots: Robots, equipment: Equipment, boxes: tuple[Box, ...]
+) -> Survey:
     """What can be explored of the world with boxes standing in it; a room that they cut off is left out."""
-    ground = _open(text, world, cell, robots, sensors)
+    ground = _open(text, world, cell, robots, equipment)
     arena, reachable, domain = ground.arena, ground.reachable, ground.domain
     home = arena.spawn_cells(robots.spawn)
     if boxes:
         arena = arena.with_boxes(boxes)
         reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
-        observed = _observed(sensors, arena, robots, reachable)
+        observed = _observed(equipment, arena, robots, reachable)
         domain = reachable if observed is None else arena.coverage_domain(reachable, observed)
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, domain, entrance):
@@ -388,7 +419,8 @@ def explored(text: str, scenario: Scenario) -> tuple[NDArray[np.bool_], NDArray[
 
     Raises InputError for a building in which the robots cannot run.
     """
-    key = text, scenario.world, scenario.grid.cell, _of_each_kind(scenario.robots), sensors_of(scenario)
+    equipment = sensors_of(scenario), scenario.actuators
+    key = text, scenario.world, scenario.grid.cell, _of_each_kind(scenario.robots), equipment
     with budget.of(scenario.budget):
         found = _survey(*key, ())
         return found.domain, found.entrance, _open(*key).notices
@@ -426,20 +458,24 @@ def _make(part: Part[P], context: BuildContext, place: str = "") -> P:
         raise InputError(f"{place or SEAMS[part.seam].at}.{problem}") from problem
 
 
-def _observed(sensors: Sensors, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+def _observed(
+    equipment: Equipment, arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
+) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot of any of these sensors can observe; None without tiles."""
-    found = [_observable(place, one, arena, robots, reachable) for place, one in sensors]
+    context = BuildContext.of(
+        msgspec.structs.replace(robots, groups=(), count=1), arena.lattice, 1.0, Streams(0), _walls_alone(arena)
+    )
+    context = replace(context, actuators=_actuators(equipment[1], context, False, Clock()).channels)
+    found = [_observable(place, one, context, reachable) for place, one in equipment[0]]
     seen = [one for one in found if one is not None]
     return np.asarray(np.logical_or.reduce(seen)) if seen else None
 
 
 def _observable(
-    place: str, part: Part[Sensor], arena: Arena, robots: Robots, reachable: NDArray[np.bool_]
+    place: str, part: Part[Sensor], context: BuildContext, reachable: NDArray[np.bool_]
 ) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
-    lattice = arena.lattice
-    alone = msgspec.structs.replace(robots, groups=(), count=1)
-    context = BuildContext.of(alone, lattice, 1.0, Streams(0), _walls_alone(arena))
+    lattice = context.lattice
     # What robots can see in the end does not depend on gaps between their beams.
     surveying: Buildable[Sensor] | None = part.declares("surveying", None)
     sensor = _make(part, context, place) if surveying is None else _surveying(surveying, context, place)
@@ -453,8 +489,9 @@ def _observable(
     for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
         pose = np.zeros((len(cells), 3))
         pose[:, :2] = lattice.centres(cells)
-        none = np.zeros((len(cells), 2))
-        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, np.ones(len(cells), np.bool_))).tiled
+        none, alive = np.zeros((len(cells), 2)), np.ones(len(cells), np.bool_)
+        rest = Readings.filled(context.actuators, {}, alive)
+        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, alive, rest)).tiled
         occupancy.note_observed(tiles.values, tiles.origins, observed)
     return observed
 

@@ -98,17 +98,44 @@ def declared(found: object, robots: int) -> str | None:
     return wrong_channels(found, robots)
 
 
-def readings(found: object, state: State, channels: Channels) -> str | None:
+def acting(found: object, robots: int) -> str | None:
+    """What is wrong with what an actuator says it takes, or None: plain columns, and a number for its rest."""
+    wrong = declared(found, robots)
+    for channel in found if wrong is None and isinstance(found, Channels) else ():
+        if "." in channel.name or channel.structure or channel.count or channel.group or channel.frame != "body":
+            return f"{channel.name!r}: of a frame, a group or a structure; expected a plain channel, as minds name it"
+        if not channel.low <= channel.empty <= channel.high:
+            wanted = f"expected a blank within {channel.low:g} and {channel.high:g}"
+            return f"{channel.name!r}: rests at {channel.empty:g}; {wanted}"
+    return wrong
+
+
+def commands(found: object, robots: int, channels: Channels) -> str | None:
+    """A dict with columns of the types and shapes that actuators declare, a row for each robot; any may be left out."""
+    if type(found) is not dict:
+        return f"commands: {brief(found)}; expected a dict of arrays by channel"
+    for name, column in found.items():
+        channel = next((one for one in channels if one.name == name), None)
+        if channel is None:
+            wanted = nearest(str(name), channels.places)
+            return f"commands: {brief(name)}, which no actuator of these robots takes; {wanted}"
+        wrong = array(f"commands[{name!r}]", column, np.dtype(channel.dtype).type, robots, *channel.shape)
+        if wrong is not None:
+            return wrong
+    return None
+
+
+def readings(found: object, state: State, channels: Channels, verb: str = "sense") -> str | None:
     """Readings with the columns that were declared, of their types, shapes and bounds, and a row for each robot."""
     if not isinstance(found, Readings):
-        return f"sense: {type(found).__name__}; expected Readings"
+        return f"{verb}: {type(found).__name__}; expected Readings"
     if found.channels is not channels and found.channels != channels:
-        return f"sense: gives {found.channels.listed()}; expected what it declares, {channels.listed()}"
+        return f"{verb}: gives {found.channels.listed()}; expected what it declares, {channels.listed()}"
     if len(found.columns) != len(channels):
-        return f"sense: {len(found.columns)} columns; expected one for each of {len(channels)} channels"
+        return f"{verb}: {len(found.columns)} columns; expected one for each of {len(channels)} channels"
     for channel, column in zip(channels, found.columns, strict=True):
         kind = np.dtype(channel.dtype).type
-        wrong = array(channel.name, column, kind, state.robots, *channel.shape, finite=False)
+        wrong = array(channel.name, column, kind, state.robots, *channel.shape, finite=verb == "act")
         wrong = wrong or _out_of_bounds(channel, column)
         if wrong is not None:
             return wrong
@@ -194,8 +221,8 @@ def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[
     return form, None
 
 
-def intents(found: object, senses: Senses, lattice: Lattice) -> str | None:
-    """Ways and velocities with a row for each robot, all finite; goals are cells of the lattice."""
+def intents(found: object, senses: Senses, lattice: Lattice, actuators: Channels) -> str | None:
+    """Ways, velocities and commands with a row for each robot, all finite; goals are cells of the lattice."""
     if not isinstance(found, Intents):
         return f"step: {type(found).__name__}; expected Intents"
     n = len(senses.alive)
@@ -226,7 +253,7 @@ def intents(found: object, senses: Senses, lattice: Lattice) -> str | None:
                 )
     if wrong is None and not checks.counts_hold(found.counts, found.waypoints.shape[1]):
         wrong = f"counts: {found.counts.max()} of {found.waypoints.shape[1]} waypoints"
-    return wrong
+    return wrong if wrong is not None else commands(found.commands, n, actuators)
 
 
 def measured(found: object, robots: int, curve: Curve) -> str | None:

@@ -73,13 +73,16 @@ class _Form:
 #: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
 CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     "sensor": lambda part, context: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
+    "actuator": lambda part, context: {
+        "act": lambda found, told, state: contracts.readings(found, state, part.channels, "act")
+    },
     "field": lambda part, context: {
         "value": lambda found, time, points: contracts.array("value", found, np.float64, len(points))
     },
     "localisation": lambda part, context: {"locate": contracts.located},
     "computation": _of_computation,
     "strategy": lambda part, context: {
-        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice)
+        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice, context.actuators)
     },
     "topology": lambda part, context: {"links": contracts.links},
     "channel": lambda part, context: {

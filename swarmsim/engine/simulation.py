@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from swarmsim.core.events import Ended, Event
 from swarmsim.core.messages import Delivery, Inbox, MessageBatch, MessageBuffer
 from swarmsim.core.own import is_failure
 from swarmsim.core.parts import Motion, Observer, Parts, Tick, Tracking, WheelSpeeds
+from swarmsim.core.readings import Readings
 from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
 from swarmsim.engine.guard import Clock
 
@@ -77,6 +78,7 @@ class Simulation:
         self._post: MessageBuffer[MessageBatch] = MessageBuffer()
         self._now = Tick(0, self.state, self.state, 0.0)
         self._decided: Intents | None = None
+        self._acted = Readings.filled(parts.actuator.channels, {}, self.state.alive)
 
     @property
     def finished(self) -> bool:
@@ -133,6 +135,8 @@ class Simulation:
         self.clock.turn(self.state.iteration)
         events = parts.schedule.advance(self._now)
         state = parts.bodies.state() if parts.schedule else self.state
+        if self._acted.columns:
+            state = replace(state, actuators=self._acted.blanked(~state.alive))
         sensed = parts.sensor.sense(state)
         pose = parts.localisation.locate(state)
         readings = sensed.put(state.pose, pose, parts.lattice)
@@ -147,6 +151,9 @@ class Simulation:
     def _act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer]) -> Moment[Knowledge]:
         parts, state, senses = self.parts, perceived.state, perceived.senses
         self._decided = intents
+        if self._acted.columns:
+            wanted = Readings.filled(self._acted.channels, intents.commands, state.alive)
+            self._acted = parts.actuator.act(wanted, state)
         people = parts.building.walkers() if parts.building.crowds else None
         parts.motion.follow(intents)
         motion = parts.motion if parts.localisation.exact else Steered(parts.motion, parts.localisation)

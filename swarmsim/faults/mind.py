@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal, Protocol
 
 import msgspec
@@ -15,6 +16,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
+from swarmsim.core.readings import Channels, Column, Readings
 from swarmsim.core.state import Intents, Knowledge, Senses, State
 from swarmsim.faults.body import check_maps
 from swarmsim.faults.delegate import ComputationDelegate
@@ -51,7 +53,7 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             confusion = Frozen(context)
         elif self.failure == "random-walk":
             confusion = RandomWalk(context, self.reach or REACH, f"fault mind {context.number}")
-        effect = ControllerFault(confusion)
+        effect = ControllerFault(confusion, context.actuators)
         return TimedFault(Timeline(timed, context), effect, context.number)
 
 
@@ -63,6 +65,7 @@ class Decision:
     way: NDArray[np.float64]  # (w, 2): the waypoints still ahead, x and y in m
     new: bool  # whether the way has just been chosen
     twist: NDArray[np.float64] | None = None  # (2,): m/s ahead, rad/s, instead of a way
+    commands: Mapping[str, Column] = field(default_factory=dict)  # (...): by channel of an actuator, all others rest
 
 
 class FailureMode(Protocol):
@@ -83,15 +86,15 @@ class FailureMode(Protocol):
 class ControllerFault:
     """Wraps the strategy, and for robots that perceive nothing the computation as well."""
 
-    def __init__(self, confusion: FailureMode) -> None:
-        self._confusion = confusion
+    def __init__(self, confusion: FailureMode, actuators: Channels) -> None:
+        self._confusion, self._actuators = confusion, actuators
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts, wrapped. Raises InputError where there is no map to walk on."""
         if self._confusion.needs_maps:
             check_maps(parts.computation, "failure")
         self._computation = parts.computation
-        self._mind = FailingMind(parts.strategy, active, self._confusion)
+        self._mind = FailingMind(parts.strategy, active, self._confusion, self._actuators)
         if self._confusion.is_blank:
             return replace(parts, strategy=self._mind, computation=BlankComputation(parts.computation, active))
         return replace(parts, strategy=self._mind)
@@ -124,8 +127,10 @@ class BlankComputation(ComputationDelegate):
 class FailingMind:
     """A strategy of which some robots decide something else."""
 
-    def __init__(self, inner: AnyStrategy, active: NDArray[np.bool_], confusion: FailureMode) -> None:
-        self._inner, self._active, self._confusion = inner, active, confusion
+    def __init__(
+        self, inner: AnyStrategy, active: NDArray[np.bool_], confusion: FailureMode, actuators: Channels
+    ) -> None:
+        self._inner, self._active, self._confusion, self._actuators = inner, active, confusion, actuators
         self._failed = np.zeros_like(active)  # whose decision was not its own in the iteration before
         #: What all robots decided in the iteration before.
         self.last: Intents | None = None
@@ -163,13 +168,16 @@ class FailingMind:
         twists = None if intents.twists is None else intents.twists.copy()
         if twists is not None and self._confusion.is_blank:
             twists[failing] = 0.0
+        commands = Readings.filled(self._actuators, intents.commands, ~failing).named()
         for robot, decision in decisions.items():
+            for name, row in decision.commands.items():
+                commands[name][robot] = row
             if twists is not None:
                 twists[robot] = np.nan if decision.twist is None else decision.twist
             goals[robot], counts[robot], planned[robot] = decision.goal, len(decision.way), decision.new
             waypoints[robot] = 0.0
             waypoints[robot, : len(decision.way)] = decision.way
-        return Intents(goals, waypoints, counts, planned, twists)
+        return Intents(goals, waypoints, counts, planned, twists, commands)
 
 
 class Frozen:
@@ -184,17 +192,18 @@ class Frozen:
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """What they decided last is all they will do; without it they stand."""
         for robot in robots:
-            goal, way, twist = np.array([-1, -1]), np.empty((0, 2)), None
+            goal, way, twist, commands = np.array([-1, -1]), np.empty((0, 2)), None, {}
             if last is not None:
                 goal, way = last.goals[robot].copy(), last.waypoints[robot, : last.counts[robot]].copy()
                 twist = None if last.twists is None else last.twists[robot].copy()
-            self._kept[int(robot)] = Decision(goal, way, False, twist)
+                commands = {name: column[robot].copy() for name, column in last.commands.items()}
+            self._kept[int(robot)] = Decision(goal, way, False, twist, commands)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
         """What is left of the way."""
         kept = self._kept[robot]
         way = _ahead(kept.way, senses.pose[robot], self._window)
-        self._kept[robot] = Decision(kept.goal, way, False, kept.twist)
+        self._kept[robot] = replace(kept, way=way)
         return self._kept[robot]
 
 

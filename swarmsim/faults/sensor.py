@@ -122,10 +122,9 @@ class Stuck:
     def __call__(self, state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
         """The readings with those of before in these columns."""
         changed, names = {}, tuple(readings.channels)
-        counted = {readings.channels.place(names[place].count) for place in places if names[place].count}
         new = robots[self._since[robots] < state.iteration - 1]
         self._since[robots] = state.iteration
-        for place in {*places, *counted}:
+        for place in readings.channels.with_rows(places):
             held = self._held.setdefault(place, readings.columns[place].copy())
             held[new] = readings.columns[place][new]
             column = readings.columns[place].copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -14,6 +15,7 @@ from pettingzoo import ParallelEnv
 
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import array_of
+from swarmsim.core.readings import Readings
 from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment
 from swarmsim.engine.build import Run, build
@@ -57,7 +59,8 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
     `pose`, x and y in m and yaw in rad, as it believes it to be; and its `inbox`: how many others it `heard`, their
     `tiles` (hears, rows, columns) and where these lie, `offsets` (hears, 2) in m from where it is. An agent whose robot
     dies is terminated and leaves `agents` for good; all are terminated when the task is done, and truncated at the
-    scenario's limit. Robots that are no agents follow the scenario's own strategy.
+    scenario's limit. Robots that are no agents follow the scenario's own strategy. Agents drive alone: their actuators
+    rest.
     """
 
     metadata: dict[str, object] = {"name": "swarmsim_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's own)
@@ -221,7 +224,10 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
             return mine
         seen = self._perceived
         theirs = simulation.parts.strategy.step(seen.senses, seen.inbox, seen.knowledge)
-        return _joined(mine, theirs, self._learners)
+        others = np.ones(robots.count, np.bool_)
+        others[self._learners] = False
+        commands = Readings.filled(simulation.parts.actuator.channels, theirs.commands, others).named()
+        return replace(_joined(mine, theirs, self._learners), commands=commands)
 
     def _wanted(self, agent: str, action: object) -> NDArray[np.float64]:
         """An action as two numbers from -1 to 1. Raises InputError for all else; rounding alone is cut off."""

@@ -12,7 +12,7 @@ from swarmsim.recording.reader import Recording
 
 def recorded(recording: Recording) -> dict[str, Channel]:
     """The channels that a recording holds, by name."""
-    return {one.name: one for one in recording.channels if one.recorded_as in recording}
+    return {one.name: one for one in (*recording.channels, *recording.actuators) if one.recorded_as in recording}
 
 
 def columns_of(recording: Recording, name: str) -> dict[str, NDArray[np.generic]]:

@@ -17,6 +17,10 @@ DIGESTED: Final = (
 )  # fmt: skip
 
 
+#: What is hashed besides, in runs with actuators.
+ACTUATED: Final = "actuators"
+
+
 class Digests:
     """An observer that hashes each field of every iteration, eight bytes each (BLAKE2b, RFC 7693)."""
 
@@ -24,7 +28,7 @@ class Digests:
         self.rows: list[bytes] = []
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Append one row: the hashes of DIGESTED, in that order."""
+        """Append one row: the hashes of DIGESTED, in that order, and of ACTUATED if there is any."""
         self.rows.append(b"".join(hashed(*arrays) for arrays in _digested(moment)))
 
     def total(self) -> str:
@@ -34,6 +38,7 @@ class Digests:
 
 def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[np.generic], ...], ...]:
     state, intents = moment.state, moment.intents
+    acted = state.actuators.arrays()
     return (
         (state.pose,),
         (state.velocity,),
@@ -46,6 +51,7 @@ def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[np.generic], ...
         (intents.goals,),
         (intents.counts, intents.waypoints, *(() if intents.twists is None else (intents.twists,))),
         moment.measured.arrays(),
+        *([(*acted, *intents.commands.values())] if acted else []),
     )
 
 

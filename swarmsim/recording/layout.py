@@ -170,19 +170,19 @@ def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = (
     return file.attrs[name]
 
 
-def tables_of(channels: Channels) -> dict[str, Table]:
-    """The tables of what sensors have declared, besides those that every recording has in one form.
+def tables_of(channels: Channels, seam: str) -> dict[str, Table]:
+    """The tables of what parts of a seam have declared, besides those that every recording has in one form.
 
     Raises ValueError for a name that no table can have.
     """
     found: dict[str, Table] = {}
     for channel in channels:
         name = channel.recorded_as
-        if not name or (name in TABLES and TABLES[name].by == "sensor"):
+        if not name or (name in TABLES and TABLES[name].by == seam):
             continue
-        wrong = wrong_name(name, "sensor") or (f"{name!r} is there twice" if name in found else None)
+        wrong = wrong_name(name, seam) or (f"{name!r} is there twice" if name in found else None)
         if wrong or not re.fullmatch(NAME, name):
-            raise ValueError(f"the declaration of readings: {wrong or f'{name!r} cannot be the name of a table'}")
+            raise ValueError(f"the declaration of channels: {wrong or f'{name!r} cannot be the name of a table'}")
         bounded = channel.dtype != "?" and (channel.low, channel.high) != (-math.inf, math.inf)
         low, high = ((channel.low,), (channel.high,)) if bounded else ((), ())
         found[name] = Table(channel.dtype, ("robots", *channel.shape), EACH, low, high, channel.empty)

@@ -141,7 +141,13 @@ class Recording:
         told = layout.attribute(file, "channels", "S") if "channels" in file.attrs else b"[]"
         #: What the robots' sensors gave; nothing in recordings that are older than declarations.
         self.channels = declarations.read(told.decode(), robots)
-        self._declared = {**layout.declared_by(self.probes), **layout.tables_of(self.channels)}
+        told = layout.attribute(file, "actuators", "S") if "actuators" in file.attrs else b"[]"
+        #: What the robots' actuators are; nothing without any.
+        self.actuators = declarations.read(told.decode(), robots)
+        self._declared = {
+            **layout.declared_by(self.probes), **layout.tables_of(self.actuators, "actuator"),
+            **layout.tables_of(self.channels, "sensor"),
+        }  # fmt: skip
         self._sizes = {
             "robots": robots, "rows": int(rows), "columns": int(columns), "fields": len(self.digested),
             "last robot": robots - 1, "last row": int(rows) - 1, "last column": int(columns) - 1,

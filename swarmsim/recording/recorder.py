@@ -22,10 +22,10 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Curve
 from swarmsim.core.probes import Row
-from swarmsim.core.readings import Channels
+from swarmsim.core.readings import NOTHING, Channels
 from swarmsim.core.scenario.file import Scenario, table_of
 from swarmsim.core.state import Knowledge, Moment, Record
-from swarmsim.recording.digests import DIGESTED, Digests, versions
+from swarmsim.recording.digests import ACTUATED, DIGESTED, Digests, versions
 from swarmsim.recording.hdf5 import Growing, to_the_end
 from swarmsim.recording.layout import declared_by
 from swarmsim.recording.probes import Watching
@@ -68,12 +68,13 @@ class Recorder:
         channels: Channels,
         code: Mapping[str, str],
         probes: Sequence[Watching] = (),
+        actuators: Channels = NOTHING,
     ) -> None:
         """`world` is the floor plan's text, `curve` what is drawn of the task's measures, `code` a hash
         of each piece of code that makes the run.
 
         `errs` says whether robots may err about their poses, so that their estimates are kept,
-        `channels` what they measure.
+        `channels` what they measure, `actuators` what these are.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
@@ -84,6 +85,7 @@ class Recorder:
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
         self._errs = errs
+        self._fields = (*DIGESTED, *([ACTUATED] if len(actuators) else []))
         #: The HDF5 file, which the same process may read while it grows.
         self.file = self._growing.file
         place = [lattice.x0, lattice.y0, lattice.cell, float(lattice.rows), float(lattice.columns)]
@@ -91,11 +93,12 @@ class Recorder:
             "scenario": text_of(scenario),
             "versions": json.dumps(versions()),
             "code": json.dumps(dict(code)),
-            "digested": " ".join(DIGESTED),
+            "digested": " ".join(self._fields),
             "curve": msgspec.json.encode(curve).decode(),
             "channels": declarations.text_of(channels),
             "measures": "[]",
             "rows": "[]",
+            **({"actuators": declarations.text_of(actuators)} if len(actuators) else {}),
             **({"probes": msgspec.json.encode([one.declared for one in probes]).decode()} if probes else {}),
         }
         plan = np.frombuffer(world.encode(), np.uint8)
@@ -108,7 +111,7 @@ class Recorder:
             self._once = [self.file.create_dataset("world", data=plan)]
             for name, mask in (("domain", domain), ("truth", truth)):
                 self._once.append(self.file.create_dataset(name, data=mask, compression="gzip"))
-            self._table("digests", (len(DIGESTED), 8), np.uint8)
+            self._table("digests", (len(self._fields), 8), np.uint8)
 
     def _tell(self, name: str, text: str) -> None:
         """Write a text of fixed length: one that is not lies in a part of the file that has no checksum."""
@@ -196,7 +199,7 @@ class Recorder:
         self._append("events", np.frombuffer(b"".join(one.events for one in held), np.uint8))
         self.file.flush()
         digests = self._digests.rows[-len(held) :]
-        self._append("digests", np.frombuffer(b"".join(digests), np.uint8).reshape(-1, len(DIGESTED), 8))
+        self._append("digests", np.frombuffer(b"".join(digests), np.uint8).reshape(-1, len(self._fields), 8))
         self._tables["digests"].flush()
 
     def _append_ways(self, ways: list[tuple[int, int, NDArray[np.float64]]]) -> None:
@@ -255,8 +258,9 @@ def _check_names(records: Sequence[tuple[str, Record]], path: Path) -> None:
 def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     """What the parts give to be recorded, and what of theirs it is."""
     return (
-        ("the readings", Record(moment.readings.rows())), ("the knowledge", moment.knowledge.record()),
-        ("the intents", moment.intents.record()), ("the task", moment.measured.record()),
+        ("the actuators", Record(moment.state.actuators.rows())), ("the readings", Record(moment.readings.rows())),
+        ("the knowledge", moment.knowledge.record()), ("the intents", moment.intents.record()),
+        ("the task", moment.measured.record()),
     )  # fmt: skip
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core import chance
 from swarmsim.core.context import BuildContext
-from swarmsim.core.readings import Called, Channels, Readings, ragged
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.readings import Called, Channels, Name, Readings, ragged
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
@@ -26,7 +27,7 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     with the probability `missed`, both drawn for each pair and iteration.
     """
 
-    gives: ClassVar[dict[str, str]] = {"neighbours": ""}
+    gives: ClassVar[dict[str, str]] = {"neighbours": "", "neighbours_led": "sees = ['led']"}
     margin: ClassVar[int] = 0  # cells that it maps
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
@@ -37,9 +38,15 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     error_angle: Spread = 0.0  # rad, of bearings and headings
     missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
     walls: bool = True  # whether they hide what is behind them
+    sees: tuple[Name, ...] = ()  # channels of actuators, such as led: what each robot told is gives neighbours_led
 
     def build(self, context: BuildContext) -> NeighbourSensor:
-        """The sensor."""
+        """The sensor. Raises InputError for an actuator that robots do not have."""
+        for name in self.sees:
+            if name not in context.actuators:
+                raise InputError(
+                    f"sees: no actuator of these robots is {name!r}; {nearest(name, context.actuators.places)}"
+                )
         return NeighbourSensor(self, context)
 
 
@@ -51,7 +58,9 @@ class NeighbourSensor:
         self._most = parameters.most or min(max(context.swarm - 1, 1), 8)
         names = ("range", "bearing", "heading")
         far = max(parameters.reach, math.pi)
-        self.channels = Channels(*ragged("neighbours", self._most, names, "m, rad, rad", -far, far))
+        own = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
+        told = [context.actuators[name].seen_of("neighbours", self._most) for name in dict.fromkeys(parameters.sees)]
+        self.channels = Channels(*own, *told)
         self._sight = Sight(context.building) if parameters.walls else None
         self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
 
@@ -76,10 +85,12 @@ class NeighbourSensor:
         ], axis=1)  # fmt: skip
         rank = np.arange(len(seer)) - np.searchsorted(seer, seer)
         kept = rank < self._most
-        column, count = (channel.blanks(state.robots) for channel in self.channels)
-        column[seer[kept], rank[kept]] = found[kept]
-        count[:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
-        return Readings(self.channels, (column, count))
+        columns = [channel.blanks(state.robots) for channel in self.channels]
+        columns[0][seer[kept], rank[kept]] = found[kept]
+        columns[1][:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
+        for column, name in zip(columns[2:], dict.fromkeys(given.sees), strict=True):
+            column[seer[kept], rank[kept]] = state.actuators[name][seen[kept]]
+        return Readings(self.channels, tuple(columns))
 
 
 def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:

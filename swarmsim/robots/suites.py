@@ -1,4 +1,4 @@
-"""Several sensors as one: those of a robot side by side, those of a mixed swarm one below the other."""
+"""Several sensors as one: those of a robot side by side, those of a mixed swarm one below the other; and actuators."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import Sensor
+from swarmsim.core.parts import Actuator, Sensor
 from swarmsim.core.readings import Channel, Channels, Column, Readings, tile_channels
 from swarmsim.core.state import State
 
@@ -73,18 +73,49 @@ class DegradedRing:
 
 
 class TwiceError(InputError):
-    """Two sensors of the same robots give channels of one name."""
+    """Two sensors, or two actuators, of the same robots have channels of one name."""
 
     def __init__(self, name: str, first: int, second: int) -> None:
-        super().__init__(f"two sensors give {name!r}")
+        super().__init__(f"two parts give {name!r}")
         self._name, self._first, self._second = name, first, second
 
     def told(self, places: Sequence[str]) -> str:
-        """The message, with the sensors' places in the scenario."""
+        """The message, with the parts' places in the scenario."""
         return (
             f"{places[self._second]}.name: gives {self._name!r}, as {places[self._first]} does; expected a name to "
             "tell them apart, as in name = 'second'"
         )
+
+
+def _together(parts: Sequence[Sensor | Actuator], names: Sequence[str]) -> Channels:
+    """The channels of several parts; those of one that has a name are called NAME_CHANNEL. Raises TwiceError."""
+    found: dict[str, int] = {}
+    channels: list[Channel] = []
+    for number, (part, name) in enumerate(zip(parts, names, strict=True)):
+        for channel in part.channels:
+            mine = channel.prefixed(name)
+            if mine.name in found:
+                raise TwiceError(mine.group or mine.name, found[mine.name], number)
+            found[mine.name] = number
+            channels.append(mine)
+    return Channels(*channels)
+
+
+class Rig:
+    """The actuators of all robots; there may be none."""
+
+    def __init__(self, actuators: Sequence[Actuator], names: Sequence[str]) -> None:
+        """Each with its name, or an empty one. Raises TwiceError for channels of one name."""
+        self._actuators = actuators
+        self.channels = _together(actuators, names)
+
+    def act(self, commands: Readings, state: State) -> Readings:
+        """What all of them are."""
+        columns: list[Column] = []
+        for one in self._actuators:
+            own = slice(len(columns), len(columns) + len(one.channels))
+            columns += one.act(Readings(one.channels, commands.columns[own]), state).columns
+        return Readings(self.channels, tuple(columns))
 
 
 class Suite:
@@ -93,16 +124,7 @@ class Suite:
     def __init__(self, sensors: Sequence[Sensor], names: Sequence[str] = ()) -> None:
         """What sensors that have a name give is called NAME_CHANNEL. Raises TwiceError for channels of one name."""
         self._sensors, self._names = sensors, names or [""] * len(sensors)
-        found: dict[str, int] = {}
-        channels: list[Channel] = []
-        for number, (sensor, name) in enumerate(zip(sensors, self._names, strict=True)):
-            for channel in sensor.channels:
-                mine = channel.prefixed(name)
-                if mine.name in found:
-                    raise TwiceError(mine.group or mine.name, found[mine.name], number)
-                found[mine.name] = number
-                channels.append(mine)
-        self.channels = Channels(*channels)
+        self.channels = _together(sensors, self._names)
 
     def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> Suite:
         """The same with beams of the first ring among them dead. Raises InputError if there is none."""

@@ -122,8 +122,11 @@ def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
     """The same with the rows of arrays in this order."""
     decided = senses.decided
     if decided is not None:
-        columns = {one.name: getattr(decided, one.name) for one in fields(decided)}
-        decided = replace(decided, **{name: column[rows] for name, column in columns.items() if column is not None})
+        columns = {one.name: getattr(decided, one.name) for one in fields(decided) if one.name != "commands"}
+        decided = replace(
+            decided, commands={name: column[rows] for name, column in decided.commands.items()},
+            **{name: column[rows] for name, column in columns.items() if column is not None},
+        )  # fmt: skip
     return replace(
         senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
         readings=senses.readings.take(rows), decided=decided,
@@ -258,7 +261,8 @@ def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     """What one robot does, as something to compare."""
     way = intents.waypoints[robot, : intents.counts[robot]]
     twist = None if intents.twists is None else intents.twists[robot].tobytes()
-    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist
+    commands = {name: column[robot].tobytes() for name, column in intents.commands.items()}
+    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist, commands
 
 
 def _scrambled(senses: Senses, robot: int) -> Senses:

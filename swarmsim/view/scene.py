@@ -64,6 +64,7 @@ class Frame:
     messages: int  # heard so far
     believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
     people: NDArray[np.float64]  # (p, 3): x, y, radius in m
+    lights: NDArray[np.uint8] | None  # (n, 3): the colour in which each robot shines, black for none
     radii: NDArray[np.float64]  # (n,): m
     focus: int | None  # who is looked at
     chosen: tuple[int, ...]  # whose own things are drawn; none: everybody's, but no beams
@@ -244,6 +245,7 @@ class Scene:
             focus=focus,
             chosen=chosen,
             recording=recording,
+            lights=None if (shining := lights(recording)) is None else shining[row],
         )
 
     def _told(self, row: int) -> Told:
@@ -323,6 +325,12 @@ class Scene:
         apart = [_apart(place, *leg) for leg in pairwise(bends)]
         passed = apart.index(min(apart)) + 1 if apart else 0
         return np.array([place, *bends[passed:]])
+
+
+def lights(recording: Recording) -> NDArray[np.uint8] | None:
+    """The colours (t, n, 3) of the first actuator that shines in some, as recorded; None without one."""
+    tables = [one.recorded_as for one in recording.actuators if one.is_colour and one.recorded_as]
+    return recording[tables[0]] if tables else None
 
 
 def _names(notes: list[Note]) -> dict[int, str]:

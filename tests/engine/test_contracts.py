@@ -488,7 +488,7 @@ MINDS = [
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),
     ("operations/moving-field", "robots.count=7"),
-    *((f"operations/{name}", "seed=2") for name in ("dispersion", "area-coverage", "perimeter", "formation")),
+    *((f"operations/{name}", "seed=2") for name in ("dispersion", "area-coverage", "perimeter", "formation", "lights")),
 ]
 FAULTS = 'faults=[{use="crash", at=8, duration=6, count=1}]'
 

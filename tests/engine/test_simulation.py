@@ -137,5 +137,5 @@ def test_what_parts_find_out_of_each_other_while_they_run_names_the_scenario_fil
         return step(senses, inbox, knowledge)
 
     run.simulation.parts.strategy.step = asking
-    with pytest.raises(InputError, match=r"room\.toml: the sensors of these robots give no 'ranges'; they give tiles"):
+    with pytest.raises(InputError, match=r"room\.toml: these robots have no channel 'ranges'; they have tiles"):
         run.simulation.run()

@@ -77,7 +77,7 @@ class Talk:
         self.active = np.zeros(SWARM, np.bool_)
         if lie is not None:
             effect = Byzantine(at=0, **lie).build(context()).effect
-            parts = Parts(None, None, self.computation, *[None] * 9)
+            parts = Parts(None, None, None, self.computation, *[None] * 9)
             self.computation = effect.wrap(parts, self.active).computation
             assert isinstance(self.computation, LyingComputation)
         self.post, self.chance = MessageBuffer(), np.random.default_rng(seed)

@@ -95,7 +95,7 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
     active = np.zeros(robots.count, np.bool_)
     effect = Mind(at=0, failure=failure).build(place).effect
     plain = Mapper().build(place)
-    parts = Parts(None, None, plain.computation, plain.strategy, *[None] * 8)
+    parts = Parts(None, None, None, plain.computation, plain.strategy, *[None] * 8)
     parts = effect.wrap(parts, active)
     assert isinstance(parts.strategy, FailingMind)
     seen = []

@@ -139,7 +139,31 @@ class _Draw:
                 table["faults"] = [*table.get("faults", []), fault]
             if dice.random() < 0.2:
                 table["sensors"].append({**self._ring(ranges=False), "name": "rear"})
+        if not isinstance(robots, list) and dice.random() < 0.3:
+            self._lights(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
+
+    def _lights(self, table: Table) -> None:
+        """Lights on the robots, which see those of others and most often tell something by them."""
+        dice, mind = self._dice, table["mind"]
+        led = self._part("actuator", "led")
+        light = f"{led['name']}_led" if "name" in led else "led"
+        table["actuators"] = [led]
+        table.setdefault("sensor", {"use": "ir-ring"})
+        sensors = table.setdefault("sensors", [])
+        near = next((one for one in sensors if one["use"] == "neighbours" and "name" not in one), None)
+        if near is None:
+            near = self._part("sensor", "neighbours", name=lambda: OMITTED)
+            sensors.append(near)
+        near["sees"] = [light]
+        if dice.random() < 0.8:
+            drive, colour = mind["strategy"], [dice.randint(0, 255) for _ in range(3)]
+            mind["strategy"] = self._part(
+                "strategy", "mimic", drive=lambda: drive, light=lambda: light, first=lambda: self._maybe([0]),
+                colour=lambda: self._maybe(colour),
+            )  # fmt: skip
+        if dice.random() < 0.5:
+            table["task"] = self._part("task", "lit", light=lambda: light)
 
     def _any(self, seam: str) -> Table:
         return self._part(seam, self._dice.choice(sorted(registry.known(seam))))
@@ -200,7 +224,8 @@ class _Draw:
                 "turn": lambda: self._maybe(1.0),
             },
             "field-estimate": {"spacing": lambda: 1.0, "half_life": lambda: self._maybe(8.0)},
-            "neighbours": {**called, "most": lambda: self._maybe(dice.randint(1, 4))},
+            "neighbours": {**called, "most": lambda: self._maybe(dice.randint(1, 4)), "sees": lambda: OMITTED},
+            "led": called,
             "ground": {
                 **called, "error": lambda: self._maybe(0.05),
                 "floors": lambda: [{"use": "formula", "formula": one} for one in ("x", "y * y")[: dice.randint(1, 2)]],

@@ -69,6 +69,8 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
         if "sensor" in group:
             yield "sensor", group["sensor"]
     yield from (("computation", mind["computation"]), ("strategy", mind["strategy"]))
+    if "drive" in mind["strategy"]:
+        yield "strategy", mind["strategy"]["drive"]
     if "sharing" in mind["computation"]:
         yield "sharing", mind["computation"]["sharing"]
     yield "topology", table["network"]["topology"]
@@ -79,6 +81,7 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     yield from (("fault", fault) for fault in table.get("faults", []))
     yield from (("sensor", sensor) for sensor in table.get("sensors", []))
     yield from (("probe", probe) for probe in table.get("probes", []))
+    yield from (("actuator", actuator) for actuator in table.get("actuators", []))
 
 
 def test_a_failure_tells_a_scenario_file_that_shows_it_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

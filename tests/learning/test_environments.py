@@ -220,7 +220,27 @@ def test_channels_of_sensors_are_observed_on_request_and_nothing_else_changes() 
             seen += int(one["neighbours_known"].any())
             assert not one["neighbours"][one["neighbours_known"] == 0].any()
     assert seen
-    with pytest.raises(InputError, match=r"observe: .* no 'echo'; they give tiles, neighbours, neighbours_count, bump"):
+    with pytest.raises(InputError, match=r"observe: .* no channel 'echo'; they have tiles, neighbours"):
         SwarmEnv(ROOM, near, observe=["echo"])
     with pytest.raises(InputError, match="observe: 'field' has no bounds; expected a channel that declares low"):
         SwarmEnv(ROOM, {"field": {"use": "formula", "formula": "x"}}, observe=["field"])
+
+
+def test_lights_of_agents_rest_those_of_others_shine_and_agents_can_see_them() -> None:
+    lights = ROOT / "scenarios" / "operations" / "lights.toml"
+    see = {"use": "neighbours", "reach": 9.0, "most": 15, "sees": ["led"]}
+    changes = {"stop.iterations": 4, "sensors": [see], "mind.strategy.first": [0, 1]}
+    env = SwarmEnv(lights, changes, learners=[1, 2], observe=["neighbours_led"])
+    env.reset(seed=1)
+    for _ in range(3):
+        observed, *_ = env.step(still(env))
+    shines = env._perceived.state.actuators["led"].any(axis=1)
+    assert np.flatnonzero(~shines).tolist() == [1, 2]
+    seen = observed["robot_1"]["neighbours_led"]
+    assert seen.shape == (15, 3)
+    assert seen.any(axis=1).sum() == 14
+    assert env.observation_space("robot_1").contains(observed["robot_1"])
+    everybody = SwarmEnv(lights, changes)
+    everybody.reset(seed=1)
+    everybody.step(still(everybody))
+    assert not everybody._perceived.state.actuators["led"].any()

@@ -196,7 +196,7 @@ def test_stuck_and_noisy_strike_numbers_alone_and_leave_structure() -> None:
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ("failure='off', channels=['echo']", r"faults\[0\]\.channels: .* no 'echo'; they give tiles, neighbours"),
+        ("failure='off', channels=['echo']", r"faults\[0\]\.channels: .* no channel 'echo'; they have tiles"),
         ("failure='off', channels=['neighbours_count']", "'neighbours_count' cannot be off; expected what is measured"),
         ("failure='off', channels=['tiles.origins']", r"'tiles\.origins' cannot be off"),
         ("failure='noisy', sigma=0.1, channels=['tiles']", "'tiles' cannot be noisy; .*: neighbours$"),
@@ -501,7 +501,7 @@ def test_a_suite_gives_what_its_sensors_give_alone() -> None:
     suite = Suite([near, bump], ["", "front"]).sense(state)
     np.testing.assert_array_equal(suite["neighbours"], near.sense(state)["neighbours"])
     np.testing.assert_array_equal(suite["front_bump"], bump.sense(state)["bump"])
-    with pytest.raises(InputError, match="give no 'bump'; they give neighbours, neighbours_count, front_bump"):
+    with pytest.raises(InputError, match="no channel 'bump'; they have neighbours, neighbours_count, front_bump"):
         suite["bump"]
     assert replace(suite).channels is suite.channels
 

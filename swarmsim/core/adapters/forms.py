@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_type_hints
 
 import msgspec
@@ -112,7 +112,10 @@ class Observations:
 
 
 class FunctionStrategy(FunctionForm):
-    """`def strategy(observations, *, key=default)`: Intents, or velocities (n, 2) in m/s ahead and rad/s."""
+    """`def strategy(observations, *, key=default)`: Intents, or velocities (n, 2) in m/s ahead and rad/s.
+
+    A table of what actuators are to do may follow the velocities: `velocities, {"led": colours}`, each array (n, ...).
+    """
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
@@ -121,7 +124,15 @@ class FunctionStrategy(FunctionForm):
         found: Any = self._ask(Observations.of(senses, inbox, knowledge))
         if isinstance(found, Intents):
             return found
-        return Intents.twisting(self._array(found, len(senses.alive), 2).astype(np.float64))
+        count = len(senses.alive)
+        paired = isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], dict)
+        twists, commands = found if paired else (found, {})
+        intents = Intents.twisting(self._array(twists, count, 2).astype(np.float64))
+        try:
+            told = {name: self._context.actuators.command(name, value, count) for name, value in commands.items()}
+        except ValueError as problem:
+            raise self._misfit(str(problem)) from None
+        return replace(intents, commands=told)
 
 
 class FunctionTopology(FunctionForm):

@@ -30,10 +30,18 @@ from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intent:
-    """What one robot has decided: a velocity or a way."""
+    """What one robot has decided: a velocity or a way, and what its actuators are to do."""
 
     twist: tuple[float, float] | None = None  # m/s ahead, rad/s counter-clockwise
     way: NDArray[np.float64] | None = None  # (w, 2): x, y in m
+    commands: Mapping[str, object] = field(default_factory=dict)  # by channel of an actuator
+
+    def also(self, **commands: object) -> Intent:
+        """The same with something for actuators to do, by channel: `me.drive(0.1).also(led=(255, 0, 0))`.
+
+        An actuator that is told nothing rests until the next iteration.
+        """
+        return replace(self, commands={**self.commands, **commands})
 
 
 @dataclass(slots=True, eq=False)
@@ -339,14 +347,9 @@ class MindComputation:
         """A value as its field holds it. Raises MisfitError for one that is another number there."""
         kind = self._kinds[name]
         try:
-            given = own.array_of(value, *kind.shape)
+            return own.kept_as(kind.base, value, *kind.shape)
         except ValueError as problem:
             raise self._misfit(f"{name}: {problem}; expected a number of type {kind}") from None
-        with np.errstate(all="ignore"):
-            kept = given.astype(kind.base)
-        if not np.array_equal(kept, given, equal_nan=True) and (kept.dtype.kind != "f" or not np.isfinite(kept).all()):
-            raise self._misfit(f"{name}: {own.brief(value)} does not fit {kind}; expected a number that does")
-        return kept
 
     def _misfit(self, wrong: str) -> MisfitError:
         return MisfitError(f"say gave {wrong}", self.written_by, "say")
@@ -469,7 +472,7 @@ class MindStrategy:
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
         self.requires = _required(kind)
-        self._kind, self._lattice = kind, context.lattice
+        self._kind, self._lattice, self._actuators = kind, context.lattice, context.actuators
         self._swarm = Swarm(make, context)
         self._ways: dict[int, bytes] = {}
 
@@ -489,7 +492,11 @@ class MindStrategy:
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
         here = senses.pose[:, :2]
         from_here = {robot: np.concatenate([here[robot : robot + 1], way]) for robot, way in ways.items()}
-        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists)
+        commands = {channel.name: channel.blanks(count) for channel in self._actuators}
+        for robot, intent in decided.items():
+            for name, row in intent.commands.items():
+                commands[name][robot] = row
+        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists, commands=commands)
 
     def _intent(self, mind: Mind, me: Me) -> Intent:
         answer = mind.step(me)
@@ -500,4 +507,8 @@ class MindStrategy:
                 f"step gave {own.brief(answer)}; expected me.drive(...), me.head(...), me.go(...) or None to stand",
                 self._kind, "step",
             )  # fmt: skip
-        return answer
+        try:
+            told = {name: self._actuators.command(name, value) for name, value in answer.commands.items()}
+        except ValueError as problem:
+            raise MisfitError(f"step gave {problem}", self._kind, "step") from None
+        return replace(answer, commands=told) if told else answer

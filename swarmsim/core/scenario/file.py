@@ -18,6 +18,7 @@ from swarmsim.core.crew import Length
 from swarmsim.core.drawing import Layer
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import (
+    Actuator,
     AnyComputation,
     AnyStrategy,
     AnyTask,
@@ -161,6 +162,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     physics: Part[Bodies] = Part("physics")
     sensor: Part[Sensor] = Part("sensor")
     sensors: tuple[Part[Sensor], ...] = ()  # more of them or, without `sensor`, all
+    actuators: tuple[Part[Actuator], ...] = ()
     field: Part[Field] = NONE
     localisation: Part[Localisation] = Part("localisation")
     network: Network
@@ -179,7 +181,7 @@ OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
-LATER: Final = ("layers", "probes", "sensors")
+LATER: Final = ("actuators", "layers", "probes", "sensors")
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",

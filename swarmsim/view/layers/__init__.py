@@ -10,7 +10,7 @@ from swarmsim.view.layers.building import Boxes, Building
 from swarmsim.view.layers.doing import Beams, Links, Tiles, Ways
 from swarmsim.view.layers.known import FieldEstimates, Maps
 from swarmsim.view.layers.own import own_layers
-from swarmsim.view.layers.robots import Beliefs, Faults, People, Robots
+from swarmsim.view.layers.robots import Beliefs, Faults, Lights, People, Robots
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
 from swarmsim.view.style import LAYERS, Style
@@ -39,7 +39,7 @@ class Layers:
     def __init__(self, scene: Scene) -> None:
         #: In the order of their signs.
         self.all: tuple[OurLayer, ...] = (
-            Robots(), Tiles(scene), Beams(scene), Ways(), Links(), Beliefs(), Faults(), People(), Boxes(),
+            Robots(), Tiles(scene), Beams(scene), Ways(), Links(), Beliefs(), Faults(), Lights(), People(), Boxes(),
             FieldEstimates(scene), Maps(scene), Building(scene),
         )  # fmt: skip
         self._own = own_layers(scene.scenario, scene.at(0))

@@ -14,7 +14,7 @@ from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
 from swarmsim.view.style import Style
 
-PEOPLE, DEAD, BELIEFS, FAULTS, ROBOTS = 90.0, 100.0, 101.0, 102.0, 103.0  # z
+PEOPLE, DEAD, BELIEFS, FAULTS, LIGHTS, ROBOTS = 90.0, 100.0, 101.0, 102.0, 102.8, 103.0  # z
 NOSE: Final = np.array([(0.585, -0.545), (1.75, 0.0), (0.585, 0.545)])
 CROSS: Final = 0.6 * np.array(
     [(0.8, 1), (0, 0.2), (-0.8, 1), (-1, 0.8), (-0.2, 0), (-1, -0.8), (-0.8, -1), (0, -0.2), (0.8, -1), (1, -0.8),
@@ -124,6 +124,24 @@ def dead_marks(pose: Reals, of: Whole) -> list[Mark]:
 def removed(pose: Reals, of: Whole) -> Circles:
     """Grey rings."""
     return Circles(pose[:, :2], 1.0, "dead", stroke=0.45, unit="body", of=of, rides=True, name="removed", z=DEAD)
+
+
+class Lights:
+    """The colours in which robots shine."""
+
+    name = "lights"
+
+    def draw(self, shot: Frame) -> Sequence[Mark]:
+        """Discs of these colours under those of the robots, which are smaller."""
+        lit = np.empty(0, np.int64) if shot.lights is None else np.flatnonzero(shot.lights.any(axis=1) & shot.alive)
+        if shot.lights is None or not len(lit):
+            return []
+        inks = ["#" + bytes(colour).hex() for colour in shot.lights[lit].tolist()]
+        return [Circles(shot.pose[lit, :2], 1.6, inks, unit="body", of=lit, rides=True, name="light", z=LIGHTS)]
+
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
+        """None: what a colour means is up to the strategy."""
+        return []
 
 
 class Beliefs:

@@ -10,7 +10,7 @@ from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.drawing import Circles, Mark, Shown
 from swarmsim.core.errors import InputError
 from swarmsim.core.probes import ProbeTable, Sampled
-from swarmsim.core.readings import Readings
+from swarmsim.core.readings import Channel, Channels, Readings
 from swarmsim.core.state import Moment, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
@@ -81,6 +81,27 @@ class Foggy:
         """The readings of those outside the fog."""
         readings = self._inner.sense(state)
         return readings.blanked(state.pose[:, 0] < self._x)
+
+
+class Horn(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A fog horn, which robots sound as loud as they want, up to a limit."""
+
+    loudest: float = 1.0
+
+    def build(self, context: BuildContext) -> Blower:
+        """The actuator."""
+        return Blower(self.loudest)
+
+
+class Blower:
+    """One loudness a robot."""
+
+    def __init__(self, loudest: float) -> None:
+        self.channels = Channels(Channel("horn", low=0.0, high=loudest, blank=0.0))
+
+    def act(self, commands: Readings, state: State) -> Readings:
+        """As loud as can be."""
+        return Readings(self.channels, (commands["horn"].clip(0.0, self.channels["horn"].high),))
 
 
 class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
