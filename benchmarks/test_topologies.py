@@ -47,7 +47,7 @@ CASES = [  # the topology, and how many links it has among 1 000 robots, at most
 def test_links_are_quick() -> None:
     run = build(load(SCENARIO), str(SCENARIO))
     building, lattice = run.simulation.parts.building, run.arena.lattice
-    free = lattice.centres(np.argwhere(building.domain & ~building.occupied))
+    free = lattice.centres(np.argwhere(building.explorable & ~building.occupied))
     rng = np.random.default_rng(1)
     assert {table["use"] for table, _ in CASES} == set(registry.known("topology"))
     print(f"\n{'ms of one core per call':44}" + "".join(f"{size:>10}" for size in SIZES))

@@ -8,33 +8,73 @@ run.summary["status"], run.curve()[-1]
 run.film("room.mp4")
 ```
 
-`run` simulates and records, `simulate` steps a swarm, `open` reads a recording, `study` does many runs. Everything is
-imported when it is first used.
+Every verb of the command line is a function here. One about a recorded run is a function of the `Run` that `run` and
+`open` give, one about a study of the `StudyRun` that `study` and `open_study` give; `swarmsim world check` is
+`world_check`. Everything is imported when it is first used.
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from swarmsim.api.runs import Run, open, run, simulate  # noqa: A004
-    from swarmsim.api.studies import StudyRun, study
-    from swarmsim.core.errors import InputError, PartError
+    from swarmsim.api.doctor import doctor
+    from swarmsim.api.imports import world_import
+    from swarmsim.api.papers import reproduce
+    from swarmsim.api.recorded import Run
+    from swarmsim.api.runs import compare, open, run, simulate  # noqa: A004
+    from swarmsim.api.skeletons import new
+    from swarmsim.api.studies import StudyRun, open_study, study
+    from swarmsim.api.worlds import world_check, world_convert, world_generate, world_preview
+    from swarmsim.api.worst import study_worst
+    from swarmsim.core.errors import InputError, PartError, StorageError
+    from swarmsim.core.scenario.describe import parts
+    from swarmsim.core.scenario.schema import schema
+    from swarmsim.core.scenario.shipped import copy as examples_copy
+    from swarmsim.core.scenario.shipped import example, examples
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "PartError", "Run", "StudyRun", "open", "run", "simulate", "study"]
+__all__ = [
+    "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example", "examples",
+    "examples_copy", "new", "open", "open_study", "parts", "reproduce", "run", "schema", "simulate", "study",
+    "study_worst", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
+]  # fmt: skip
 
 _PLACES = {
-    **dict.fromkeys(("Run", "open", "run", "simulate"), "swarmsim.api.runs"),
-    **dict.fromkeys(("StudyRun", "study"), "swarmsim.api.studies"),
-    **dict.fromkeys(("InputError", "PartError"), "swarmsim.core.errors"),
+    "InputError": "core.errors:InputError",
+    "PartError": "core.errors:PartError",
+    "Run": "api.recorded:Run",
+    "StorageError": "core.errors:StorageError",
+    "StudyRun": "api.studies:StudyRun",
+    "compare": "api.runs:compare",
+    "doctor": "api.doctor:doctor",
+    "example": "core.scenario.shipped:example",
+    "examples": "core.scenario.shipped:examples",
+    "examples_copy": "core.scenario.shipped:copy",
+    "new": "api.skeletons:new",
+    "open": "api.runs:open",
+    "open_study": "api.studies:open_study",
+    "parts": "core.scenario.describe:parts",
+    "reproduce": "api.papers:reproduce",
+    "run": "api.runs:run",
+    "schema": "core.scenario.schema:schema",
+    "simulate": "api.runs:simulate",
+    "study": "api.studies:study",
+    "study_worst": "api.worst:study_worst",
+    "world_check": "api.worlds:world_check",
+    "world_convert": "api.worlds:world_convert",
+    "world_generate": "api.worlds:world_generate",
+    "world_import": "api.imports:world_import",
+    "world_preview": "api.worlds:world_preview",
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name in _PLACES:
-        return getattr(import_module(_PLACES[name]), name)
+        place, _, attribute = _PLACES[name].partition(":")
+        found: object = getattr(import_module(f"swarmsim.{place}"), attribute)
+        return found
     raise AttributeError(f"module 'swarmsim' has no attribute {name!r}")
 
 

@@ -15,17 +15,12 @@ from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.messages import Inbox
 from swarmsim.core.readings import Channels, Readings, Tiles, tile_channels
 from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.robots import Robots
-from swarmsim.core.state import FREE, OCCUPIED, Intents, Moment, Senses
+from swarmsim.core.state import Moment, Senses
 from swarmsim.core.streams import Streams
 from swarmsim.engine.build import Run, build
-from swarmsim.operations.mapping.computation import OccupancyGrid
-from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
-from swarmsim.operations.mapping.grids import OccupancyGrids
-from swarmsim.operations.mapping.maps import TileItems
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
@@ -40,18 +35,13 @@ def root() -> Path:
     return ROOT
 
 
-def inbox_of(receivers, senders, values, origins, iteration: int = 0) -> Inbox[TileItems]:
-    """Messages of one tile each, which its sender has just sensed."""
-    receivers, senders = np.asarray(receivers, np.int32), np.asarray(senders, np.int32)
-    sent = np.full(len(senders), iteration, np.int32)
-    return Inbox(receivers, senders, sent, TileItems(values, origins, senders, sent), iteration)
+NOTHING = np.zeros((0, 0), bool)
 
 
-def building(walls=()) -> Building:
-    """These walls (s, 4), and nothing that could be explored."""
-    segments = np.asarray(walls, float).reshape(-1, 4)
-    nothing = np.zeros((0, 0), bool)
-    return Building(segments, nothing, nothing, np.zeros((0, 2)), lambda boxes: Survey(segments, nothing, nothing))
+def building(walls=(), explorable=NOTHING, occupied=NOTHING) -> Building:
+    """These walls (s, 4), of which so much can be explored."""
+    found = Survey(np.asarray(walls, float).reshape(-1, 4), occupied, np.zeros((0, 2)), lambda: explorable)
+    return Building(found, lambda boxes: found)
 
 
 def setting_of(
@@ -128,44 +118,6 @@ def readings_of(tiles: Tiles | None = None) -> Readings:
 def seen_as(iteration, pose, alive, tiles) -> Senses:
     """What robots know that sense tiles."""
     return Senses(iteration, pose, np.zeros_like(pose), alive, readings_of(tiles))
-
-
-def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
-    """An inbox of tiles, each said when it was sensed."""
-    return Inbox(receivers, senders, sensed, TileItems(values, origins, sources, sensed))
-
-
-class Grids(OccupancyGrids):
-    """Grids of which all that is known is news, for sharing policies that are asked without a computation."""
-
-    @property
-    def changes(self) -> np.ndarray:
-        robot, row, column = np.nonzero(self.observed)
-        states = np.where(self.log_odds[robot, row, column] > 0.0, OCCUPIED, FREE)
-        return np.stack([robot, row * self.observed.shape[2] + column, states], axis=1).astype(np.int32)
-
-
-class Mapper:
-    """The two halves of a mind that maps; parameters go to the half that has them."""
-
-    def __init__(self, **parameters) -> None:
-        fields = NearestFrontier.__struct_fields__
-        self._strategy = NearestFrontier(**{key: value for key, value in parameters.items() if key in fields})
-        self._computation = OccupancyGrid(**{key: value for key, value in parameters.items() if key not in fields})
-
-    def build(self, context: BuildContext) -> Mapping:
-        return Mapping(self._computation.build(context), self._strategy.build(context))
-
-
-class Mapping:
-    """A mind that maps."""
-
-    def __init__(self, computation, strategy) -> None:
-        self.computation, self.strategy = computation, strategy
-        self.observed, self.log_odds = computation._grids.observed, computation._grids.log_odds  # for tests to write
-
-    def step(self, senses: Senses, inbox: Inbox) -> Intents:
-        return self.strategy.step(senses, inbox, self.computation.hear(senses, inbox))
 
 
 def called(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -37,7 +37,7 @@ RIGHT = 2.0  # cells by which no cell of the overlap may lie beside its place
 def building(kind: str, seed: int) -> np.ndarray:
     """The map that is complete and right."""
     run = build(load(SCENARIO, changes={"world.generate": KINDS[kind], "world.seed": seed}), kind)
-    return np.where(run.domain, np.where(run.arena.occupied, OCCUPIED, FREE), UNKNOWN).astype(np.uint8)
+    return np.where(run.explorable, np.where(run.arena.occupied, OCCUPIED, FREE), UNKNOWN).astype(np.uint8)
 
 
 def part(truth: np.ndarray, share: float, start: tuple[int, int]) -> np.ndarray:
@@ -129,10 +129,10 @@ def whole_run(asked: tuple[str, int]) -> dict[str, float | None]:
     kind, seed = asked
     changes = {"world.generate": KINDS[kind], "world.seed": 7000 + seed, "seed": seed}
     run = build(load(MERGING, changes=changes), kind)
-    probe, known = FrameMeasures(run.domain), False
+    probe, known = FrameMeasures(run.explorable), False
     while not known and not run.simulation.over:
         knowledge = run.simulation.tick([probe]).knowledge
-        known = bool(knowledge.observed.any(axis=0)[run.domain].all())
+        known = bool(knowledge.observed.any(axis=0)[run.explorable].all())
     return {"known": known, **probe.summary()}
 
 

@@ -1,26 +1,40 @@
-"""Studies from Python: many runs, and what they say."""
+"""Studies: many runs, and what they say."""
 
 from __future__ import annotations
 
 import html
 import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.api.frames import framed
+from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
+from swarmsim.studies import methods, selection
+from swarmsim.studies import plan as plans
+from swarmsim.studies import report as reports
 from swarmsim.studies import results as found
-from swarmsim.studies.engine import execute
-from swarmsim.studies.plan import Plan, open_study
-from swarmsim.studies.report import study_figures
+from swarmsim.studies.engine import Job, execute
+from swarmsim.studies.likeness import Side, notices
+from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result
 from swarmsim.studies.statistics import Description
 from swarmsim.studies.store import Store
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Progress = Callable[[int, int, int], None]  # is called with the runs done, all runs, and how many have failed
+
+
+def untold(done: int, of: int, failed: int) -> None:
+    """Tell nobody of progress."""
 
 
 def study(
@@ -33,30 +47,149 @@ def study(
     keep_old: bool = False,
     allow_code: bool = False,
 ) -> StudyRun:
-    """Do the runs of a study that are still missing, and give all of them.
+    """Do the runs of a study that are still missing, and give all of them: `open_study` and then `StudyRun.run`.
 
-    `seeds` replaces their number; results are kept in `store`, by default runs/studies/STUDY.sqlite, and runs that it
-    has are not done again, unless other code made them; with `keep_old` those count too. `workers` processes, by
-    default one for each core, or a Dask `scheduler`'s. In a script this has to be called under
-    `if __name__ == "__main__":`, since processes are started. Raises InputError.
+    Parameters and errors are those of both. In a script this has to be called under `if __name__ == "__main__":`, since
+    processes are started.
     """
+    opened = open_study(path, seeds=seeds, store=store, keep_old=keep_old, allow_code=allow_code)
+    return opened.run(workers=workers, scheduler=scheduler)
+
+
+def open_study(
+    path: str | Path,
+    *,
+    seeds: int | None = None,
+    store: str | Path | None = None,
+    keep_old: bool = False,
+    allow_code: bool = False,
+) -> StudyRun:
+    """Read the study file `path` with the runs that are done already, and do none.
+
+    `seeds` replaces their number. Results are kept in `store`, by default runs/studies/STUDY.sqlite; those that other
+    code than the present has made count only with `keep_old`. `allow_code` lets its scenarios run code of their own.
+    Raises InputError that names the file, the condition and the key.
+    """
+    kept = Path(store) if store else Path("runs") / "studies" / f"{Path(path).stem}.sqlite"
     with registry.own_code(allow_code):
-        plan = open_study(Path(path), seeds, keep_old=keep_old)
-        with Store(Path(store) if store else Path("runs") / "studies" / f"{Path(path).stem}.sqlite") as kept:
-            tasks = found.missing(plan, kept)
-            for row in execute(tasks, workers or os.cpu_count() or 1, scheduler) if tasks else ():
-                kept.add(row)
-            return StudyRun(plan, found.gather(plan, kept))
+        return StudyRun(plans.open_study(Path(path), seeds, keep_old=keep_old), kept, allow_code)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """How much there is to do."""
+
+    runs: int  # in all
+    missing: int  # still to do
+    seconds: float  # of one core that each takes, about
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How far a condition has come, in runs."""
+
+    condition: str
+    finished: int
+    not_finished: int
+    failed: int
+    missing: int
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of texts, which shows itself in a notebook."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def _repr_html_(self) -> str:
+        def row(cells: Sequence[str], tag: str) -> str:
+            return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+        body = "".join(row(line, "td") for line in self.rows)
+        return f"<div><b>{html.escape(self.title)}</b><table>{row(self.head, 'th')}{body}</table></div>"
 
 
 class StudyRun:
-    """A study whose runs are done."""
+    """A study, and its runs as far as they are done."""
 
-    def __init__(self, plan: Plan, results: dict[str, Result]) -> None:
+    def __init__(self, plan: Plan, store: Path, allow_code: bool = False) -> None:
         #: What was asked.
         self.plan = plan
+        #: The file of the results (SQLite).
+        self.store = store
+        self._allow_code = allow_code
         #: The runs of each condition, by its name.
-        self.results = results
+        self.results: dict[str, Result] = self._gathered()
+
+    def _gathered(self) -> dict[str, Result]:
+        with Store(self.store) as kept:
+            return found.gather(self.plan, kept)
+
+    def of_other_code(self) -> list[str]:
+        """A sentence about runs that other code than the present made, if there are any."""
+        return found.of_other_code(self.plan, self.results)
+
+    def unlike(self) -> list[str]:
+        """In what conditions differ that makes their numbers tell little of each other, a sentence each."""
+        return notices([Side(one.name, one.scenario, self.plan.world_of(one)) for one in self.plan.conditions])
+
+    def estimate(self) -> Estimate:
+        """How many runs there are, how many are missing, and how long each takes: `swarmsim study plan`.
+
+        The time is the mean of the runs that are done or, without any, is found by simulating each condition briefly.
+        """
+        seconds = [row.seconds for result in self.results.values() for row in result.rows]
+        missing = sum(result.missing for result in self.results.values())
+        with registry.own_code(self._allow_code):
+            each = sum(seconds) / len(seconds) if seconds else plans.trial(self.plan)
+        return Estimate(len(self.plan.runs), missing, each)
+
+    def run(
+        self,
+        *,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        retry: bool = False,
+        progress: Progress = untold,
+    ) -> StudyRun:
+        """Do the runs that are missing, keep each as it ends, and give the study: `swarmsim study run`.
+
+        `workers` processes do them, by default one for each core, or those of a Dask `scheduler` (tcp://host:port).
+        `retry` does failed runs again. `progress` is called with the runs done, all runs, and how many have failed.
+        Raises InputError for a scheduler that does not answer, StorageError for a full disk.
+        """
+        with registry.own_code(self._allow_code), Store(self.store) as kept:
+            run_jobs(found.missing(self.plan, kept, retry), kept, workers, scheduler, progress)
+        self.results = self._gathered()
+        return self
+
+    def status(self) -> list[Count]:
+        """How far each condition has come: `swarmsim study status`."""
+        return [
+            Count(name, int(one.finished.sum()), int((~one.finished).sum()), len(one.failed), one.missing)
+            for name, one in self.results.items()
+        ]
+
+    def table(self, measure: str | None = None) -> Table:
+        """The statistics of each condition's iterations, or of a measure, in words: `swarmsim study table`.
+
+        `describe` gives them as numbers. Raises InputError for an unknown measure.
+        """
+        if measure is None:
+            return Table(f"{self.plan.study.title}: iterations", *found.filled(found.HEAD, found.lines(self.results)))
+        return Table(f"{self.plan.study.title}: {measure}", found.MEASURED, found.measured(self.results, measure))
+
+    def compare(self, against: str) -> Table:
+        """Every other condition tested against one: `swarmsim study table --compare`. Raises InputError."""
+        if against not in self.results:
+            raise InputError(f"--compare {against}: no such condition; known: {', '.join(self.results)}")
+        return Table(f"against {against}", found.COMPARED, found.compared(self.results, against))
+
+    def digest(self) -> str:
+        """One digest over all runs, whoever did them and in whatever order."""
+        return found.digest(list(self.results.values()))
 
     def describe(self, measure: str | None = None) -> dict[str, Description]:
         """The statistics of each condition's iterations, or of a measure. Raises InputError for an unknown one."""
@@ -75,23 +208,96 @@ class StudyRun:
 
     def frame(self) -> pd.DataFrame:
         """One row for each run. Needs pandas."""
-        try:
-            import pandas as pd
-        except ImportError as problem:
-            raise ImportError("frame() needs pandas; install it with: pip install pandas") from problem
-        return pd.DataFrame(self.records())
+        return framed(self.records())
 
     def plot(self, folder: str | Path, *measures: str) -> list[Path]:
-        """Draw the study's figures into a folder, and measures along its axis; gives the files. Raises InputError."""
-        return study_figures(self.plan.study, self.results, Path(folder), measures)
+        """Draw the study's figures, and measures along its axis, into a folder: `swarmsim study plot`.
+
+        Gives the files, PNG and SVG. Raises InputError where there is nothing to draw or no place for it.
+        """
+        return reports.study_figures(self.plan.study, self.results, Path(folder), measures)
+
+    def export(self, *, csv: str | Path | None = None, parquet: str | Path | None = None) -> list[Path]:
+        """Write every run with all its measures, and give the files: `swarmsim study export`.
+
+        `csv` and `parquet` are the files to write, one of them at least. Raises InputError where no file is named or it
+        cannot be written, StorageError for a full disk.
+        """
+        if csv is None and parquet is None:
+            raise InputError("study export: nothing to write; name a file with --csv or --parquet")
+        written = []
+        for path, write in ((csv, found.write_csv), (parquet, found.write_parquet)):
+            if path is not None:
+                try:
+                    write(Path(path), self.records())
+                except OSError as problem:
+                    raise unwritten(path, problem) from problem
+                written.append(Path(path))
+        return written
+
+    def rank(
+        self, *, method: str = "method", within: str | None = None, out: str | Path | None = None
+    ) -> methods.Compared:
+        """Compare methods over many worlds: `swarmsim study rank`.
+
+        `method` is what the axes of the methods have as `together`, `within` the key of an axis whose values are kept
+        apart, `out` a folder for figures. Gives ratios to the first method with intervals, the probability of
+        improvement and profiles. Raises InputError where there is no such axis or runs are missing.
+        """
+        compared = methods.compare(self.plan, self.results, method, within)
+        if out is None:
+            return compared
+        drawn = reports.method_figures(compared, self.plan.study.title, Path(out))
+        return replace(compared, figures=tuple(drawn))
+
+    def best(
+        self,
+        *,
+        confidence: float = 0.95,
+        budget: int = 2000,
+        tolerance: float = 0.03,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        progress: Progress = untold,
+    ) -> selection.Answer:
+        """Find the condition with the fewest iterations, with as few runs as can be: `swarmsim study best`.
+
+        Seeds are added until, with this confidence, no other value needs fewer iterations by more than `tolerance`, a
+        share, or `budget` runs are spent. Other parameters are those of `run`. Raises InputError if none can be called
+        best, since too few runs finish.
+        """
+        with registry.own_code(self._allow_code), Store(self.store) as kept:
+            more = partial(run_jobs, store=kept, workers=workers, scheduler=scheduler, progress=progress)
+            answer = selection.best(self.plan, kept, more, confidence, budget, tolerance)
+        self.results = self._gathered()
+        return answer
+
+    def report(self, out: str | Path, *, replays: bool = True) -> list[Path]:
+        """Write `out`, the page of the study, and give all pages: `swarmsim report`.
+
+        With `replays` each condition's median run is simulated again, as a page of its own. Raises InputError for a
+        name that does not end in .html, and where no run is done.
+        """
+        from swarmsim.api.pages import study_page
+
+        with registry.own_code(self._allow_code):
+            return study_page(self.plan, self.results, Path(out), replays)
 
     def __repr__(self) -> str:
         runs = sum(len(result.rows) for result in self.results.values())
         return f"<StudyRun {self.plan.study.title!r}: {runs} runs of {len(self.results)} conditions>"
 
     def _repr_html_(self) -> str:
-        def row(cells: tuple[str, ...], tag: str) -> str:
-            return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+        return Table(self.plan.study.title, found.HEAD, found.lines(self.results))._repr_html_()
 
-        body = "".join(row(line, "td") for line in found.lines(self.results))
-        return f"<div><b>{html.escape(self.plan.study.title)}</b><table>{row(found.HEAD, 'th')}{body}</table></div>"
+
+def run_jobs(jobs: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, progress: Progress) -> None:
+    """Do all jobs and keep each row as it comes; `progress` is called before the first and after each."""
+    if not jobs:
+        return
+    failed = 0
+    progress(0, len(jobs), failed)
+    for count, row in enumerate(execute(jobs, workers or os.cpu_count() or 1, scheduler), 1):
+        store.add(row)
+        failed += row.status == "failed"
+        progress(count, len(jobs), failed)

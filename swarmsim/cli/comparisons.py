@@ -18,32 +18,12 @@ def compare(
 
     Example: swarmsim compare runs/sound runs/faulty --plot runs/cost
     """
-    from swarmsim.core.errors import InputError
-    from swarmsim.recording.reader import Recording
-    from swarmsim.studies import comparison
-    from swarmsim.studies.likeness import Side, notices
+    from swarmsim.api.runs import compare as compare_runs
+    from swarmsim.studies.comparison import head, lines
 
-    if len(runs) < 2:
-        raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")
-    opened = [Recording(run) for run in runs]
-    for run, recording in zip(runs, opened, strict=True):
-        if not recording.iterations:
-            raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
-    named, curve = dict(zip(_names(runs), opened, strict=True)), opened[0].curve
-    costs = comparison.costs(named)
-    for notice in notices([Side(name, run.scenario, run.world, run.code) for name, run in named.items()]):
+    found = compare_runs(runs, plot=plot)
+    for notice in found.notices:
         print(f"notice: {notice}")
-    print_table(f"against {_names(runs)[0]}", comparison.head(curve), comparison.lines(costs))
-    if plot is not None:
-        for path in comparison.draw(costs, curve, plot):
-            print(path)
-
-
-def _names(runs: list[Path]) -> list[str]:
-    """The last folders of each run's path, as many as tell all runs apart."""
-    paths = [run.absolute().parent if run.suffix == ".h5" else run.absolute() for run in runs]
-    for parts in range(1, max(len(path.parts) for path in paths) + 1):
-        names = ["/".join(path.parts[-parts:]) for path in paths]
-        if len(set(names)) == len(set(paths)):
-            break
-    return names if len(set(names)) == len(names) else [f"{name} ({place})" for place, name in enumerate(names, 1)]
+    print_table(f"against {found.costs[0].name}", head(found.curve), lines(found.costs))
+    for path in found.figures:
+        print(path)

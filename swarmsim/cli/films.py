@@ -9,12 +9,12 @@ import typer
 
 from swarmsim.cli.interruption import told_if_interrupted
 from swarmsim.cli.options import AllowCode
-from swarmsim.cli.progress import progress_bar
+from swarmsim.cli.progress import Counted, progress_bar
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-    from swarmsim.recording.reader import Recording
+    from swarmsim.api.recorded import Run
     from swarmsim.view.video import Film
 
 DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel", "own")  # as view.style has them
@@ -55,69 +55,30 @@ def video(
 
     With --frames the run is simulated again.
     """
-    from swarmsim.core.errors import InputError
-    from swarmsim.recording.reader import Recording
+    from swarmsim.api.runs import open as open_run
     from swarmsim.view.style import look
-    from swarmsim.view.video import Film, check_film
+    from swarmsim.view.video import Film
 
     how = Film(fps, speed, _size(size), look(theme, show, hide, focus, robots), cards)
-    check_film(out, how)
-    if frames:
-        if any(given is not None for given in (show, hide, focus, robots, beside)):
-            raise InputError("--frames: such a film has a look of its own; expected --fps, --speed, --size or --theme")
-        with progress_bar(quiet) as progress, told_if_interrupted(lambda: f"{out} was not written"):
-            _film_of_frames(recording, out, progress, how)
-        return
-    with progress_bar(quiet) as progress:
-        other = None if beside is None else Recording(beside)
-        with told_if_interrupted(lambda: f"{out} was not written"):
-            film(Recording(recording), out, progress, how, other)
+    run = open_run(recording)
+    other = None if beside is None else open_run(beside)
+    with progress_bar(quiet) as progress, told_if_interrupted(lambda: f"{out} was not written"):
+        film(run, out, progress, how, other, frames)
 
 
 def film(
-    recording: Recording, out: Path, progress: Progress, how: Film | None = None, beside: Recording | None = None
+    run: Run, out: Path, progress: Progress, how: Film | None = None, beside: Run | None = None, frames: bool = False
 ) -> None:
     """Write a film with a progress bar, and say where it is."""
+    from swarmsim.api.films import filmed
     from swarmsim.view.layers.own import left_out
-    from swarmsim.view.video import write_film
+    from swarmsim.view.video import Film
 
-    if told := left_out(recording.scenario):
-        progress.console.print(told)
-    task = progress.add_task("filming", total=None, text="")
-
-    def at(frame: int, frames: int) -> None:
-        progress.update(task, completed=frame, total=frames, text=f"frame {frame} of {frames}")
-
-    write_film(recording, out, how, beside, at)
-    progress.console.print(f"film: {out}")
-
-
-def _film_of_frames(path: Path, out: Path, progress: Progress, how: Film) -> None:
-    from swarmsim.core.errors import InputError
-    from swarmsim.engine.build import build
-    from swarmsim.recording.reader import Recording
-    from swarmsim.view.frames_film import Gathering
-    from swarmsim.view.scene import Scene
-    from swarmsim.view.video import write_pictures
-
-    opened = Recording(path)
-    if not opened.scenario.mind.computation.declares("merges", False):
-        raise InputError(
-            f"--frames: the robots of {path} have one frame of reference; expected mind.computation.sharing.use = merge"
-        )
-    made = build(opened.scenario, str(path), opened.world)
-    gathering = Gathering(Scene(opened), made.context.start, how)
-    task = progress.add_task("filming", total=None, text="")
-
-    def at(frame: int, of: int) -> None:
-        progress.update(task, completed=frame, total=of, text=f"frame {frame} of {of}")
-
-    def tick() -> bool:
-        if not made.simulation.over:
-            made.simulation.tick([gathering])
-        return not made.simulation.over
-
-    write_pictures(out, how, lambda taken: gathering.pictures(tick, at, taken))
+    other = None if beside is None else beside.recording
+    if notice := left_out(run.recording.scenario):
+        progress.console.print(notice)
+    told = Counted(progress, "filming", "frame {} of {}")
+    filmed(run.recording, str(run.path), out, how or Film(), other, frames, told)
     progress.console.print(f"film: {out}")
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swarmsim.cli import skeletons
+from swarmsim.api import skeletons
 
 if TYPE_CHECKING:
     from swarmsim.core.scenario.describe import Description
@@ -25,11 +25,10 @@ def parts(
     from swarmsim.core.scenario import describe
     from swarmsim.core.seams import SEAMS
 
-    seam, _, name = (which or "").partition(".")
-    found = [describe.part(seam, name)] if name else list(describe.parts(seam or None))
+    found = describe.parts(which)
     if as_json:
         print(json.dumps([describe.plain(one) for one in found], indent=2))
-    elif name:
+    elif "." in (which or ""):
         _one(found[0])
     else:
         for each in SEAMS:
@@ -85,7 +84,6 @@ def new(
 
     Example: swarmsim new mind explorer --to .
     """
-    files = skeletons.written(kind, name, to)
-    for path in files:
+    for path in skeletons.new(kind, name, to):
         print(path)
     print(skeletons.advice(kind, name))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -64,6 +63,24 @@ def compiling(progress: Progress) -> Iterator[None]:
         progress.remove_task(task)
 
 
+class Counted:
+    """Moves a bar by what is done of how much there is, and begins another one where the count begins anew."""
+
+    def __init__(self, progress: Progress, doing: str, words: str = "") -> None:
+        """`words` are behind the bar, with {} for what is done and another one for how much there is."""
+        self._progress, self._doing, self._words = progress, doing, words
+        self._task: TaskID | None = None
+        #: How much is done.
+        self.done = 0
+
+    def __call__(self, done: int, of: int) -> None:
+        """Move the bar."""
+        if self._task is None or done < self.done:
+            self._task = self._progress.add_task(self._doing, total=of, text="")
+        self.done = done
+        self._progress.update(self._task, completed=min(done, of), total=of, text=self._words.format(done, of))
+
+
 class RunBar:
     """An observer that moves the progress bar, every tenth iteration and at the end.
 
@@ -91,27 +108,62 @@ class RunBar:
         self._progress.update(self._task, completed=measured.progress, text=text)
 
 
+class StudyBar:
+    """A bar of rate, time left and failures for each batch of runs; what counts them calls it."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+        self._progress: Progress | None = None
+        self._begun = 0.0
+        self._done = self._of = 0
+
+    def __call__(self, done: int, of: int, failed: int) -> None:
+        """Move the bar. Without any run done, another one begins."""
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        from swarmsim.cli.console import VisibleConsole
+
+        self._done, self._of = done, of
+        if self._progress is None:
+            columns = (TextColumn("running"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
+            self._progress = Progress(*columns, TimeRemainingColumn(), console=VisibleConsole(self._quiet))
+            self._progress.start()
+            self._progress.add_task("", total=of, text="")
+            self._begun = time.perf_counter()
+        end_if_asked()
+        if done:
+            rate = done / (time.perf_counter() - self._begun)
+            self._progress.update(
+                self._progress.task_ids[0], completed=done, text=f"{rate:.1f} runs/s, {failed} failed"
+            )
+        if done == of:
+            self.stop()
+
+    def stop(self) -> None:
+        """End the bar of the present batch."""
+        if self._progress is not None:
+            self._progress.stop()
+        self._progress = None
+
+    def kept(self) -> str:
+        """What an interruption leaves."""
+        return f"{self._done} of {self._of} runs are kept; the same command goes on from there"
+
+
+@contextmanager
+def study_bar(quiet: bool) -> Iterator[StudyBar]:
+    """While runs of a study are done, a bar for each batch of them; an interruption says how many are kept."""
+    bar = StudyBar(quiet)
+    try:
+        with told_if_interrupted(bar.kept):
+            yield bar
+    finally:
+        bar.stop()
+
+
 def perform_all(tasks: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
-    """Do all tasks and keep each row as it comes, with a bar of rate, time left and failures."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    """Do all tasks and keep each row as it comes, with a bar."""
+    from swarmsim.api.studies import run_jobs
 
-    from swarmsim.cli.console import VisibleConsole
-    from swarmsim.studies.engine import execute
-
-    if not tasks:
-        return
-    columns = (TextColumn("running"), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
-    with Progress(*columns, TimeRemainingColumn(), console=VisibleConsole(quiet)) as progress:
-        bar = progress.add_task("", total=len(tasks), text="")
-        begun, failed = time.perf_counter(), 0
-        count = 0
-        kept = told_if_interrupted(
-            lambda: f"{count} of {len(tasks)} runs are kept; the same command goes on from there"
-        )
-        with kept:
-            for count, row in enumerate(execute(tasks, workers or os.cpu_count() or 1, scheduler), 1):
-                end_if_asked()
-                store.add(row)
-                failed += row.status == "failed"
-                rate = count / (time.perf_counter() - begun)
-                progress.update(bar, completed=count, text=f"{rate:.1f} runs/s, {failed} failed")
+    with study_bar(quiet) as bar:
+        run_jobs(tasks, store, workers, scheduler, bar)

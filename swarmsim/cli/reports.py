@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from swarmsim.cli.options import AllowCode, KeepOld
-
-if TYPE_CHECKING:
-    from swarmsim.studies.plan import Plan
-    from swarmsim.studies.results import Result
 
 
 def report(
@@ -32,91 +27,24 @@ def report(
 
     Two runs in step: swarmsim report runs/sound -o both.html --beside runs/faulty
     """
+    from swarmsim.api.pages import check_page
+    from swarmsim.api.runs import open as open_run
+    from swarmsim.api.studies import open_study
     from swarmsim.core.errors import InputError
-    from swarmsim.core.scenario.files import write_whole
-    from swarmsim.recording.reader import Recording
     from swarmsim.view.layers.own import left_out
-    from swarmsim.view.page.document import replay_page
 
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise InputError(f"--out {out}: pages end in .html, not in {out.suffix or 'nothing'!r}")
-    if what.suffix == ".toml":
-        if beside is not None:
-            raise InputError(f"--beside {beside}: a study is no run; expected --beside with a run's folder")
-        _study(what, out, store, replays, keep_old)
+    check_page(out)
+    if what.suffix != ".toml":
+        run = open_run(what)
+        if notice := left_out(run.recording.scenario):
+            print(notice)
+        page = run.report(out, beside=None if beside is None else open_run(beside))
+        print(f"{page}: {page.stat().st_size / 1e6:.1f} MB; open it in any browser")
         return
-    for path in (what, *([] if beside is None else [beside])):
-        opened = Recording(path)
-        if not opened.iterations:
-            raise InputError(f"{path}: no whole iteration was recorded; there is nothing to show")
-        if told := left_out(opened.scenario):
-            print(told)
-    write_whole(out, replay_page(Recording(what), None if beside is None else Recording(beside)))
-    print(f"{out}: {out.stat().st_size / 1e6:.1f} MB; open it in any browser")
-
-
-def _study(path: Path, out: Path, store: Path | None, replays: bool, keep_old: bool) -> None:
-    from swarmsim.core.code import distributions
-    from swarmsim.core.errors import InputError
-    from swarmsim.core.scenario.files import write_whole
-    from swarmsim.recording.digests import versions
-    from swarmsim.studies import results as res
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.report import study_pictures
-    from swarmsim.studies.store import Store
-    from swarmsim.view.page.document import study_page
-
-    opened = open_study(path, keep_old=keep_old)
-    with Store(store or Path("runs") / "studies" / f"{path.stem}.sqlite") as kept:
-        found = res.gather(opened, kept)
-    other = res.of_other_code(opened, found)
-    for notice in other:
+    if beside is not None:
+        raise InputError(f"--beside {beside}: a study is no run; expected --beside with a run's folder")
+    study = open_study(what, store=store, keep_old=keep_old, allow_code=allow_code)
+    for notice in study.of_other_code():
         print(f"notice: {notice}")
-    if not any(result.rows for result in found.values()):
-        raise InputError(f"{path}: no runs yet; do them with: swarmsim study run {path}")
-    links = _replays(opened, found, out) if replays else {}
-    runs = [
-        (f"{name}, seed {row.seed}", row.status, str(row.iterations), row.digest or "-")
-        for name, result in found.items()
-        for row in result.rows
-    ]
-    first = [line for line in runs if line[0] in links]
-    tables: dict[str, tuple[Sequence[str], Sequence[Sequence[str]]]] = {
-        "Results": res.filled(res.HEAD, res.lines(found)),
-        **({"The median run of each condition": (("run", "status", "iterations", "digest"), first)} if first else {}),
-        "All runs": (("run", "status", "iterations", "digest"), runs),
-        "Provenance": (("what", "value"), [("study", str(path)), ("digest", res.digest(list(found.values()))),
-                                           *versions().items(), ("swarmsim's code", distributions.ours()),
-                                           *(("notice", notice) for notice in other)]),
-    }  # fmt: skip
-    write_whole(out, study_page(opened.study.title, tables, study_pictures(opened.study, found), links))
-    for page in (out, *(out.parent / link for link in links.values())):
-        print(page)
-
-
-def _replays(opened: Plan, found: dict[str, Result], out: Path) -> dict[str, str]:
-    """Write the page of the median run of each condition into a folder beside the study's; gives links by run."""
-    import tempfile
-
-    import msgspec
-
-    from swarmsim.core.scenario.files import write_whole
-    from swarmsim.engine.build import build
-    from swarmsim.recording.reader import Recording
-    from swarmsim.view.page.document import replay_page
-
-    links: dict[str, str] = {}
-    for number, condition in enumerate(opened.conditions, 1):
-        rows = sorted(found[condition.name].rows, key=lambda row: (row.iterations, row.seed))
-        if not rows:
-            continue
-        seed = rows[(len(rows) - 1) // 2].seed
-        scenario = msgspec.structs.replace(condition.scenario, seed=seed)
-        with tempfile.TemporaryDirectory() as folder:
-            made = build(scenario, condition.name, opened.world_of(condition))
-            with made.recorder(Path(folder) / "recording.h5") as recorder:
-                made.simulate([recorder])
-            place = Path(f"{out.stem}-runs") / f"{number:02d}-seed-{seed}.html"
-            write_whole(out.parent / place, replay_page(Recording(Path(folder))))
-        links[f"{condition.name}, seed {seed}"] = place.as_posix()
-    return links
+    for path in study.report(out, replays=replays):
+        print(path)

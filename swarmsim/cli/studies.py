@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,15 +11,13 @@ import typer
 
 from swarmsim.cli.interruption import end_if_asked
 from swarmsim.cli.options import AllowCode, KeepOld, Overrides, Quiet
-from swarmsim.cli.progress import perform_all, progress_bar
+from swarmsim.cli.progress import Counted, progress_bar, study_bar
 from swarmsim.cli.tables import print_table
-from swarmsim.core.errors import InputError, unwritten
+from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from swarmsim.studies.engine import Job
-    from swarmsim.studies.plan import Plan
-    from swarmsim.studies.results import Result
-    from swarmsim.studies.store import Row, Store
+    from swarmsim.api.studies import StudyRun, Table
+    from swarmsim.studies.store import Store
 
 app = typer.Typer(
     help="Run a scenario many times, varied, and tell what the runs say.\n\n"
@@ -50,21 +47,14 @@ def plan(
 
     Example: swarmsim study plan scenarios/studies/kit2018/network.toml
     """
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.results import gather
-
-    opened = open_study(study, seeds, keep_old=keep_old)
-    with opened_store(store, study) as results:
-        found = gather(opened, results)
-    _notice_other_code(opened, found)
-    seconds = [row.seconds for result in found.values() for row in result.rows]
-    changes = {c.name: ", ".join(f"{key} = {value}" for key, value in c.changes.items()) for c in opened.conditions}
-    print_table(opened.study.title, ("condition", "changes"), list(changes.items()))
-    each = sum(seconds) / len(seconds) if seconds else _trial(opened)
-    missing = sum(result.missing for result in found.values())
+    opened = _opened(study, seeds, store, keep_old, allow_code)
+    conditions = opened.plan.conditions
+    changes = {c.name: ", ".join(f"{key} = {value}" for key, value in c.changes.items()) for c in conditions}
+    print_table(opened.plan.study.title, ("condition", "changes"), list(changes.items()))
+    found = opened.estimate()
     print(
-        f"{len(opened.conditions)} conditions x {len(opened.seeds)} seeds = {len(opened.runs)} runs, {missing} still "
-        f"to do; about {each:.2f} s of one core each, {each * missing / 60:.1f} core minutes"
+        f"{len(conditions)} conditions x {len(opened.plan.seeds)} seeds = {found.runs} runs, {found.missing} still "
+        f"to do; about {found.seconds:.2f} s of one core each, {found.seconds * found.missing / 60:.1f} core minutes"
     )
 
 
@@ -88,17 +78,14 @@ def run(
 
     Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
     """
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.results import gather, missing
+    from swarmsim.api.studies import open_study
 
-    opened = open_study(study, seeds, keep_old=keep_old)
-    for notice in () if quiet else opened.notices:
-        print(f"notice: {notice}")
-    with opened_store(store, study) as results:
-        if not quiet:
-            _notice_other_code(opened, gather(opened, results))
-        perform_all(missing(opened, results, retry), results, workers, scheduler, quiet)
-        failed = [row for result in gather(opened, results).values() for row in result.failed]
+    opened = open_study(study, seeds=seeds, store=store, keep_old=keep_old, allow_code=allow_code)
+    if not quiet:
+        _notice([*opened.plan.notices, *opened.of_other_code()])
+    with study_bar(quiet) as bar:
+        opened.run(workers=workers, scheduler=scheduler, retry=retry, progress=bar)
+    failed = [row for result in opened.results.values() for row in result.failed]
     for row in failed:
         print(f"failed: {row.condition}, seed {row.seed}: {row.message}")
     raise typer.Exit(FAILED if failed else 0)
@@ -116,18 +103,9 @@ def status(
 
     Example: swarmsim study status scenarios/studies/kit2018/network.toml
     """
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.results import gather
-
-    opened = open_study(study, seeds, keep_old=keep_old)
-    with opened_store(store, study) as results:
-        found = gather(opened, results)
-    _notice_other_code(opened, found)
-    rows = [
-        (name, str(int(r.finished.sum())), str(int((~r.finished).sum())), str(len(r.failed)), str(r.missing))
-        for name, r in found.items()
-    ]
-    print_table(opened.study.title, ("condition", "finished", "not finished", "failed", "missing"), rows)
+    opened = _opened(study, seeds, store, keep_old, allow_code)
+    rows = [tuple(map(str, astuple(one))) for one in opened.status()]
+    print_table(opened.plan.study.title, ("condition", "finished", "not finished", "failed", "missing"), rows)
 
 
 @app.command()
@@ -144,23 +122,13 @@ def table(
 
     Example: swarmsim study table scenarios/studies/kit2018/network.toml --compare k=1
     """
-    from swarmsim.studies import results as res
-    from swarmsim.studies.plan import open_study
-
-    opened = open_study(study, seeds, keep_old=keep_old)
-    with opened_store(store, study) as kept:
-        found = res.gather(opened, kept)
-    _notice_other_code(opened, found)
-    if measure is None:
-        print_table(f"{opened.study.title}: iterations", *res.filled(res.HEAD, res.lines(found)))
-    else:
-        print_table(f"{opened.study.title}: {measure}", res.MEASURED, res.measured(found, measure))
+    opened = _opened(study, seeds, store, keep_old, allow_code)
+    _print(opened.table(measure))
     if compare is not None:
-        if compare not in found:
-            raise InputError(f"--compare {compare}: no such condition; known: {', '.join(found)}")
-        _notice_unlike(opened)
-        print_table(f"against {compare}", res.COMPARED, res.compared(found, compare))
-    print(f"digest of the runs: {res.digest(list(found.values()))}")
+        found = opened.compare(compare)
+        _notice(opened.unlike())
+        _print(found)
+    print(f"digest of the runs: {opened.digest()}")
 
 
 @app.command()
@@ -177,15 +145,7 @@ def plot(
 
     Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
     """
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.report import study_figures
-    from swarmsim.studies.results import gather
-
-    opened = open_study(study, seeds, keep_old=keep_old)
-    with opened_store(store, study) as results:
-        found = gather(opened, results)
-    _notice_other_code(opened, found)
-    for path in study_figures(opened.study, found, out, measure or ()):
+    for path in _opened(study, seeds, store, keep_old, allow_code).plot(out, *(measure or ())):
         print(path)
 
 
@@ -203,23 +163,11 @@ def export(
 
     Example: swarmsim study export scenarios/studies/kit2018/network.toml --csv runs/network.csv
     """
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.results import gather, records, write_csv, write_parquet
-
     if csv is None and parquet is None:
         raise InputError("study export: nothing to write; name a file with --csv or --parquet")
-    opened = open_study(study, seeds, keep_old=keep_old)
-    with opened_store(store, study) as kept:
-        found = gather(opened, kept)
-    _notice_other_code(opened, found)
-    rows = records(opened, found)
-    for path, write in ((csv, write_csv), (parquet, write_parquet)):
-        if path is not None:
-            try:
-                write(path, rows)
-            except OSError as problem:
-                raise unwritten(path, problem) from problem
-            print(f"{path}: {len(rows)} runs")
+    opened = _opened(study, seeds, store, keep_old, allow_code)
+    for path in opened.export(csv=csv, parquet=parquet):
+        print(f"{path}: {len(opened.records())} runs")
 
 
 @app.command()
@@ -237,21 +185,14 @@ def rank(
 
     Example: swarmsim study rank scenarios/studies/strategies/unseen.toml --out runs/figures
     """
-    from swarmsim.studies import methods
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.report import method_figures
-    from swarmsim.studies.results import digest, gather
+    from swarmsim.studies.methods import HEAD, lines
 
-    opened = open_study(study, seeds, keep_old=keep_old)
-    with opened_store(store, study) as kept:
-        results = gather(opened, kept)
-    _notice_other_code(opened, results)
-    found = methods.compare(opened, results, method, within)
+    opened = _opened(study, seeds, store, keep_old, allow_code)
+    found = opened.rank(method=method, within=within, out=out)
     for group, standings in found.groups.items():
-        title = f"{opened.study.title}{group and f', {group}'}: {found.tasks} tasks"
-        print_table(title, methods.HEAD, methods.lines(standings))
-    print(f"digest of the runs: {digest(list(results.values()))}")
-    for path in () if out is None else method_figures(found, opened.study.title, out):
+        print_table(f"{opened.plan.study.title}{group and f', {group}'}: {found.tasks} tasks", HEAD, lines(standings))
+    print(f"digest of the runs: {opened.digest()}")
+    for path in found.figures:
         print(path)
 
 
@@ -272,22 +213,22 @@ def best(
 
     Example: swarmsim study best scenarios/studies/best-k/15.toml --budget 1000
     """
-    from swarmsim.studies import selection
-    from swarmsim.studies.plan import open_study
-    from swarmsim.studies.results import gather
+    from swarmsim.api.studies import open_study
+    from swarmsim.studies.selection import HEAD, lines
 
-    opened = open_study(study, 1, keep_old=keep_old)
+    opened = open_study(study, seeds=1, store=store, keep_old=keep_old, allow_code=allow_code)
     if not quiet:
-        _notice_unlike(opened)
-    with opened_store(store, study) as results:
-        if not quiet:
-            _notice_other_code(opened, gather(opened, results))
-
-        def more(tasks: Sequence[Job]) -> None:
-            perform_all(tasks, results, workers, scheduler, quiet)
-
-        answer = selection.best(opened, results, more, confidence, budget, tolerance)
-    print_table(opened.study.title, selection.HEAD, selection.lines(answer))
+        _notice([*opened.unlike(), *opened.of_other_code()])
+    with study_bar(quiet) as bar:
+        answer = opened.best(
+            confidence=confidence,
+            budget=budget,
+            tolerance=tolerance,
+            workers=workers,
+            scheduler=scheduler,
+            progress=bar,
+        )
+    print_table(opened.plan.study.title, HEAD, lines(answer))
     print(answer.sentence)
 
 
@@ -312,70 +253,58 @@ def worst(
 
     Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
     """
-    from swarmsim.core.scenario.file import load
-    from swarmsim.engine.build import build
-    from swarmsim.studies import worst as search
-    from swarmsim.studies.engine import worker_pool
+    from swarmsim.api.worst import study_worst
+    from swarmsim.studies.worst import HEAD, lines
 
-    if out.exists():
-        raise InputError(f"{out}: is there already; expected the name of a new file")
-    opened = load(scenario, set_ or [])
-    world = build(opened, str(scenario)).world
-    with progress_bar(quiet) as progress, worker_pool(workers or os.cpu_count() or 1, scheduler) as run_jobs:
-        bar = progress.add_task("searching", total=budget, text="")
+    with progress_bar(quiet) as progress:
+        told = Counted(progress, "searching", "{} timelines")
 
         def tell(words: str) -> None:
             progress.console.print(words, markup=False, highlight=False)
 
-        def performed(tasks: Sequence[Job]) -> Iterator[Row]:
-            for row in run_jobs(tasks):
-                end_if_asked()
-                yield row
-            progress.update(bar, completed=min(look.timelines, budget), text=f"{look.timelines} timelines")
+        def move(timelines: int) -> None:
+            end_if_asked()
+            told(timelines, budget)
 
-        look = search.Search(opened, world, performed, seeds, factor, tell)
-        answer = look.run(budget, entries, seed)
-    title = (
-        f"{scenario}: not done in {factor:g} times the {' / '.join(map(str, answer.sound))} iterations without faults"
-    )
-    print_table(title, search.HEAD, search.lines(answer))
+        answer = study_worst(
+            scenario,
+            out,
+            overrides=set_,
+            budget=budget,
+            entries=entries,
+            factor=factor,
+            seeds=seeds,
+            seed=seed,
+            workers=workers,
+            scheduler=scheduler,
+            allow_code=allow_code,
+            progress=move,
+            tell=tell,
+        )
+    sound = " / ".join(map(str, answer.sound))
+    print_table(f"{scenario}: not done in {factor:g} times the {sound} iterations without faults", HEAD, lines(answer))
     print(f"{answer.timelines} timelines tried in {answer.runs} runs")
     if answer.smallest is None:
         raise typer.Exit(FAILED)
-    search.write(opened, answer.smallest.timeline, answer.limit[0], out)
     print(f"{out}: swarmsim run {out}")
 
 
-def _trial(opened: Plan) -> float:
-    """Seconds that one run of a study takes here, in the mean over its conditions' first 100 iterations."""
-    from swarmsim.engine.build import build
+def _opened(study: Path, seeds: int | None, store: Path | None, keep_old: bool, allow_code: bool) -> StudyRun:
+    """Open a study, and say which of its runs other code has made."""
+    from swarmsim.api.studies import open_study
 
-    seconds = []
-    for one in opened.conditions:
-        simulation = build(one.scenario, one.name, opened.world_of(one)).simulation
-        simulation.tick()
-        begun = time.perf_counter()
-        while not simulation.over and simulation.state.iteration < 100:
-            simulation.tick()
-        each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
-        seconds.append(each * min(one.scenario.stop.iterations, 700))
-    return sum(seconds) / len(seconds)
+    opened = open_study(study, seeds=seeds, store=store, keep_old=keep_old, allow_code=allow_code)
+    _notice(opened.of_other_code())
+    return opened
 
 
-def _notice_unlike(opened: Plan) -> None:
-    """Say in what the conditions of a study differ that makes their numbers tell little of each other."""
-    from swarmsim.studies.likeness import Side, notices
-
-    for notice in notices([Side(one.name, one.scenario, opened.world_of(one)) for one in opened.conditions]):
-        print(f"notice: {notice}")
+def _notice(sentences: Sequence[str]) -> None:
+    for sentence in sentences:
+        print(f"notice: {sentence}")
 
 
-def _notice_other_code(opened: Plan, found: Mapping[str, Result]) -> None:
-    """Say which runs other code has made than the present."""
-    from swarmsim.studies.results import of_other_code
-
-    for notice in of_other_code(opened, found):
-        print(f"notice: {notice}")
+def _print(table: Table) -> None:
+    print_table(table.title, table.head, table.rows)
 
 
 def opened_store(asked: Path | None, study: Path) -> Store:

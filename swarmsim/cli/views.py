@@ -29,7 +29,7 @@ def view(
 
     A recorded run: swarmsim view runs/basilica-1
     """
-    from swarmsim.cli.runs import new_folder, scenario_of, summarise
+    from swarmsim.api.runs import new_folder, scenario_of, summarise
     from swarmsim.core.errors import InputError
     from swarmsim.live.session import Replay, Session
     from swarmsim.recording.reader import Recording
@@ -41,8 +41,7 @@ def view(
         recording = Recording(what)
         Window(Replay(recording), recording.path.parent, look=look, speed=speed).run()
         return
-    overrides = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
-    scenario = scenario_of(what, overrides, faults or [])
+    scenario = scenario_of(what, seed, set_, faults or ())
     folder = new_folder(out, what.stem)
     try:
         session = Session(scenario, str(what), folder)
@@ -53,7 +52,5 @@ def view(
     try:
         window.run()
     finally:
-        kept = session.close()
-    recording = Recording(kept)
-    summarise(recording, folder)
-    print(f"{folder}: {recording.iterations} iterations; repeat them with: swarmsim verify {folder}")
+        session.close()
+    print(f"{folder}: {summarise(folder).iterations} iterations; repeat them with: swarmsim verify {folder}")

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swarmsim.api.bare import CELL
 from swarmsim.cli import imports
-from swarmsim.cli.bare import CELL, bare
 
 if TYPE_CHECKING:
-    from swarmsim.core.scenario.file import Scenario, World
     from swarmsim.engine.inspection import Inspection
 
 app = typer.Typer(
@@ -26,7 +24,6 @@ app.command("import")(imports.import_)
 
 UNATTAINABLE = 2  # exit code: 100 % cannot be reached
 SHOWN = 12  # rooms, doors and pockets in a table
-_PLACE = re.compile(r"\((-?[0-9.]+) m, (-?[0-9.]+) m\)")
 
 Source = Annotated[
     Path, typer.Argument(metavar="WORLD", help="A drawing, a map, polygons; or a scenario (TOML) with its world.")
@@ -53,9 +50,10 @@ def check(
 
     Example: swarmsim world check plan.svg --set world.width=24 --set robots.radius=0.1
     """
+    from swarmsim.api.worlds import world_check
     from swarmsim.cli.tables import print_table
 
-    found = _inspected(world, set_, door)
+    found = world_check(world, overrides=set_, door=door)
     if as_json:
         print(json.dumps(_plain(found), indent=2))
     else:
@@ -97,32 +95,9 @@ def preview(
 
     Example: swarmsim world preview worlds/basilica.svg basilica.png
     """
-    from swarmsim.core.errors import InputError, unwritten
-    from swarmsim.view import plots
+    from swarmsim.api.worlds import world_preview
 
-    if out.suffix.lower() != ".png":
-        raise InputError(f"{out}: expected a name that ends in .png")
-    found = _inspected(world, set_, door)
-    plan, lattice = found.arena.plan, found.arena.lattice
-    places = [(float(x), float(y)) for x, y in _PLACE.findall(found.problem or "")]
-    title = f"{found.scenario.world.title}: {plan.width:g} m x {plan.height:g} m"
-    if found.problem:
-        title += f"\n100 % is unattainable: {found.problem}"
-    figure = plots.building(
-        plan,
-        lattice,
-        found.domain,
-        [(*door.place, door.width) for door in found.doors],
-        [pocket.place for pocket in found.pockets if pocket.cells > 1],
-        places,
-        2.0 * found.scenario.robots.radius,
-        title,
-    )
-    try:
-        figure.savefig(out, format="png", metadata={"Software": None})
-    except OSError as problem:
-        raise unwritten(out, problem, "a place for a picture") from problem
-    print(out)
+    print(world_preview(world, out, overrides=set_, door=door))
 
 
 @app.command()
@@ -138,27 +113,12 @@ def convert(
 
     Example: swarmsim world convert worlds/basilica.svg basilica.yaml --cell 0.05
     """
-    from swarmsim.core.errors import InputError
-    from swarmsim.world import drawing, geojson, rosmap
-    from swarmsim.world.rasters import rasterised
-    from swarmsim.world.source import floor_plan, read_world
+    from swarmsim.api.worlds import world_convert
 
-    scenario = _scenario(world, set_)
-    side = cell if cell is not None else _pixel(scenario.world) or scenario.grid.cell
-    if side <= 0.0:
-        raise InputError(f"--cell {side:g}: expected a length in metres, larger than 0")
-    plan = floor_plan(read_world(scenario.world, side), scenario.world)
-    for notice in plan.notices:
+    converted = world_convert(world, out, overrides=set_, cell=cell)
+    for notice in converted.notices:
         print(f"notice: {notice}")
-    if out.suffix.lower() in (".yaml", ".yml", ".json"):
-        written = rosmap.write(out, *rasterised(plan, side, scenario.world.title))
-    elif out.suffix.lower() == ".svg":
-        written = rosmap.save({out: drawing.drawn(plan, scenario.world.title).encode()})
-    elif out.suffix.lower() == ".geojson":
-        written = rosmap.save({out: geojson.written(plan).encode()})
-    else:
-        raise InputError(f"{out}: expected a name that ends in .svg, .geojson, .yaml (map_server) or .json")
-    for path in written:
+    for path in converted.files:
         print(path)
 
 
@@ -178,57 +138,9 @@ def generate(
 
     Example: swarmsim world generate office office.svg --seed 3 --set width=24
     """
-    from swarmsim.core.scenario.file import decode, set_key
-    from swarmsim.world import drawing, geojson, rosmap
-    from swarmsim.world.source import floor_plan, read_world
+    from swarmsim.api.worlds import world_generate
 
-    table: dict[str, object] = {"use": kind}
-    for override in set_ or []:
-        set_key(table, override)
-    scenario = decode(bare({"generate": table, "seed": seed}, cell), kind)
-    plan = floor_plan(read_world(scenario.world, cell), scenario.world)
-    svg = out.suffix.lower() == ".svg"
-    text = drawing.drawn(plan, f"{kind}, seed {seed}") if svg else geojson.written(plan)
-    if not svg and out.suffix.lower() != ".geojson":
-        from swarmsim.core.errors import InputError
-
-        raise InputError(f"{out}: expected a name that ends in .svg or .geojson")
-    for path in rosmap.save({out: text.encode()}):
-        print(path)
-
-
-def _scenario(path: Path, overrides: list[str] | None) -> Scenario:
-    """The scenario in a TOML file, or a bare one about a world."""
-    from swarmsim.core.scenario.file import decode, load, set_key
-
-    if path.suffix.lower() == ".toml":
-        return load(path, overrides or ())
-    table = bare({"file": str(path)})
-    for override in overrides or []:
-        set_key(table, override)
-    return decode(table, str(path))
-
-
-def _pixel(world: World) -> float | None:
-    """The side of a pixel of a world that is a map, in m; None for all others."""
-    from swarmsim.world import rosmap
-
-    ending = Path(world.file).suffix.lower()
-    if world.width is not None or ending not in (".yaml", ".yml", *rosmap.PICTURES):
-        return None
-    return rosmap.read(Path(world.file), world.resolution).resolution
-
-
-def _inspected(path: Path, overrides: list[str] | None, door: float | None) -> Inspection:
-    from swarmsim.core.errors import InputError
-    from swarmsim.engine.inspection import inspect
-    from swarmsim.world.source import read_world
-
-    scenario = _scenario(path, overrides)
-    widest = 20.0 * scenario.robots.radius if door is None else door
-    if widest <= 0.0:
-        raise InputError(f"--door {widest:g}: expected a width in metres, larger than 0")
-    return inspect(scenario, read_world(scenario.world, scenario.grid.cell), str(path), widest)
+    print(world_generate(kind, out, seed=seed, overrides=set_, cell=cell))
 
 
 def _lines(found: Inspection) -> list[list[str]]:

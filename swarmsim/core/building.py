@@ -30,6 +30,16 @@ class Crowd(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Survey:
+    """What stands where for one set of boxes, and what of it robots can explore."""
+
+    walls: Walls
+    occupied: NDArray[np.bool_]  # (rows, columns): the truth, without crowds
+    entrance: NDArray[np.float64]  # (c, 2): x, y in m of the cells of the spawn area in which a robot can stand
+    explore: Callable[[], NDArray[np.bool_]]  # finds out what can be explored (rows, columns); raises InputError
+
+
 @dataclass(slots=True, eq=False)
 class Building:
     """What stands where at this moment; parts that prepare anything from it do so again when `version` rises.
@@ -38,15 +48,36 @@ class Building:
     measure only.
     """
 
-    walls: Walls
-    occupied: NDArray[np.bool_]  # (rows, columns): the truth, without crowds
-    domain: NDArray[np.bool_]  # (rows, columns): the cells that make 100 %
-    entrance: NDArray[np.float64]  # (c, 2): x, y in m of the cells of the spawn area in which a robot can stand
+    found: Survey  # of this moment
     survey: Callable[[tuple[Box, ...]], Survey]
     version: int = 0
     bounds: Box = ANYWHERE  # of the floor plan's page: left, lower, right, upper in m
     boxes: tuple[Box, ...] = ()  # what stands in it besides its plan
     crowds: list[Crowd] = field(default_factory=list)
+
+    @property
+    def walls(self) -> Walls:
+        """All walls, those of boxes among them."""
+        return self.found.walls
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """The truth (rows, columns): which cells anything but crowds stands in."""
+        return self.found.occupied
+
+    @property
+    def entrance(self) -> NDArray[np.float64]:
+        """The centres (c, 2), x and y in m, of the cells of the spawn area in which a robot can stand."""
+        return self.found.entrance
+
+    @property
+    def explorable(self) -> NDArray[np.bool_]:
+        """The cells (rows, columns) that robots can find out about: free ones and the walls beside these.
+
+        It takes a while to look from everywhere, so that is done once somebody asks. Raises InputError for robots that
+        see nothing.
+        """
+        return self.found.explore()
 
     def rebuild(self, boxes: tuple[Box, ...]) -> None:
         """Let these boxes, and no others, stand in the building besides its plan.
@@ -56,9 +87,7 @@ class Building:
         """
         for box in boxes:
             self.check(box)
-        found = self.survey(tuple(sorted(boxes)))
-        self.walls, self.occupied, self.domain = found.walls, found.occupied, found.domain
-        self.entrance, self.boxes = found.entrance, boxes
+        self.found, self.boxes = self.survey(tuple(sorted(boxes))), boxes
         self.version += 1
 
     def admit(self, crowd: Crowd) -> None:
@@ -82,13 +111,3 @@ class Building:
 
 def _edges(box: Box) -> str:
     return "[{:g}, {:g}, {:g}, {:g}]".format(*box)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Survey:
-    """What `Building` tells of its walls and cells, found out for one set of boxes."""
-
-    walls: Walls
-    occupied: NDArray[np.bool_]
-    domain: NDArray[np.bool_]
-    entrance: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))

@@ -17,6 +17,18 @@ class InputError(Exception):
     The command line prints the message alone and ends with exit code 2.
     """
 
+    def inside(self, place: str) -> InputError:
+        """The same of a key in this place of a scenario."""
+        return InputError(f"{place}.{self}")
+
+
+class PlacedError(InputError):
+    """Bad input whose message names its place in the scenario already, whatever part has found it out."""
+
+    def inside(self, place: str) -> InputError:
+        """The same error."""
+        return self
+
 
 class PartError(Exception):
     """A part that is not ours failed or broke its contract while a run went on.

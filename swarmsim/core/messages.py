@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final, Generic, Protocol, Self, TypeVar
 
@@ -21,6 +21,13 @@ class MessageBatch:
     """A table of items; every field of a subclass is an array whose first axis counts them."""
 
     __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there
+
+    #: The columns that tell which robot an item comes from and how it got here, not what it says.
+    PROVENANCE: ClassVar[tuple[str, ...]] = ()
+    #: Which of these holds that robot's number, if any does.
+    SOURCE: ClassVar[str] = ""
+    #: What the columns of an item that says nothing hold, as far as there is something that says nothing.
+    SILENT: ClassVar[Mapping[str, int]] = {}
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns, in their order."""

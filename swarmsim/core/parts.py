@@ -120,18 +120,6 @@ class Computation(Protocol[C, K_co]):
         ...
 
 
-class Sharing(Protocol[C, K]):
-    """What robots of one computation say of what they know, and what they take in of what they hear."""
-
-    def say(self, senses: Senses, known: K, /) -> Broadcast[C]:
-        """The message of every robot, from what it senses now and what it knew before this iteration."""
-        ...
-
-    def accepted(self, senses: Senses, inbox: Inbox[C]) -> Inbox[MessageBatch]:
-        """The items of the inbox that are taken in."""
-        ...
-
-
 class Strategy(Protocol[K]):
     """What robots do with what they know."""
 

@@ -1,9 +1,15 @@
-"""The table of seams: what a scenario can name parts for, and all that follows from it."""
+"""The table of seams: what a scenario can name parts for, and all that follows from it.
+
+Seams of parts that stand in other parts' tables are not the core's: whoever has such a part declares the seam as an
+entry point of the group `swarmsim.seam`, under its name.
+"""
 
 from __future__ import annotations
 
-import inspect
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import EntryPoint
 from typing import Final
 
 from swarmsim.core import parts
@@ -17,15 +23,18 @@ from swarmsim.core.adapters.forms import (
     OfMind,
 )
 from swarmsim.core.adapters.minds import MindComputation, MindStrategy
+from swarmsim.core.capabilities import lacking, verbs_of
+from swarmsim.core.code import distributions
 from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.drawing import Layer, Shown
+from swarmsim.core.errors import InputError
 
-_ABSENT: Final = object()
+GROUP: Final = "seam"  # of entry points: swarmsim.seam
 
 
 @dataclass(frozen=True, slots=True)
 class Seam:
-    """One seam. Its checks are in `engine.promises`, and its skeleton is a file in `cli/skeletons`."""
+    """One seam. Its checks are in `engine.promises`, and its skeleton is a file in `api/skeletons`."""
 
     name: str  # entry points are of the group swarmsim.NAME
     place: tuple[str, ...]  # the keys of its table in a scenario; none for a part named in another part's table
@@ -52,24 +61,15 @@ class Seam:
     @property
     def verbs(self) -> tuple[str, ...]:
         """The methods and properties of its Protocol, in their order."""
-        found: dict[str, None] = {}
-        for kind in reversed(self.protocol.__mro__):
-            if getattr(kind, "_is_protocol", False):
-                names = (*inspect.get_annotations(kind), *vars(kind))
-                found |= dict.fromkeys(name for name in names if not name.startswith("_"))
-        return tuple(found)
+        return verbs_of(self.protocol)
 
     def missing(self, part: object) -> list[str]:
-        """The verbs that a part lacks. Properties are not asked for their values, which may not be there yet."""
-        return [
-            verb
-            for verb in self.verbs
-            if inspect.getattr_static(part, verb, _ABSENT) is _ABSENT and getattr(part, verb, _ABSENT) is _ABSENT
-        ]
+        """The verbs that a part lacks."""
+        return lacking(self.protocol, part)
 
 
-#: All seams by name, in the order in which they are listed.
-SEAMS: Final = {
+#: The seams that have a place in a scenario, in the order in which they are listed.
+PLACED: Final = {
     seam.name: seam
     for seam in (
         Seam("generator", ("world", "generate"), parts.Generator, given=WorldContext),
@@ -82,7 +82,6 @@ SEAMS: Final = {
             "computation", ("mind", "computation"), parts.Computation, "occupancy-grid",
             function=FunctionComputation, mind=MindComputation,
         ),
-        Seam("sharing", (), parts.Sharing, "current-tile"),
         Seam(
             "strategy", ("mind", "strategy"), parts.Strategy, "nearest-frontier",
             function=FunctionStrategy, mind=MindStrategy,
@@ -98,6 +97,39 @@ SEAMS: Final = {
 }  # fmt: skip
 
 
+class Seams(Mapping[str, Seam]):
+    """All seams by name: those that have a place in a scenario, then those that are declared elsewhere."""
+
+    def __getitem__(self, name: str) -> Seam:
+        return PLACED[name] if name in PLACED else _declared()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from PLACED
+        yield from _declared()
+
+    def __len__(self) -> int:
+        return len(PLACED) + len(_declared())
+
+
+SEAMS: Final = Seams()
+
+
+def _declared() -> dict[str, Seam]:
+    """The seams that installed distributions declare. Raises InputError for what is no such seam."""
+    return {name: _loaded(entry) for name, entry in distributions.parts().get(GROUP, {}).items()}
+
+
+@lru_cache(maxsize=64)
+def _loaded(entry: EntryPoint) -> Seam:
+    seam = entry.load()
+    if not isinstance(seam, Seam) or seam.name != entry.name or seam.place or entry.name in PLACED:
+        raise InputError(
+            f"swarmsim.{GROUP} {entry.name}: {entry.value} is {seam!r}; expected a Seam of this name, which no other "
+            "has, without a place in scenarios"
+        )
+    return seam
+
+
 def at_place(place: tuple[str, ...]) -> Seam | None:
     """The seam whose table stands at these keys of a scenario."""
-    return next((seam for seam in SEAMS.values() if seam.place == place and place), None)
+    return next((seam for seam in PLACED.values() if seam.place == place), None)

@@ -15,7 +15,6 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
 from swarmsim.core.own import is_failure, line_of, told
 from swarmsim.core.parts import Fault, Parts, Sensor
-from swarmsim.core.renamed import OF_PARTS, hint
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.seams import SEAMS
@@ -43,14 +42,16 @@ def built(asked: Part[P], context: BuildContext) -> P:
         if not is_failure(problem):
             raise
         raise InputError(f"use: {asked.use!r} cannot be built: {told(problem)}") from problem
-    if missing := SEAMS[asked.seam].missing(part):
-        old = hint((name for name in dir(part) if OF_PARTS.get(name) in missing), OF_PARTS)
-        kind = f"{type(part).__module__.rpartition('.')[2]}.{type(part).__qualname__}"
-        raise InputError(
-            f"use: what {asked.use!r} builds, {kind}, lacks {', '.join(missing)}; expected a {asked.seam}{old}"
-        )
     _check_arguments(asked.seam, part, f"use: what {asked.use!r} builds")
     return part
+
+
+def make(part: Part[P], context: BuildContext, place: str = "") -> P:
+    """The part, built. Raises InputError that starts with its place in the scenario."""
+    try:
+        return built(part, context)
+    except InputError as problem:
+        raise problem.inside(place or SEAMS[part.seam].at) from problem
 
 
 def _check_arguments(seam: str, part: object, what: str) -> None:

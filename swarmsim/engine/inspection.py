@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import budget
 from swarmsim.core.scenario.file import Scenario, sensors_of
-from swarmsim.engine.build import build, explored, told_to_scale
+from swarmsim.engine.build import build
 from swarmsim.engine.foreign import margin_of
+from swarmsim.engine.survey import Case, opened, surveyed, told_to_scale
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import rim
 from swarmsim.world.rooms import Door, Room, rooms_and_doors
@@ -82,8 +84,11 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
         with told_to_scale(plan, scenario.world):
             floor = arena.floor(scenario.robots.spawn)
         rooms, doors = rooms_and_doors(floor, arena.lattice, arena.solid, widest)
-        domain, entrance, notices = explored(text, scenario)
-        seats = _seats(entrance, scenario.robots.radius, scenario.grid.cell)
+        case = Case.of(text, scenario)
+        with budget.of(scenario.budget):
+            notices, found = opened(case).notices, surveyed(case, ())
+            domain = found.explore()
+        seats = _seats(found.entrance, scenario.robots.radius, scenario.grid.cell)
         seconds = _seconds(scenario, text, name)
     except InputError as wrong:
         problem = str(wrong)

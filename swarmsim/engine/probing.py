@@ -33,7 +33,7 @@ def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clo
                 if problem := layout.wrong_name(name, "probe"):
                     raise InputError(f"name: {problem}")
         except InputError as problem:
-            raise InputError(f"probes[{number}].{problem}") from problem
+            raise problem.inside(f"probes[{number}]") from problem
         found.append(Watching(declared, _held(probe, declared.tables, context.swarm, clock)))
     return tuple(found)
 

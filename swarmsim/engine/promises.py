@@ -94,11 +94,10 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     },
     "task": _of_task,
 }
-#: Why the parts of some seams have no checks here.
+#: Why the parts of some seams have no checks here. Those of seams without a place work inside parts that are checked.
 WITHOUT: Final = {
     "generator": "it draws before there is a run, and its text is read as any floor plan is",
     "physics": "it gives the state by which all others are judged; the end of a run looks for bodies in walls",
-    "sharing": "it works inside a computation, which is checked for what it says and knows",
     "fault": "it may break what other parts promise; swarmsim/engine/guard.py keeps it from writing to what they get",
     "layer": "it is asked when a recording is looked at; swarmsim/view/layers/own.py checks what it draws",
     "probe": "each declares tables of its own, to which swarmsim/engine/probing.py holds it",

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
+from swarmsim.core.capabilities import QUANTIFIED
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.parts import AnyComputation, Parts
+from swarmsim.core.parts import Parts
 from swarmsim.core.state import State
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Duration, Mark, Robots, Timed, Timeline
-from swarmsim.operations.mapping.maps import Maps
 
 
 class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -89,7 +89,7 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     every: Duration | None = None  # iterations until the next enter; default: all at once
     count: Annotated[int, Meta(ge=1)] = 1  # robots at a time
     times: Annotated[int, Meta(ge=1)] = 1  # how often robots enter
-    map: Literal["empty", "copied"] = "empty"  # copied: from the live robot that has mapped most
+    map: Literal["empty", "copied"] = "empty"  # copied: from the live robot that knows most
 
     @property
     def mark(self) -> Mark:
@@ -174,8 +174,7 @@ class Joining:
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The same parts: bodies can be taken out as they are."""
         self._computation = parts.computation
-        if self._memory == "copied":
-            check_maps(parts.computation, "map")
+        self._known = QUANTIFIED.needed(parts.computation, "map: 'copied'") if self._memory == "copied" else None
         return self._absence.wrap(parts, active)
 
     def begin(self, robots: Robots, state: State) -> None:
@@ -188,10 +187,8 @@ class Joining:
     def end(self, robots: Robots, state: State) -> Robots:
         """They enter, as far as there is room."""
         entered = self._absence.end(robots, state)
-        if self._memory == "copied" and len(entered):
-            observed = maps_of(self._computation).observed
-            known = np.where(state.alive, observed.reshape(len(observed), -1).sum(axis=1), -1)
-            best = int(known.argmax())
+        if self._known is not None and len(entered):
+            best = int(np.where(state.alive, self._known.amounts(), -1).argmax())
             if state.alive[best]:
                 self._computation.copy_from(entered, best)
         return entered
@@ -218,16 +215,3 @@ class Crashing:
         """They go on from where they are by now."""
         self._bodies.place(robots, state.pose[robots])
         return robots
-
-
-def check_maps(computation: AnyComputation, key: str) -> None:
-    """Raise InputError, which starts with `key`, unless robots map."""
-    if not isinstance(getattr(computation, "maps", None), Maps):
-        raise InputError(f"{key}: these robots keep no maps; expected a computation that does, as occupancy-grid")
-
-
-def maps_of(computation: AnyComputation) -> Maps:
-    """What robots that map know; to be asked after `check_maps`."""
-    maps: Any = getattr(computation, "maps", None)
-    assert isinstance(maps, Maps)
-    return maps

@@ -24,14 +24,15 @@ class ComputationDelegate:
         return self._inner.knowledge_type
 
     @property
-    def codec(self) -> Codec[Any]:
+    def codec(self) -> Codec[MessageBatch]:
         """That of the computation inside."""
         return self._inner.codec
 
-    @property
-    def maps(self) -> Any:
-        """The maps of robots that map; None if they do not."""
-        return getattr(self._inner, "maps", None)
+    def __getattr__(self, name: str) -> Any:
+        """What else the computation inside offers."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._inner, name)
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         """What the computation inside says."""

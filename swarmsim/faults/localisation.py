@@ -165,7 +165,7 @@ def landing_places(building: Building, lattice: Lattice, radius: float) -> NDArr
     These are the free cells of the coverage domain whose centres are no nearer to any wall than the radius and that
     hang together, edge to edge, with such a cell of the entrance.
     """
-    fits = building.domain & ~building.occupied
+    fits = building.explorable & ~building.occupied
     walls = shapely.multilinestrings(building.walls.reshape(-1, 2, 2)) if len(building.walls) else shapely.Point()
     shapely.prepare(walls)
     fits[fits] = ~shapely.dwithin(shapely.points(lattice.centres(np.argwhere(fits))), walls, radius - TOUCH)

@@ -12,18 +12,17 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from swarmsim.core.capabilities import CHARTED, Capability, Charted
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.readings import Channels, Column, Readings
-from swarmsim.core.state import Intents, Knowledge, Senses, State
-from swarmsim.faults.body import check_maps
+from swarmsim.core.state import FREE, OCCUPIED, Intents, Knowledge, Senses, State
 from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.faults.effect import TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.kernels import search
-from swarmsim.operations.mapping.maps import Maps
 
 REACH = 1.5  # m, of a random walk unless the scenario says otherwise
 NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1))  # row and column steps to the cells across an edge
@@ -32,9 +31,9 @@ NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1))  # row and column steps to the c
 class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The controller fails; the robot still senses and talks.
 
-    `frozen`: goal and path stay as they were, so that the robot goes there and stands; it still maps. `random-walk`:
-    it walks to one random place after the other, through cells that its own map calls free; it still maps. `reboot`:
-    it forgets its map and its plan, and stands without mapping until the fault ends: after one iteration unless
+    `frozen`: goal and path stay as they were, so that the robot goes there and stands; it still learns. `random-walk`:
+    it walks to one random place after the other, through cells that it takes for free; it still learns. `reboot`:
+    it forgets what it knows and its plan, and stands without learning until the fault ends: after one iteration unless
     `duration`, `between` or `duty` says otherwise.
     """
 
@@ -53,7 +52,7 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             confusion = Frozen(context)
         elif self.failure == "random-walk":
             confusion = RandomWalk(context, self.reach or REACH, f"fault mind {context.number}")
-        effect = ControllerFault(confusion, context.actuators)
+        effect = ControllerFault(self.failure, confusion, context.actuators)
         return TimedFault(Timeline(timed, context), effect, context.number)
 
 
@@ -71,8 +70,12 @@ class Decision:
 class FailureMode(Protocol):
     """What one failure puts in the place of sound perception and decisions."""
 
-    needs_maps: bool  # whether it makes sense for robots that map alone
     is_blank: bool  # whether its robots perceive nothing, as if dead
+
+    @property
+    def needs(self) -> Capability[Charted] | None:
+        """What their knowledge has to offer for it."""
+        ...
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """It begins with these robots, whose minds decided `last` in the iteration before, if there was one."""
@@ -86,13 +89,13 @@ class FailureMode(Protocol):
 class ControllerFault:
     """Wraps the strategy, and for robots that perceive nothing the computation as well."""
 
-    def __init__(self, confusion: FailureMode, actuators: Channels) -> None:
-        self._confusion, self._actuators = confusion, actuators
+    def __init__(self, failure: str, confusion: FailureMode, actuators: Channels) -> None:
+        self._failure, self._confusion, self._actuators = failure, confusion, actuators
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts, wrapped. Raises InputError where there is no map to walk on."""
-        if self._confusion.needs_maps:
-            check_maps(parts.computation, "failure")
+        """The parts, wrapped. Raises InputError for robots that do not know what it needs."""
+        if self._confusion.needs is not None:
+            self._confusion.needs.needed(parts.computation.knowledge_type, f"failure: {self._failure!r}")
         self._computation = parts.computation
         self._mind = FailingMind(parts.strategy, active, self._confusion, self._actuators)
         if self._confusion.is_blank:
@@ -183,7 +186,7 @@ class FailingMind:
 class Frozen:
     """Keeps to the goal and the path, or the velocity, of the moment at which it froze."""
 
-    needs_maps = is_blank = False
+    needs, is_blank = None, False
 
     def __init__(self, context: BuildContext) -> None:
         self._window = _window(context)
@@ -208,9 +211,9 @@ class Frozen:
 
 
 class RandomWalk:
-    """Walks to cells drawn among those that are near on its own map, with a stream for each robot."""
+    """Walks to cells drawn among those near that it takes for free, with a stream for each robot."""
 
-    needs_maps, is_blank = True, False
+    needs, is_blank = CHARTED, False
 
     def __init__(self, context: BuildContext, reach: float, purpose: str) -> None:
         """`reach` is the longest way to a place in m; `purpose` names the streams."""
@@ -230,18 +233,18 @@ class RandomWalk:
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
         """On along the way or, once there, delayed or barred, along another one."""
         pose = senses.pose[robot]
-        maps: Maps = knowledge  # type: ignore[assignment]  # as `check_maps` has made sure
+        terrain = self.needs.needed(knowledge, "failure: 'random-walk'").terrain(robot)
         here = self._lattice.cells(pose[:2])
         if robot in self._walks:
             decision, left = self._walks[robot]
             way = _ahead(decision.way, pose, self._window)
             cells = self._lattice.cells(way)
             rows, columns = cells[:, 0], cells[:, 1]
-            free: NDArray[np.bool_] = maps.observed[robot, rows, columns] & (maps.log_odds[robot, rows, columns] < 0.0)
-            if left > 0.0 and free.all() and (here != decision.goal).any():
+            free = bool((terrain[rows, columns] == FREE).all())
+            if left > 0.0 and free and (here != decision.goal).any():
                 self._walks[robot] = Decision(decision.goal, way, new=False), left - 1.0
                 return self._walks[robot][0]
-        cells = self._drawn(robot, here, maps)
+        cells = self._drawn(robot, here, terrain)
         if len(cells) == 0:
             self._walks.pop(robot, None)
             return Decision(np.array([-1, -1]), np.empty((0, 2)), new=False)
@@ -249,9 +252,9 @@ class RandomWalk:
         self._walks[robot] = walk, max(4.0, 2.0 * self._pace * len(cells))
         return walk
 
-    def _drawn(self, robot: int, here: NDArray[np.int64], maps: Maps) -> NDArray[np.int64]:
+    def _drawn(self, robot: int, here: NDArray[np.int64], terrain: NDArray[np.uint8]) -> NDArray[np.int64]:
         """The cells (w, 2) of a shortest way to one of the cells in reach, each as likely; none if it is shut in."""
-        free = _walkable(maps.observed[robot], maps.log_odds[robot], self._under)
+        free = _walkable(terrain, self._under)
         start = (int(here[0]), int(here[1]))
         before = {start: start}
         edge = [start]
@@ -278,7 +281,7 @@ class RandomWalk:
 class Reboot:
     """Forgets everything, and is as a dead robot until it is up again."""
 
-    needs_maps, is_blank = False, True
+    needs, is_blank = None, True
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """They know nothing."""
@@ -301,13 +304,11 @@ def _ahead(way: NDArray[np.float64], pose: NDArray[np.float64], window: int) -> 
     return way[min(nearest + 1, len(way) - 1) :]
 
 
-def _walkable(
-    observed: NDArray[np.bool_], log_odds: NDArray[np.float32], under: NDArray[np.int32]
-) -> NDArray[np.bool_]:
+def _walkable(terrain: NDArray[np.uint8], under: NDArray[np.int32]) -> NDArray[np.bool_]:
     """The cells (rows, columns) known to be free, with no cell `under` the robot's body known to be occupied."""
-    free = observed & (log_odds < 0.0)
+    free: NDArray[np.bool_] = terrain == FREE
     span = int(np.abs(under).max(initial=0))
-    walls = np.pad(observed & ~free, span)
+    walls = np.pad(terrain == OCCUPIED, span)
     for row, column in under + span:
         free &= ~walls[row : row + free.shape[0], column : column + free.shape[1]]
     return free

@@ -65,7 +65,7 @@ class Walkers:
         x0, y0, cell = context.lattice.x0, context.lattice.y0, context.lattice.cell
         self._rules = search.Rules(x0, y0, cell, under, 0, 8, True, 1, 1)
         self._look_around()
-        floor = parts.building.domain & ~parts.building.occupied
+        floor = parts.building.explorable & ~parts.building.occupied
         self._places = np.flatnonzero(floor & self._standable(under))
         self.discs: NDArray[np.float64] = np.zeros((0, 3))  # x, y, radius in m; a live view
         self._enter(parts)

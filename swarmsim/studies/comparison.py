@@ -16,6 +16,7 @@ from swarmsim.operations.mapping.measures.comparing import course, quality_of
 from swarmsim.operations.mapping.measures.quality import Quality
 from swarmsim.recording.measures import mean_value, reached
 from swarmsim.recording.reader import Recording
+from swarmsim.studies.likeness import Side, notices
 from swarmsim.view import plots
 
 
@@ -35,6 +36,43 @@ class Cost:
     quality: Quality  # of the union's occupied cells in the domain, at the end
     messages: int
     lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Runs beside the first of them."""
+
+    costs: tuple[Cost, ...]  # in the order of the runs, the first among them
+    curve: Curve  # what their task is about
+    notices: tuple[str, ...]  # in what they differ that makes their numbers tell little of each other
+    figures: tuple[Path, ...] = ()  # the files drawn, if any were asked for
+
+
+def compared(runs: Sequence[Path], plot: Path | None = None) -> Comparison:
+    """Each recorded run beside the first; `plot` is a figure to draw, without its ending.
+
+    Raises InputError for fewer than two runs, for one without iterations, and unless all are about one measure.
+    """
+    if len(runs) < 2:
+        raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")
+    opened = [Recording(run) for run in runs]
+    for run, recording in zip(runs, opened, strict=True):
+        if not recording.iterations:
+            raise InputError(f"{run}: no whole iteration was recorded; there is nothing to compare")
+    named, curve = dict(zip(_names(runs), opened, strict=True)), opened[0].curve
+    found = costs(named)
+    sides = [Side(name, run.scenario, run.world, run.code) for name, run in named.items()]
+    return Comparison(tuple(found), curve, tuple(notices(sides)), () if plot is None else draw(found, curve, plot))
+
+
+def _names(runs: Sequence[Path]) -> list[str]:
+    """The last folders of each run's path, as many as tell all runs apart."""
+    paths = [run.absolute().parent if run.suffix == ".h5" else run.absolute() for run in runs]
+    for parts in range(1, max(len(path.parts) for path in paths) + 1):
+        names = ["/".join(path.parts[-parts:]) for path in paths]
+        if len(set(names)) == len(set(paths)):
+            break
+    return names if len(set(names)) == len(names) else [f"{name} ({place})" for place, name in enumerate(names, 1)]
 
 
 def costs(named: Mapping[str, Recording]) -> list[Cost]:

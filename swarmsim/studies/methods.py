@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -46,6 +47,7 @@ class Compared:
     methods: tuple[str, ...]
     groups: dict[str, tuple[Standing, ...]]
     tasks: int  # in each group
+    figures: tuple[Path, ...] = ()  # the files drawn, if any were asked for
 
 
 def compare(plan: Plan, results: Mapping[str, Result], method: str = "method", within: str | None = None) -> Compared:

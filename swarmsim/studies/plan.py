@@ -7,6 +7,7 @@ import hashlib
 import itertools
 import math
 import os
+import time
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,6 +31,8 @@ from swarmsim.recording.digests import versions
 from swarmsim.world.source import read_world
 
 MOST_RUNS = 1_000_000
+TRIED = 100  # iterations of each condition that are timed
+USUAL = 700  # iterations that a run takes, unless its limit is lower
 
 
 class Axis(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -262,3 +265,17 @@ def with_seeds(plan: Plan, seeds: int, names: Collection[str]) -> Plan:
     """The same study with seeds 1 to `seeds` and the named conditions only."""
     conditions = tuple(condition for condition in plan.conditions if condition.name in names)
     return replace(plan, conditions=conditions, seeds=tuple(range(1, seeds + 1)))
+
+
+def trial(plan: Plan) -> float:
+    """Seconds that one run of a study takes here, on average over the first iterations of its conditions."""
+    seconds = []
+    for one in plan.conditions:
+        simulation = build(one.scenario, one.name, plan.world_of(one)).simulation
+        simulation.tick()
+        begun = time.perf_counter()
+        while not simulation.over and simulation.state.iteration < TRIED:
+            simulation.tick()
+        each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
+        seconds.append(each * min(one.scenario.stop.iterations, USUAL))
+    return sum(seconds) / len(seconds)

@@ -155,16 +155,16 @@ class Arena:
         fits[tuple(places[touching].T)] = False
         return fits
 
-    def coverage_domain(self, reachable: Cells, observed: Cells) -> Cells:
-        """The cells (rows, columns) that make 100 %.
+    def explorable(self, reachable: Cells, observed: Cells) -> Cells:
+        """The cells (rows, columns) that can be explored.
 
-        `reachable` is what the method of that name gives, `observed` the cells seen from the centres of these. The
-        domain is the observed free cells that are 4-connected to reachable ones through free cells, and the observed
-        wall cells 4-adjacent to those, so that 100 % can be reached.
+        `reachable` is what the method of that name gives, `observed` the cells seen from the centres of these. They
+        are the observed free cells that are 4-connected to reachable ones through free cells, and the observed
+        wall cells 4-adjacent to those, so that all can be explored in the end.
         """
         free = (flood(~self.occupied, reachable) >= 0) & observed & ~self.unmapped
-        domain: Cells = free | (grown(free) & self.occupied & observed)
-        return domain
+        found: Cells = free | (grown(free) & self.occupied & observed)
+        return found
 
     def with_boxes(self, boxes: Sequence[Box]) -> Arena:
         """The same world on the same lattice with boxes standing in it besides; they lie on its page."""

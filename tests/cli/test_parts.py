@@ -15,7 +15,8 @@ from msgspec import Meta
 from msgspec import inspect as types
 from typer.testing import CliRunner
 
-from swarmsim.cli import app, skeletons
+from swarmsim.api import skeletons
+from swarmsim.cli import app
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import describe, registry
 from swarmsim.core.seams import SEAMS

@@ -11,7 +11,7 @@ from swarmsim.cli import waiting
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import budget
 from swarmsim.core.scenario.file import load
-from swarmsim.engine import build as engine
+from swarmsim.engine import survey
 
 ROOM = ROOT / "scenarios" / "room.toml"
 
@@ -19,8 +19,8 @@ ROOM = ROOT / "scenarios" / "room.toml"
 @pytest.fixture
 def fresh() -> None:
     """No building of an earlier test is known: its survey would cost nothing."""
-    engine._open.cache_clear()
-    engine._survey.cache_clear()
+    survey.opened.cache_clear()
+    survey.surveyed.cache_clear()
 
 
 def test_estimates_grow_with_what_they_are_of_and_name_it() -> None:
@@ -71,13 +71,13 @@ def test_a_budget_as_large_as_the_message_says_is_enough(fresh: None) -> None:
     with pytest.raises(InputError, match=r"budget = 2 in") as refused:
         made(*changes, "budget=1")
     asked = str(refused.value).rpartition("budget = ")[2].split()[0]
-    assert made(*changes, f"budget={asked}").domain.any()
+    assert made(*changes, f"budget={asked}").explorable.any()
 
 
 def test_a_survey_is_told_of_before_it_begins_and_then_how_far_it_is(
     fresh: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, "MANY", 100)
+    monkeypatch.setattr(survey, "MANY", 100)
     told: list[tuple[str, float]] = []
     with budget.told_to(lambda work, share: told.append((work.doing, share))):
         made()
@@ -88,14 +88,14 @@ def test_a_survey_is_told_of_before_it_begins_and_then_how_far_it_is(
 def test_the_command_line_tells_how_long_it_may_be_unless_it_is_quiet(
     fresh: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, "MANY", 100)
+    monkeypatch.setattr(survey, "MANY", 100)
     monkeypatch.setattr(waiting, "EVERY", 0.0)
     monkeypatch.setattr(budget, "_CROSSED", 1e-4)  # a machine on which everything takes long
     words = ["run", ROOM, "--set", "stop.iterations=2", "--set", "seed=3"]
     loud = called(*words, "--out", tmp_path / "a")
     assert "notice: looking from 628 places along 72 beams: about " in loud.stderr
     assert "looking from 628 places along 72 beams: 43 %" in loud.stderr
-    engine._open.cache_clear()
+    survey.surveyed.cache_clear()
     assert called(*words, "--out", tmp_path / "b", "--quiet").stderr == ""
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Protocol, get_args, get_origin
 
@@ -13,14 +15,15 @@ import pytest
 from conftest import ROOT
 from typer.testing import CliRunner
 
-from swarmsim.cli import app, skeletons
+from swarmsim.api import skeletons
+from swarmsim.cli import app
 from swarmsim.core.adapters.forms import FunctionForm
 from swarmsim.core.code import distributions
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import describe, file, registry, schema
 from swarmsim.core.scenario.part import Part as Asked
 from swarmsim.core.scenario.part import seam_of
-from swarmsim.core.seams import SEAMS, Seam
+from swarmsim.core.seams import PLACED, SEAMS, Seam
 from swarmsim.core.state import State
 from swarmsim.engine import promises
 from swarmsim.engine.build import build
@@ -45,22 +48,24 @@ def test_every_seam_has_its_field_in_scenarios_and_its_entry_points() -> None:
     places |= {(seam.name, (seam.more,)) for seam in SEAMS.values() if seam.more}
     assert places == places_of_parts(file.Scenario)
     groups = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
-    assert set(groups) == {seam.group for seam in SEAMS.values()}
+    assert set(groups) == {"swarmsim.seam", *(seam.group for seam in SEAMS.values())}
     for seam in SEAMS.values():
         assert seam.default is None or seam.default in groups[seam.group], seam.name
 
 
 def test_every_seam_has_a_skeleton_or_a_reason_why_not() -> None:
     kinds = set(skeletons.kinds()) - {"mind"}
-    assert kinds | set(skeletons.WITHOUT) == set(SEAMS)
+    assert kinds | set(skeletons.WITHOUT) == set(PLACED)
     assert not kinds & set(skeletons.WITHOUT)
     with pytest.raises(InputError, match=r"new physics: .*start from swarmsim/robots/particles\.py"):
-        skeletons.written("physics", "mine", Path())
+        skeletons.new("physics", "mine")
+    with pytest.raises(InputError, match=r"new sharing: .*start from swarmsim/operations/mapping/sharing/policies\.py"):
+        skeletons.new("sharing", "mine")
     check_files_in(skeletons.WITHOUT)
 
 
 def test_every_seam_has_its_contract_checked_or_a_reason_why_not() -> None:
-    assert set(promises.CHECKS) | set(promises.WITHOUT) == set(SEAMS)
+    assert set(promises.CHECKS) | set(promises.WITHOUT) == set(PLACED)
     assert not set(promises.CHECKS) & set(promises.WITHOUT)
     check_files_in(promises.WITHOUT)
 
@@ -142,7 +147,7 @@ class Wider(file.Scenario, frozen=True, forbid_unknown_fields=True, kw_only=True
 @pytest.fixture
 def beacon(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     """One more seam: a row, a Protocol, a field of scenarios, a distribution with an entry point and a skeleton."""
-    monkeypatch.setitem(SEAMS, "beacon", Seam("beacon", ("beacon",), Beacon, "lamp", function=FunctionBeacon))
+    monkeypatch.setitem(PLACED, "beacon", Seam("beacon", ("beacon",), Beacon, "lamp", function=FunctionBeacon))
     for module in (file, schema):
         monkeypatch.setattr(module, "Scenario", Wider)
     installed = tmp_path / "lamps-1.0.dist-info"
@@ -198,3 +203,87 @@ def test_one_more_seam_is_told_listed_and_started_from(beacon: Path, tmp_path: P
     made = CliRunner().invoke(app, ["new", "beacon", "mine", "--to", str(tmp_path)])
     assert '[beacon] use = "./mine.py:mine"' in made.output
     assert 'beacon = {use = "HERE/mine.py:mine"}' in (tmp_path / "test_mine.py").read_text()
+
+
+class Battery(Protocol):
+    """Says how long a lamp burns."""
+
+    def lasts(self) -> float:
+        """For so many s."""
+        ...
+
+
+class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A cell that is empty some day."""
+
+    energy: float = 3.0  # J
+
+    def build(self, context: object) -> object:
+        return object()
+
+
+class Torch(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A topology with a battery in it."""
+
+    battery: Asked[Battery] = Asked("battery")
+
+    def build(self, context: object) -> object:
+        return self.battery.build(context, "battery")
+
+
+BATTERY = Seam("battery", (), Battery, "cell")
+NO_SEAM = Seam("battery", ("lamp",), Battery)
+
+
+@pytest.fixture
+def declared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[str], None]]:
+    """Installs a distribution that declares a seam of its own, a part of it, and a part that such parts stand in."""
+
+    def install(seam: str) -> None:
+        installed = tmp_path / "torches-1.0.dist-info"
+        installed.mkdir()
+        (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: torches\nVersion: 1.0\n")
+        groups = {"seam": f"battery = {__name__}:{seam}", "battery": f"cell = {__name__}:Cell"}
+        groups["topology"] = f"torch = {__name__}:Torch"
+        lines = "".join(f"[swarmsim.{group}]\n{line}\n" for group, line in groups.items())
+        (installed / "entry_points.txt").write_text(lines)
+        monkeypatch.syspath_prepend(str(tmp_path))
+        distributions.parts.cache_clear()
+
+    yield install
+    distributions.parts.cache_clear()
+
+
+def test_a_distribution_can_declare_a_seam_for_parts_in_its_parts(declared: Callable[[str], None]) -> None:
+    declared("BATTERY")
+    assert list(SEAMS)[-2:] == ["battery", "sharing"]
+    assert registry.known("battery") == {"cell": Cell}
+    read = file.load(ROOT / "scenarios" / "room.toml", ['network.topology={use="torch"}'])
+    assert read.network.topology.table == {"use": "torch", "battery": {"use": "cell", "energy": 3.0}}
+    with pytest.raises(
+        InputError, match=r"topology\.battery\.use: what 'cell' builds, .*lacks lasts; expected a battery"
+    ):
+        build(read, "room.toml")
+    with pytest.raises(InputError, match=r"network\.topology\.battery\.enrgy: unknown key; did you mean 'energy'"):
+        file.load(ROOT / "scenarios" / "room.toml", ['network.topology={use="torch", battery={enrgy=1}}'])
+    choices = {one["properties"]["use"].get("const"): one for one in schema.schema()["$defs"]["topology"]["anyOf"]}
+    assert choices["torch"]["properties"]["battery"]["$ref"] == "#/$defs/battery"
+    assert "| battery | in another part's table | `cell` | Says how long a lamp burns |" in describe.seams_in_markdown()
+    assert (
+        "A cell that is empty some day." in CliRunner(env={"COLUMNS": "200"}).invoke(app, ["parts", "battery"]).output
+    )
+
+
+def test_what_is_declared_as_a_seam_and_is_none_is_refused(declared: Callable[[str], None]) -> None:
+    declared("NO_SEAM")
+    with pytest.raises(
+        InputError, match=r"^swarmsim\.seam battery: .*:NO_SEAM is Seam.*; expected a Seam of this name"
+    ):
+        list(SEAMS)
+    assert file.load(ROOT / "scenarios" / "room.toml").network.topology.use  # which needs none of them
+
+
+def test_seams_are_found_without_compiled_kernels() -> None:
+    words = "import sys; from swarmsim.core.seams import SEAMS; print('sharing' in SEAMS, 'numba' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["True", "False"]

@@ -306,7 +306,7 @@ def test_an_edited_sensor_changes_what_can_be_explored(keys: str, tmp_path: Path
 
     def explored() -> int:
         with registry.own_code(True):
-            return int(build(load(path), str(path)).domain.sum())
+            return int(build(load(path), str(path)).explorable.sum())
 
     first = explored()
     (tmp_path / "eye.py").write_text(sensor.replace("IrRing(tile=(9, 9), reach=0.6)", "NoSensor()"))

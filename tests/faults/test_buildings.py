@@ -48,7 +48,7 @@ class Watch:
 
     def seen(self):
         building = self.building
-        return building.walls, building.occupied, building.domain
+        return building.walls, building.occupied, building.explorable
 
     def sample(self, moment) -> None:
         self.moments.append(moment)
@@ -95,7 +95,7 @@ def test_truth_domain_and_walls_change_in_the_very_iteration(closing) -> None:
     row, column = run.arena.lattice.cells(np.array([3.225, 2.1]))
     closed = [bool(truth[row, column]) for truth in watch.truths]
     assert closed == [False] * 130 + [True] * 70
-    smaller = [domain.sum() < run.domain.sum() for domain in watch.domains]
+    smaller = [domain.sum() < run.explorable.sum() for domain in watch.domains]
     assert smaller == closed
     assert all(
         (moment.measured.values["coverage"] * domain.sum()) % 1 == pytest.approx(0.0, abs=1e-9)
@@ -108,7 +108,7 @@ def test_truth_domain_and_walls_change_in_the_very_iteration(closing) -> None:
 def test_a_room_cut_off_leaves_the_domain(closing) -> None:
     run, watch = closing
     column = run.arena.lattice.cells(np.array([3.3 + 0.2, 1.0]))[1]
-    assert run.domain[:, column:].any()
+    assert run.explorable[:, column:].any()
     assert not watch.domains[-1][:, column:].any()
     assert watch.domains[-1].any()
 
@@ -172,7 +172,7 @@ def test_a_door_opens_and_closes_on_its_schedule_and_everything_comes_back() -> 
     opened = [i for i, kind in told if kind == "door opened"]
     assert opened == [25, 65]
     assert all(10 <= i < 25 or 50 <= i < 65 or i >= 90 for i in closed)
-    assert_array_equal(watch.domains[30], run.domain)
+    assert_array_equal(watch.domains[30], run.explorable)
     assert_array_equal(watch.truths[30], run.arena.occupied)
     assert_array_equal(watch.walls[30], run.arena.segments)
     assert deepest(run, watch) < SLACK
@@ -220,7 +220,7 @@ def test_a_box_that_cuts_nothing_off_changes_what_a_redrawn_plan_would(box) -> N
     building = run.simulation.parts.building
     building.rebuild((box,))
     assert_array_equal(building.occupied, strict.arena.occupied)
-    assert_array_equal(building.domain, strict.domain)
+    assert_array_equal(building.explorable, strict.explorable)
     assert len(building.entrance) == len(strict.simulation.parts.building.entrance)
 
 
@@ -228,9 +228,9 @@ def test_without_boxes_the_building_is_as_planned() -> None:
     run = made()
     building = run.simulation.parts.building
     building.rebuild((DOORWAY,))
-    assert not np.array_equal(building.domain, run.domain)
+    assert not np.array_equal(building.explorable, run.explorable)
     building.rebuild(())
-    assert_array_equal(building.domain, run.domain)
+    assert_array_equal(building.explorable, run.explorable)
     assert_array_equal(building.walls, run.arena.segments)
     assert building.version == 2
 
@@ -461,8 +461,12 @@ def test_delays_count_from_the_first_iteration_with_the_change() -> None:
 
     free, wall = np.zeros((2, 4), bool), np.zeros((2, 4), bool)
     wall[0] = True  # four cells
-    domain, nobody = np.ones((2, 4), bool), np.zeros((0, 2))
-    building = Building(np.zeros((0, 4)), free, domain, nobody, lambda boxes: Survey(np.zeros((0, 4)), wall, domain))
+    everything, nowhere = np.ones((2, 4), bool), np.zeros((0, 2))
+
+    def survey(occupied: np.ndarray) -> Survey:
+        return Survey(np.zeros((0, 4)), occupied, nowhere, lambda: everything)
+
+    building = Building(survey(free), lambda boxes: survey(wall))
     maps = Maps(2, (2, 4))
     measures = ChangeMeasures(building)
 

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import Grids, made, moments_of, seen_as, setting_of, worded_of
+from conftest import made, moments_of, seen_as, setting_of, worded_of
+from mappers import Grids
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.context import BuildContext
@@ -21,6 +22,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, Senses
 from swarmsim.faults.byzantine import Byzantine, LyingComputation
 from swarmsim.network.channel import letters
+from swarmsim.operations.mapping.lies import LIES as OF_TILES
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
@@ -54,7 +56,7 @@ def grids(robots: int = SWARM) -> Grids:
 class Ears:
     """A computation that maps what it senses alone, and keeps what its policy takes in."""
 
-    knowledge_type = Maps
+    knowledge_type, lies = Maps, OF_TILES
 
     def __init__(self, policy: str) -> None:
         self.policy = Part("sharing", {"use": policy}).build(context())
@@ -286,12 +288,14 @@ def test_liars_that_nobody_hears_change_nothing_at_all(lie) -> None:
     ("keys", "words"),
     [
         ("", "failure: required key is missing"),
-        ('failure="gossip", ', "failure: invalid enum value 'gossip'"),
+        ('failure="gossip", ', "failure: these robots know no lie called 'gossip'; known: free, inverted, .*, spoof"),
+        ('failure="ocupied", ', "failure: these robots know no lie called 'ocupied'; did you mean 'occupied'"),
         ('failure="origin", ', r"offset: required key is missing; expected \[rows, columns\]"),
         ('failure="replay", ', "age: required key is missing; expected iterations"),
         ('failure="replay", age=0, ', "age: .*>= 1"),
         ('failure="free", age=2, ', "age: a lie of kind 'free' has none; expected failure = 'replay'"),
-        ('failure="spoof", offset=[1, 1], ', "offset: a lie of kind 'spoof' has none; expected failure = 'origin'"),
+        ('failure="spoof", offset=[1, 1], ', "offset: a lie of kind 'spoof' has none; expected it left out"),
+        ('failure="free", offset=[1, 1], ', "offset: a lie of kind 'free' has none; expected failure = 'origin'"),
         ('failure="inverted", id=1, ', "id: a lie of kind 'inverted' has none; expected failure = 'spoof'"),
         ('failure="spoof", id=15, ', "id: there is no robot 15; expected one from 0 to 14"),
     ],

@@ -15,6 +15,8 @@ from numpy.testing import assert_array_equal
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
+from swarmsim.faults.byzantine import OF_ANY, Byzantine
+from swarmsim.operations.mapping.lies import LIES
 from swarmsim.recording.digests import Digests
 
 RADIUS = 0.055  # m: the default of robots
@@ -186,6 +188,8 @@ def watched(case: Case | None, scenario: str, *more: str, seed: int = 1) -> Watc
 
 def failures(kind: type) -> set[str]:
     """All that a kind's key `failure` can be, or the empty word for a kind without one."""
+    if kind is Byzantine:  # whose kinds of lies are the computation's, but for two
+        return {*OF_ANY, *LIES}
     annotation = get_type_hints(kind).get("failure")
     return set(get_args(annotation)) if get_origin(annotation) is Literal else {""}
 

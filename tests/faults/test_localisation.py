@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from conftest import made, worded_of
 
-from swarmsim.core.building import Building
+from swarmsim.core.building import Building, Survey
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
@@ -191,7 +191,7 @@ def test_places_to_land_have_room_and_a_way_from_the_entrance() -> None:
     free = np.ones(lattice.shape, bool)
     free[:, 5] = False  # nobody comes to what lies beyond
     free[0, 1] = False
-    building = Building(wall, np.zeros_like(free), free, np.array([[0.5, 0.5]]), None)
+    building = Building(Survey(wall, np.zeros_like(free), np.array([[0.5, 0.5]]), lambda: free), None)
     building.occupied[1, 4] = True
 
     def cells(radius: float) -> set[tuple[int, int]]:
@@ -200,9 +200,9 @@ def test_places_to_land_have_room_and_a_way_from_the_entrance() -> None:
     hall = {(row, column) for row in range(3) for column in range(5)} - {(0, 1), (1, 4)}
     assert cells(0.05) == cells(0.1) == hall
     assert cells(0.11) == hall - {(2, 0), (2, 1), (2, 2)}
-    building.entrance = np.empty((0, 2))
+    building.found = replace(building.found, entrance=np.empty((0, 2)))
     assert cells(0.05) == set()
-    building.walls, building.entrance = np.empty((0, 4)), np.array([[7.5, 0.5]])
+    building.found = replace(building.found, walls=np.empty((0, 4)), entrance=np.array([[7.5, 0.5]]))
     assert cells(0.4) == {(row, column) for row in range(3) for column in (6, 7)}
 
 
@@ -278,7 +278,8 @@ def test_the_dead_are_not_kidnapped_back_to_life() -> None:
 def test_a_robot_stays_where_there_is_nowhere_to_put_it() -> None:
     run = made()
     parts = run.simulation.parts
-    parts.building.domain = np.zeros_like(parts.building.domain)
+    nothing = np.zeros_like(parts.building.explorable)
+    parts.building.found = replace(parts.building.found, explore=lambda: nothing)
     before = parts.bodies.state()
     installed = Localisation(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
     np.testing.assert_array_equal(installed.bodies.state().pose, before.pose)
@@ -324,7 +325,7 @@ def test_however_wrong_an_estimate_lies_on_the_map(fault: str, tmp_path) -> None
         assert (moment.readings.tiles.origins > -7).all()
         assert (moment.readings.tiles.origins < lattice.shape).all()
     # What watches a run must not fall over tiles that lie beside the map.
-    probe = MapMeasures(run.scenario.robots.count, run.domain, lattice)
+    probe = MapMeasures(run.scenario.robots.count, run.explorable, lattice)
     with run.recorder(tmp_path / "recording.h5") as recorder:
         for moment in watch.moments:
             probe.sample(moment)

@@ -7,15 +7,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import Mapper, made, seen_as, setting_of, worded_of
+from conftest import made, seen_as, setting_of, worded_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
-from swarmsim.core.state import Moment
+from swarmsim.core.state import FREE, OCCUPIED, Moment
 from swarmsim.faults.mind import FailingMind, Mind, RandomWalk
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
@@ -233,7 +234,6 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
     rng = np.random.default_rng(seed)
     lattice = Lattice(0.0, 0.0, 0.15, 9, 16)
     wall, observed = rng.random((2, *lattice.shape)) < np.array([0.2, 0.8])[:, None, None]
-    log_odds = np.where(wall, 2.0, -2.0).astype(np.float32) * observed
     free = observed & ~wall
     if radius > 0.075:  # the cells across each edge lie under the body as well
         known = np.pad(wall & observed, 1)
@@ -241,11 +241,7 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
     start = tuple(rng.integers(0, lattice.shape).tolist())
     place = setting_of(1, lattice.shape, seed, radius=radius)
 
-    class Known:
-        pass
-
-    mind = Known()
-    mind.observed, mind.log_odds = observed[None], log_odds[None]
+    mind = SimpleNamespace(terrain=lambda robot: np.where(wall, np.uint8(OCCUPIED), np.uint8(FREE)) * observed)
     drawn = set()
     pose = np.array([*lattice.centres(np.array(start)), 0.0])
     walk = RandomWalk(place, steps * 0.15 + 0.01, "walk")
@@ -262,12 +258,9 @@ def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
     lattice = Lattice(0.0, 0.0, 0.15, 8, 8)
     walk = RandomWalk(setting_of(1, lattice.shape, 1), 0.75, "walk")
 
-    class Known:
-        observed = np.ones((1, 8, 8), np.bool_)
-        log_odds = np.full((1, 8, 8), -2.0, np.float32)
-
+    known = SimpleNamespace(terrain=lambda robot: np.full(lattice.shape, FREE, np.uint8))
     pose = np.array([*lattice.centres(np.array([4, 4])), 0.0])
-    new = [walk.decided(0, SimpleNamespace(pose=pose[None]), Known()).new for _ in range(60)]  # it never gets anywhere
+    new = [walk.decided(0, SimpleNamespace(pose=pose[None]), known).new for _ in range(60)]  # it never gets anywhere
     gaps = np.diff(np.flatnonzero(new))
     assert len(gaps) > 2
     assert gaps.min() >= 4
@@ -278,7 +271,7 @@ def test_a_wanderer_in_the_way_of_another_tries_another_place_in_time() -> None:
 
 
 def test_a_reboot_empties_the_map_and_the_robot_stands_until_it_is_up_again(rebooted) -> None:
-    assert rebooted.moments[ONSET - 1].measured.robots["covered"][ROBOT] * rebooted.run.domain.sum() > 50
+    assert rebooted.moments[ONSET - 1].measured.robots["covered"][ROBOT] * rebooted.run.explorable.sum() > 50
     for iteration in range(ONSET, END):
         observed, log_odds = rebooted.maps[iteration]
         assert not observed.any()

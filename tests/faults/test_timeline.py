@@ -320,7 +320,8 @@ def test_who_returns_waits_while_the_spawn_area_is_full() -> None:
     faults = 'faults=[{use="remove", at=1, duration=3, robots=[0]}, {use="motor", failure="off", at=0, robots=[1]}]'
     run = made("robots.count=2", "stop.iterations=30", faults)
     parts = run.simulation.parts
-    parts.building.entrance = parts.bodies.state().pose[1:, :2] + (0.05, 0.0)
+    beside = parts.bodies.state().pose[1:, :2] + (0.05, 0.0)
+    parts.building.found = replace(parts.building.found, entrance=beside)
     watch = Watch(run)
     for _ in range(8):
         run.simulation.tick([watch])
@@ -355,7 +356,7 @@ def test_latecomers_have_the_map_they_are_given(memory: str) -> None:
     if memory == "copied":
         assert entry[3] >= before[:3].max()
     else:
-        seen = (watch.moments[15].readings.tiles.values[3] != 0).sum() / watch.run.domain.sum()
+        seen = (watch.moments[15].readings.tiles.values[3] != 0).sum() / watch.run.explorable.sum()
         assert entry[3] <= seen < before[:3].max()
 
 

@@ -431,7 +431,7 @@ class _Count:
                 row, column = (np.argwhere(shown) + tiles.origins[robot]).T
                 fits = (row >= 0) & (row < self._sensed.shape[0]) & (column >= 0) & (column < self._sensed.shape[1])
                 self._sensed[row[fits], column[fits]] = True
-        domain, covered = moment.building.domain, moment.measured.values["coverage"]
+        domain, covered = moment.building.explorable, moment.measured.values["coverage"]
         sensed = np.count_nonzero(self._sensed & domain) / np.count_nonzero(domain)
         if not self._excused:
             assert covered <= sensed + 1e-12, f"{covered:.4%} are covered, and {sensed:.4%} sensed"

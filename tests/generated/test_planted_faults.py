@@ -34,9 +34,9 @@ def wrapped(kind: type, name: str, changed: Callable[..., Any]) -> Plant:
 def without_a_wall(prepare: Any, part: Any) -> None:
     """Walls are put up but for the first one."""
     building = part._building
-    walls, building.walls = building.walls, building.walls[1:]
+    found, building.found = building.found, replace(building.found, walls=building.walls[1:])
     prepare(part)
-    building.walls = walls
+    building.found = found
 
 
 def heard_after_its_loss(deliver: Any, *given: Any) -> Delivery:
@@ -76,7 +76,7 @@ def cell_that_nobody_saw(update: Any, grids: Any, alive: Any, tiles: Any, inbox:
 def one_more(measure: Any, task: Any, moment: Any) -> Any:
     """One cell too many is counted."""
     measured = measure(task, moment)
-    share = min(1.0, measured.values["coverage"] + 1.0 / np.count_nonzero(moment.building.domain))
+    share = min(1.0, measured.values["coverage"] + 1.0 / np.count_nonzero(moment.building.explorable))
     return replace(measured, values={"coverage": share})
 
 

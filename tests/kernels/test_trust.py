@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import Mapper, inbox_of, items, made, setting_of
+from conftest import made, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper, inbox_of, items
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.errors import InputError
@@ -196,7 +197,7 @@ def deceived(trust: str, *, liars: int = 1, failure: str = "occupied", seed: int
     )
     run.simulation.run()
     parts = run.simulation.parts
-    known = parts.computation.maps.observed[liars:] & parts.building.domain
+    known = parts.computation.maps.observed[liars:] & parts.building.explorable
     false = known & (parts.computation.maps.log_odds[liars:] > 0.0) & ~parts.building.occupied
     return float(false.sum() / known.sum())
 
@@ -224,4 +225,4 @@ def test_a_quorum_of_names_is_no_defence_against_one_robot_that_invents_them() -
     run.simulation.run()
     parts = run.simulation.parts
     false = parts.computation.maps.observed[1:] & (parts.computation.maps.log_odds[1:] > 0.0) & ~parts.building.occupied
-    assert (false & parts.building.domain).any()
+    assert (false & parts.building.explorable).any()

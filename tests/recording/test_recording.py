@@ -69,7 +69,7 @@ def test_everything_that_happened_reads_back(watched) -> None:
     assert recording.scenario == run.scenario
     assert recording.world == run.world
     assert recording.lattice == run.arena.lattice
-    np.testing.assert_array_equal(recording["domain"], run.domain)
+    np.testing.assert_array_equal(recording["domain"], run.explorable)
     assert recording.events() == [Ended(recording.iterations - 1, True)]
 
 

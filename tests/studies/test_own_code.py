@@ -222,7 +222,7 @@ def test_a_worker_with_another_swarmsim_refuses(folder: Path, tmp_path: Path) ->
     with (other / "swarmsim" / "core" / "chance.py").open("a") as file:
         file.write("# another\n")
     script = (
-        "import pickle, sys; from swarmsim.studies.engine import perform; print(perform(pickle.load(sys.stdin.buffer)))"
+        "import pickle, sys; from swarmsim.studies.engine import run_job; print(run_job(pickle.load(sys.stdin.buffer)))"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], input=pickle.dumps(task), capture_output=True, check=False, cwd=other

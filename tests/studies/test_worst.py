@@ -56,7 +56,7 @@ def test_a_moment_that_is_enough_is_found() -> None:
 
     answer = search(lambda faults, seed: any(lost(fault.table) for fault in faults)).run(1)
     (entry,) = answer.smallest.timeline
-    assert (entry.kind, entry.count, entry.lasts, answer.smallest.size) == ("remove, map lost", 1, 1, 1)
+    assert (entry.kind, entry.count, entry.duration, answer.smallest.size) == ("remove, map lost", 1, 1, 1)
 
 
 def test_what_fails_with_some_seeds_only_is_no_failure() -> None:

@@ -304,9 +304,7 @@ def test_domain_by_hand() -> None:
     arena = sketch("##### #s..# #.#.# #...# #####")
     reachable = arena.reachable("s", 0.3)
     everything = np.ones(arena.lattice.shape, dtype=bool)
-    assert picture(arena, arena.coverage_domain(reachable, everything)) == ".ooo. ooooo ooooo ooooo .ooo.".replace(
-        ".", "#"
-    )
+    assert picture(arena, arena.explorable(reachable, everything)) == ".ooo. ooooo ooooo ooooo .ooo.".replace(".", "#")
 
 
 def test_domain_leaves_out_free_cells_that_nobody_sees_and_their_walls() -> None:
@@ -315,14 +313,14 @@ def test_domain_leaves_out_free_cells_that_nobody_sees_and_their_walls() -> None
     reachable[2, 2:4] = True
     observed = np.zeros(arena.lattice.shape, dtype=bool)
     observed[1:4, 1:5] = True
-    assert picture(arena, arena.coverage_domain(reachable, observed)) == "#ooo### oooo..# #ooo###"
+    assert picture(arena, arena.explorable(reachable, observed)) == "#ooo### oooo..# #ooo###"
 
 
 def test_domain_leaves_out_what_is_seen_through_a_gap_but_not_connected() -> None:
     arena = sketch("##### #s#.# #####")
     reachable = np.zeros(arena.lattice.shape, dtype=bool)
     reachable[2, 2] = True
-    domain = arena.coverage_domain(reachable, np.ones_like(reachable))
+    domain = arena.explorable(reachable, np.ones_like(reachable))
     assert picture(arena, domain) == "#o### oo#.# #o###".replace("oo#", "ooo")
 
 
@@ -330,10 +328,10 @@ def test_wall_cells_that_no_place_shows_are_no_part_of_the_domain() -> None:
     arena = sketch("####### #s....# #######")
     reachable = arena.reachable("s", 0.3)
     seen = reachable.copy()
-    assert np.array_equal(arena.coverage_domain(reachable, seen), reachable)
+    assert np.array_equal(arena.explorable(reachable, seen), reachable)
     seen[1:4] = True
     seen[3, 6] = False
-    domain = arena.coverage_domain(reachable, seen)
+    domain = arena.explorable(reachable, seen)
     assert not domain[3, 6]
     assert (domain <= seen).all()
     assert domain[3, 2:6].all()

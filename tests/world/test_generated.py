@@ -29,7 +29,7 @@ def test_all_of_it_can_be_mapped_whatever_the_seed(kind: str) -> None:
     for seed in range(12):
         made = scenario(kind, seed)
         run = build(made, "made.toml")
-        assert run.domain.sum() > 500
+        assert run.explorable.sum() > 500
         texts.add(run.world)
         assert read_world(made.world, made.grid.cell) == run.world
     assert len(texts) == 12
@@ -75,7 +75,7 @@ def test_a_maze_without_loops_is_a_tree() -> None:
     passages = json.loads(run.world)["bbox"][2] / 0.75
     assert passages == pytest.approx(12.2, abs=0.1)
     # A tree of squares of 4 x 4 cells, joined by openings of 1 x 4: an opening less than there are squares.
-    inside = int(run.domain[free].sum())
+    inside = int(run.explorable[free].sum())
     squares = 12 * 8
     assert inside == squares * 16 + (squares - 1) * 4
 

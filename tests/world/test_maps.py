@@ -165,7 +165,7 @@ def test_what_nobody_knows_is_a_wall_or_a_space_that_does_not_count(pair) -> Non
     arenas = [Arena.open(plan, CELL, 8, "m.yaml") for plan in (solid, open_)]
     reachable = [arena.reachable("", 0.05) for arena in arenas]
     assert [int(cells.sum()) for cells in reachable] == [9, 18]
-    domain = arenas[1].coverage_domain(reachable[1], np.ones(arenas[1].lattice.shape, np.bool_))
+    domain = arenas[1].explorable(reachable[1], np.ones(arenas[1].lattice.shape, np.bool_))
     assert int((domain & ~arenas[1].occupied).sum()) == 9
 
 

@@ -43,11 +43,16 @@ class Description:
     parameters: tuple[Parameter, ...]
 
 
-def parts(seam: str | None = None) -> Iterator[Description]:
-    """Every installed part, or those of a seam, in the order of seams and names. Raises InputError for no such seam."""
-    for each in SEAMS if seam is None else (_known(seam),):
-        for name in registry.entries(each):
-            yield part(each, name)
+def parts(which: str | None = None) -> list[Description]:
+    """The parts that scenarios can name, ours and those of other distributions, with their keys: `swarmsim parts`.
+
+    `which` is a seam, such as `topology`, or one part of it, such as `topology.knn`; without it they are all, in the
+    order of seams and names. Raises InputError if there is no such seam or part.
+    """
+    seam, _, name = (which or "").partition(".")
+    if name:
+        return [part(seam, name)]
+    return [part(each, one) for each in ((_known(seam),) if seam else SEAMS) for one in registry.entries(each)]
 
 
 def _known(seam: str) -> str:

@@ -41,7 +41,7 @@ from swarmsim.core.scenario.part import NONE, Part, plain
 from swarmsim.core.scenario.platforms import with_platforms
 from swarmsim.core.scenario.robots import Count, Positive, Robots
 from swarmsim.core.scenario.toml import DEEPEST, TOO_DEEP, parsed, read_toml
-from swarmsim.core.seams import SEAMS, at_place
+from swarmsim.core.seams import PLACED, at_place
 
 _HOMES: Final = (Path(__file__).parents[2], Path(__file__).parents[3])  # of our own scenarios and worlds
 
@@ -177,7 +177,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
-OF_GROUPS: Final = [seam.name for seam in SEAMS.values() if seam.of_groups]
+OF_GROUPS: Final = [seam.name for seam in PLACED.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them.
@@ -194,7 +194,7 @@ MOVED: Final = {
 def parts_of(scenario: Scenario) -> dict[str, Part[object]]:
     """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
     found: dict[str, Part[object]] = {}
-    for seam in SEAMS.values():
+    for seam in PLACED.values():
         part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
         if part or seam.required:
             found[seam.name] = part
@@ -205,7 +205,7 @@ def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
     """Every part that a scenario has any number of, with its place: `faults[2]`."""
     return [
         (f"{seam.at}[{i}]", part)
-        for seam in SEAMS.values()
+        for seam in PLACED.values()
         if seam.many
         for i, part in enumerate(_at(scenario, seam.place))
     ]

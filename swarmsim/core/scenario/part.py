@@ -9,6 +9,7 @@ from typing import Any, Final, Generic, Protocol, Self, TypeVar, final, get_args
 import msgspec
 
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.renamed import OF_PARTS, hint
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.decoding import Nested, Take, called, convert
 from swarmsim.core.scenario.files import Table, with_files
@@ -136,7 +137,17 @@ class Part(Nested, Generic[P]):
             parameters: Any = self.parameters
             built: P = parameters.build(context)
         except InputError as problem:
-            raise InputError(f"{key}.{problem}" if key else str(problem)) from problem
+            raise (problem.inside(key) if key else problem) from problem
+        missing = [] if registry.is_ours(parameters) else SEAMS[self.seam].missing(built)
+        if missing:
+            kind, at = (
+                f"{type(built).__module__.rpartition('.')[2]}.{type(built).__qualname__}",
+                f"{key}." if key else "",
+            )
+            old = hint((name for name in dir(built) if OF_PARTS.get(name) in missing), OF_PARTS)
+            raise InputError(
+                f"{at}use: what {self.use!r} builds, {kind}, lacks {', '.join(missing)}; expected a {self.seam}{old}"
+            )
         return built
 
     def _identity(self) -> object:

@@ -14,7 +14,7 @@ from swarmsim.core.seams import SEAMS
 
 
 def schema() -> dict[str, Any]:
-    """The JSON Schema of scenario files, with every installed part, for editors."""
+    """The JSON Schema of scenario files, with every installed part, for editors: `swarmsim schema`."""
     defs = _components(Scenario)
     root = defs.pop(Scenario.__name__)
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}

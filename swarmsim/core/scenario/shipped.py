@@ -20,7 +20,10 @@ def root() -> Path:
 
 
 def examples() -> dict[str, str]:
-    """The title of every shipped scenario, by its name: `basilica`, `faults/blind`."""
+    """The title of every shipped scenario, by its name, as in `basilica` and `faults/blind`: `swarmsim examples`.
+
+    Raises InputError if they are not installed.
+    """
     home = root() / "scenarios"
     paths = sorted(path for path in home.rglob("*.toml") if "studies" not in path.relative_to(home).parts)
     titled = {path.relative_to(home).with_suffix("").as_posix(): _title(path) for path in paths}
@@ -28,7 +31,10 @@ def examples() -> dict[str, str]:
 
 
 def example(name: str) -> Path:
-    """The file of a shipped scenario. Raises InputError for a name that is not among them."""
+    """The file of a shipped scenario, for `run`: `swarmsim examples run`.
+
+    Raises InputError for a name that is not among `examples`.
+    """
     known = examples()
     if name not in known:
         close = [one for one in known if one.rpartition("/")[2] == name.rpartition("/")[2]]
@@ -37,13 +43,13 @@ def example(name: str) -> Path:
     return root() / "scenarios" / f"{name}.toml"
 
 
-def copy(name: str, folder: Path) -> list[Path]:
-    """Copy a shipped scenario with all files that it names, so that it runs there; gives the copies.
+def copy(name: str, folder: str | Path) -> list[Path]:
+    """Copy a shipped scenario with all files that it names, and give the copies: `swarmsim examples copy`.
 
-    They lie in `scenarios` and `worlds` as they do here. Raises InputError for a name that is not among them and for
-    files that exist already.
+    They lie in `scenarios` and `worlds` of the folder as they do here, and run there; the scenario comes first. Raises
+    InputError for a name that is not among them and for files that exist already.
     """
-    return _copied(example(name), root(), folder, [])
+    return _copied(example(name), root(), Path(folder), [])
 
 
 def _copied(path: Path, home: Path, folder: Path, done: list[Path]) -> list[Path]:

@@ -42,7 +42,7 @@ class FieldTask:
     curve = CURVE
 
     def __init__(self, wanted: float, field: Field, context: BuildContext) -> None:
-        cells = np.argwhere(context.building.domain & ~context.building.occupied)
+        cells = np.argwhere(context.building.explorable & ~context.building.occupied)
         self._points = context.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
         self._wanted, self._field, self._period = wanted, field, context.period
 

@@ -26,7 +26,7 @@ class FiniteField:
     def __init__(self, field: Field, what: str, context: BuildContext) -> None:
         """`what` the field is, starting with its key. Raises InputError if it is not finite on the floor at first."""
         self._field, self._what, self._period = field, what, context.period
-        floor = context.lattice.centres(np.argwhere(context.building.domain))
+        floor = context.lattice.centres(np.argwhere(context.building.explorable))
         with np.errstate(all="ignore"):
             first = field.value(0.0, floor)
         self._check(first, 0.0, floor, "")

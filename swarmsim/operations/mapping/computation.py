@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
-from swarmsim.core.errors import InputError
+from swarmsim.core.errors import InputError, PlacedError
 from swarmsim.core.lending import lent
 from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.readings import Tiles
@@ -25,8 +25,12 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
+from swarmsim.operations.mapping.lies import LIES
 from swarmsim.operations.mapping.maps import Maps, TileItems
-from swarmsim.operations.mapping.sharing.policies import Sharing, tiles_of
+from swarmsim.operations.mapping.sharing.policies import tiles_of
+from swarmsim.operations.mapping.sharing.seam import Sharing
+
+MOST: Final = 20_000_000_000  # cells of all maps together
 
 Probability = Annotated[float, Meta(gt=0.0, lt=1.0)]
 
@@ -73,6 +77,12 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     def build(self, context: BuildContext) -> MapComputation:
         """The maps of a whole swarm. Raises InputError for numbers that contradict each other."""
+        cells = context.lattice.rows * context.lattice.columns
+        if context.swarm * cells > MOST:
+            raise PlacedError(
+                f"grid.cell: {context.swarm} robots with maps of {cells} cells each would have more than {MOST} cells; "
+                f"expected fewer robots or larger cells"
+            )
         if not self.lowest < self.miss < 0.5 < self.hit < self.highest:
             raise InputError(
                 f"hit: expected lowest < miss < 0.5 < hit < highest, got "
@@ -91,6 +101,7 @@ class MapComputation:
 
     requires = ("tiles",)
     knowledge_type: type[Knowledge] = Maps
+    lies = LIES
 
     def __init__(self, parameters: OccupancyGrid, context: BuildContext, sharing: Sharing[TileItems]) -> None:
         count, lattice = len(context.ids), context.lattice
@@ -158,6 +169,10 @@ class MapComputation:
         """Give robots (r,) the map of another one."""
         self._grids.copy_from(robots, source)
         self._rewritten = True
+
+    def amounts(self) -> NDArray[np.int64]:
+        """How many cells each robot's map holds (n,)."""
+        return np.asarray(np.count_nonzero(self._observed, axis=(1, 2)))
 
     def _maps(self, changes: NDArray[np.int32], new_cells: NDArray[np.int32], accepted: Inbox[TileItems]) -> Maps:
         frames = getattr(self._sharing, "frames", None)  # of most policies robots need none

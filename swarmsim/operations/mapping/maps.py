@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,17 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Inbox, MessageBatch
-from swarmsim.core.state import Auditor, Knowledge, Record, Senses
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Auditor, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileItems(MessageBatch):
     """The tiles in messages."""
+
+    PROVENANCE: ClassVar[tuple[str, ...]] = ("sources", "sensed")
+    SOURCE: ClassVar = "sources"
+    SILENT: ClassVar = {"values": UNKNOWN}
 
     values: NDArray[np.uint8]  # (t, rows, columns)
     origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
@@ -61,6 +65,11 @@ class Maps(Knowledge):
         """A robot's map: `observed` and `log_odds` (rows, columns), and the `news` in it."""
         observed, log_odds = self.observed[robot], self.log_odds[robot]
         return SimpleNamespace(observed=observed, log_odds=log_odds, new_cells=int(self.new_cells[robot]))
+
+    def terrain(self, robot: int) -> NDArray[np.uint8]:
+        """A robot's map (rows, columns): UNKNOWN, FREE where it is more likely free than not, else OCCUPIED."""
+        known = np.where(self.log_odds[robot] < 0.0, np.uint8(FREE), np.uint8(OCCUPIED))
+        return np.asarray(known * self.observed[robot], np.uint8)
 
     @classmethod
     def auditor(cls, context: BuildContext) -> MapAuditor:
@@ -114,7 +123,7 @@ class MapAuditor(Auditor):
             inbox = knowledge.accepted
             for pair in zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True):
                 if pair not in heard:
-                    return f"taken: robot {pair[0]} took in what robot {pair[1]} has not told it"
+                    return f"accepted: robot {pair[0]} took in what robot {pair[1]} has not told it"
         content: Any = inbox.content  # other people's have the columns of TileItems that are needed
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(

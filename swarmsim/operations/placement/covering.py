@@ -91,7 +91,7 @@ class CoveringTask:
 
     def __init__(self, tolerance: float, context: BuildContext) -> None:
         building = context.building
-        cells = np.argwhere(building.domain & ~building.occupied)
+        cells = np.argwhere(building.explorable & ~building.occupied)
         self._points = context.lattice.centres(cells[:: -(-len(cells) // POINTS) or 1])
         self._tolerance = tolerance
 

@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import Mapper, inbox_of, made, seen_as, setting_of
+from conftest import made, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper, inbox_of
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.lattice import Lattice
@@ -174,7 +175,7 @@ def test_a_patrol_goes_to_the_nearest_cell_at_least_half_as_old_as_the_oldest_in
 def ages(*overrides: str, iterations: int = 500):
     """When each cell of the domain was last sensed by anybody, in a run that goes on after 100 %."""
     run = made(f"stop.iterations={iterations}", 'stop.when_done="continue"', *overrides)
-    building, last = run.simulation.parts.building, np.full(run.domain.shape, -1)
+    building, last = run.simulation.parts.building, np.full(run.explorable.shape, -1)
 
     class Watch:
         def sample(self, moment) -> None:
@@ -183,7 +184,7 @@ def ages(*overrides: str, iterations: int = 500):
                 window[tile != UNKNOWN] = moment.state.iteration
 
     assert run.simulation.run([Watch()])
-    return iterations - last[building.domain], run
+    return iterations - last[building.explorable], run
 
 
 def test_a_patrol_sees_every_cell_again_and_those_who_stand_do_not() -> None:

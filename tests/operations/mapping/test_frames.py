@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import Grids, called, made, moments_of, seen_as, setting_of
+from conftest import called, made, moments_of, seen_as, setting_of
+from mappers import Grids
 from numpy.testing import assert_allclose, assert_array_equal
 
 from swarmsim.core.lattice import Lattice
@@ -179,7 +180,7 @@ def test_a_message_packs_to_its_bytes_with_all_its_parts() -> None:
 
 def test_robots_find_each_others_frames_and_finish() -> None:
     run = made(scenario="merging")
-    probe = FrameMeasures(run.domain)
+    probe = FrameMeasures(run.explorable)
     assert run.simulate([probe])
     summary = probe.summary()
     assert summary["frames_found"] == 42
@@ -200,7 +201,7 @@ def test_robots_that_never_meet_know_what_they_sensed_alone() -> None:
 
 def test_other_policies_have_no_frames_to_measure(room) -> None:
     run = made("seed=1", "stop.iterations=5")
-    probe = FrameMeasures(run.domain)
+    probe = FrameMeasures(run.explorable)
     run.simulation.run([probe])
     assert probe.summary() == {}
 

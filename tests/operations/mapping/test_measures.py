@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import building, inbox_of, made, readings_of
+from conftest import building, made, readings_of
 from hypothesis import given
 from hypothesis import strategies as st
+from mappers import inbox_of
 
 from swarmsim.core.events import Ended
 from swarmsim.core.lattice import Lattice
@@ -56,7 +57,7 @@ def grid(rows: str) -> np.ndarray:
 # 5 x 5 cells, of which the last column is outside the domain; its wall is column 3.
 DOMAIN = grid("11110 11110 11110 11110 11110") == 1
 TRUTH = grid("00011 00011 00011 00011 00011") == 1
-HALL = replace(building(), domain=DOMAIN, occupied=TRUTH)
+HALL = building((), DOMAIN, TRUTH)
 LATTICE = Lattice(0.0, 0.0, 0.15, *DOMAIN.shape)
 PAIR = Robots(count=2, spawn="hall", speed=20.0)
 
@@ -300,7 +301,7 @@ def heard(recording: Recording) -> tuple[int, int, int]:
 
 def test_a_whole_run_agrees_with_its_recording(tmp_path: Path):
     run = made("network.topology.k=2")
-    domain, truth, robots, parts = run.domain, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
+    domain, truth, robots, parts = run.explorable, run.arena.occupied, run.scenario.robots.count, run.simulation.parts
     probes = [RunMeasures(run.scenario.robots, run.scenario.period, parts.task.curve), *parts.task.summaries()]
     path = tmp_path / "recording.h5"
     with run.recorder(path) as recorder:

@@ -1,13 +1,12 @@
 """What a robot decides, and on what alone: maps, goals, ways, and the wheels that follow them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import shapely
-from conftest import Mapper, building, inbox_of, seen_as, setting_of
+from conftest import building, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Mapper, inbox_of
 from numpy.testing import assert_array_equal
 
 from swarmsim.core.context import BuildContext
@@ -637,7 +636,7 @@ def world_of(picture, margin=8):
 def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(seed):
     """Nobody hears anybody, so each has to see the far room itself, and the corridor holds one robot at a time."""
     lattice, floor, walls = world_of(CORRIDOR_WITH_BAY)
-    hall = replace(building(walls), domain=floor)
+    hall = building(walls, floor)
     channels = Channels(*tile_channels((6, 7), False))
     place = BuildContext.of(Robots(count=2, spawn="rooms"), lattice, 1.0, Streams(seed), hall, channels=channels)
     starts = lattice.centres(np.array([[8 + 3, 8 + 3], [8 + 3, 8 + 18]]))

@@ -4,9 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from conftest import Grids, items, made, seen_as, setting_of
+from conftest import made, seen_as, setting_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mappers import Grids, items
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice

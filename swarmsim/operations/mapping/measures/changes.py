@@ -36,7 +36,7 @@ class ChangeMeasures:
     def __init__(self, building: Building) -> None:
         """The `building` as it is at the start."""
         self._version = building.version
-        self._truth, self._domain = building.occupied, building.domain
+        self._truth, self._domain = building.occupied, building.explorable
         self._stale: list[float | None] = []  # since the first change
         self._robots = 0
         self.changes: list[Change] = []
@@ -80,10 +80,10 @@ class ChangeMeasures:
         changed: NDArray[np.bool_] = building.occupied != self._truth
         for change in self.changes:
             change.over |= bool(changed.reshape(-1)[change.cells].any())
-        cells = np.flatnonzero(changed & building.domain)
+        cells = np.flatnonzero(changed & building.explorable)
         if len(cells):
             self.changes.append(Change(iteration, cells))
-        self._truth, self._domain = building.occupied, building.domain
+        self._truth, self._domain = building.occupied, building.explorable
 
     def summary(self) -> dict[str, float | int | None]:
         """The run in numbers; docs/buildings.md defines each. None where a number is not defined."""

@@ -28,8 +28,8 @@ CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0
 class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The union of all maps, the dead's included, has to cover a share of the coverage domain.
 
-    The domain is every free cell that robots can observe, and the wall cells beside those; it changes with the
-    building. It is measured, and never fed back.
+    The domain is all that can be explored: every free cell that robots can observe, and the wall cells beside those; it
+    changes with the building. It is measured, and never fed back.
 
     Robots that put others' maps where they believe them to lie may put them wrong. Of theirs a cell counts only where a
     map holds it for what some robot has truly seen there; `correct` is the share of all cells on the union that are so.
@@ -56,7 +56,7 @@ class CoverageTask:
         self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
         self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
         self._union = 0  # ... and in any
-        self._version = -1  # of the building whose domain that is
+        self._take_up(context.building)
         self._sightings = Sightings(context.lattice)
 
     def measure(self, done: Done[Maps]) -> Measured:
@@ -85,15 +85,18 @@ class CoverageTask:
         share = self._sightings.share(maps.max(axis=0))  # OCCUPIED where any robot believes so
         return 1.0 if share is None else share
 
-    def _count_anew(self, building: Building) -> None:
-        self._version, self._domain = building.version, building.domain.reshape(-1)
+    def _take_up(self, building: Building) -> None:
+        self._version, self._domain = building.version, building.explorable.reshape(-1)
         self._cells = int(np.count_nonzero(self._domain))
+
+    def _count_anew(self, building: Building) -> None:
+        self._take_up(building)
         self._each[:] = [np.count_nonzero(held & self._domain) for held in self._held]
         self._union = int(np.count_nonzero((self._holders > 0) & self._domain))
 
     def summaries(self) -> Sequence[Summary[Maps]]:
         """What maps are judged by, and how well they follow a building that changes."""
-        robots, building = self._context.swarm, self._context.building
-        lattice = self._context.lattice
-        always = MapMeasures(robots, building.domain, lattice), ChangeMeasures(building), FrameMeasures(building.domain)
+        robots, building, lattice = self._context.swarm, self._context.building, self._context.lattice
+        domain = building.explorable
+        always = MapMeasures(robots, domain, lattice), ChangeMeasures(building), FrameMeasures(domain)
         return (*always, MapProvenance(robots, lattice)) if self._traces else always

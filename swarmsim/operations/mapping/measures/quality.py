@@ -208,7 +208,7 @@ class MapMeasures:
         if self._last is None:
             return {}
         building, maps = self._last.building, self._last.knowledge
-        domain = building.domain
+        domain = building.explorable
         truth, pool, robots = building.occupied[domain], Pool(int(np.count_nonzero(domain))), []
         union_cells, free, full = np.zeros(domain.shape, np.uint8), np.uint8(FREE), np.uint8(OCCUPIED)
         observed: NDArray[np.bool_]

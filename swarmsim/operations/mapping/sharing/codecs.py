@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ GOAL: Final = struct.Struct(">hhH")
 @dataclass(frozen=True, slots=True, eq=False)
 class RelayedItems(TileItems):
     """Tiles that come over several links."""
+
+    PROVENANCE: ClassVar[tuple[str, ...]] = ("sources", "sensed", "hops")
 
     hops: NDArray[np.uint8]  # (t,): links between the robot that sensed it and the one that tells it now
 

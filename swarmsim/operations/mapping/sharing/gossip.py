@@ -22,7 +22,8 @@ from swarmsim.operations.mapping.sharing.codecs import (
     unpack,
     unpack_cells,
 )
-from swarmsim.operations.mapping.sharing.policies import I, tile_shape, tiles_of
+from swarmsim.operations.mapping.sharing.policies import tile_shape, tiles_of
+from swarmsim.operations.mapping.sharing.seam import I
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")

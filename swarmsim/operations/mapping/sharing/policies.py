@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Generic, Protocol, TypeVar
+from typing import Generic
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from swarmsim.core import parts
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Codec, Inbox
@@ -26,21 +25,7 @@ from swarmsim.operations.mapping.sharing.codecs import (
     map_bytes,
     pieces,
 )
-
-I = TypeVar("I", bound=TileItems)  # noqa: E741 (of items)
-
-
-class Sharing(parts.Sharing[I, Maps], Protocol[I]):
-    """What mapping robots say; the items that they take in have the columns of TileItems at least."""
-
-    @property
-    def codec(self) -> Codec[I]:
-        """What it looks like on the air."""
-        ...
-
-    def accepted(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
-        """The items of the inbox that are taken in."""
-        ...
+from swarmsim.operations.mapping.sharing.seam import I
 
 
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

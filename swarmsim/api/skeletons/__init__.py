@@ -20,7 +20,6 @@ WITHOUT: Final = {
     "layer": "it is a function of a moment; start from the one in docs/own.md",
     "localisation": "start from Noisy in swarmsim/robots/localisation.py",
     "physics": "bodies take eight verbs; start from swarmsim/robots/particles.py",
-    "sharing": "it belongs to mapping; start from swarmsim/operations/mapping/sharing/policies.py",
 }
 TEST: Final = '''
 from pathlib import Path
@@ -62,10 +61,22 @@ def _place(kind: str) -> tuple[str, bool]:
     return (SEAMS[kind].at, SEAMS[kind].many) if kind in SEAMS else (kind, False)
 
 
+def _why_not(kind: str) -> str | None:
+    """Why there is nothing to start from for a kind of part, if there is a reason."""
+    from swarmsim.core.scenario import registry
+    from swarmsim.core.seams import PLACED, SEAMS
+
+    if kind in PLACED or kind not in SEAMS:
+        return WITHOUT.get(kind)
+    files = {name: one.module.replace(".", "/") + ".py" for name, one in registry.entries(kind).items()}
+    start = files.get(SEAMS[kind].default or "", ", ".join(files.values()))
+    return f"its parts stand in the tables of other parts; start from {start}"
+
+
 def _skeleton(kind: str) -> tuple[dict[str, str], str]:
     """What a scenario needs to try such a part, as TOML by dotted key, and the code. Raises InputError."""
-    if kind in WITHOUT:
-        raise InputError(f"new {kind}: there is none to start from: {WITHOUT[kind]}")
+    if why := _why_not(kind):
+        raise InputError(f"new {kind}: there is none to start from: {why}")
     known = {one: one for one in kinds()}
     if kind not in known:
         raise InputError(f"new {kind}: no such kind of part; {nearest(kind, known)}")
@@ -83,8 +94,14 @@ def _names(kind: str, name: str) -> tuple[str, str]:
     return module, "".join(word.capitalize() for word in module.split("_")) if "$Name" in code else module
 
 
-def written(kind: str, name: str, folder: Path) -> list[Path]:
-    """Write a part and its test into a folder; gives the files. Raises InputError; nothing is overwritten."""
+def new(kind: str, name: str, to: str | Path = ".") -> list[Path]:
+    """Write a part of your own to start from, and its test, which passes; give both files: `swarmsim new`.
+
+    `kind` is a seam, or `mind`; `name` a word such as my_rule, and `to` a folder, which is made if it is not there.
+    Raises InputError for a kind that there is nothing to start from of, for a name that is none, and for files that
+    exist already: nothing is overwritten.
+    """
+    folder = Path(to)
     module, part = _names(kind, name)
     files = [folder / f"{module}.py", folder / f"test_{module}.py"]
     for path in files:

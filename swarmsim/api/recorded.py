@@ -1,0 +1,243 @@
+"""A recorded run: what it says, shows and gives to other programs."""
+
+from __future__ import annotations
+
+import html
+import io
+from base64 import b64encode
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.api import frames as tables
+from swarmsim.core.scenario import registry
+from swarmsim.recording.reader import Recording, Summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from swarmsim.api.verification import Verification
+    from swarmsim.network.report import NetworkReport
+    from swarmsim.view.style import LookKeys
+
+Progress = Callable[[int, int], None]  # is called with what is done, and how much there is
+
+
+def untold(done: int, of: int) -> None:
+    """Tell nobody of progress."""
+
+
+class Run:
+    """A recorded run."""
+
+    def __init__(self, recording: Recording, path: Path | None = None) -> None:
+        #: All that was recorded.
+        self.recording = recording
+        #: The folder or file that was opened, as messages name it.
+        self.path = path or recording.path
+
+    @cached_property
+    def summary(self) -> Summary:
+        """The run in a few numbers, as in its `summary.json` and as `swarmsim show --json` prints it."""
+        return self.recording.summary()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the task was done."""
+        return bool(self.summary["status"] == "finished")
+
+    @property
+    def iterations(self) -> int:
+        """How many iterations were recorded."""
+        return self.recording.iterations
+
+    @property
+    def measures(self) -> dict[str, NDArray[np.float64]]:
+        """What the task measured of the swarm after each iteration (t,), by name."""
+        return {name: self.recording[name] for name in self.recording.measures}
+
+    def curve(self) -> NDArray[np.float64]:
+        """The measure that the task is about, after each iteration (t,), in the unit of its label."""
+        curve = self.recording.curve
+        return np.asarray(curve.scale * self.recording[curve.name], np.float64)
+
+    def frame(self, name: str | None = None) -> pd.DataFrame:
+        """One row for each iteration; columns are named with their units. Needs pandas.
+
+        With the name of a probe, as in the scenario, one row for each sample and robot. With that of a channel of the
+        robots' sensors or actuators, such as `neighbours` or `led`, one for each iteration and robot and, where there
+        are several of something, for each of them. Raises InputError for what is neither.
+        """
+        return tables.framed(tables.columns(self.recording, name))
+
+    def plot(self) -> Figure:
+        """What the task is about, over the iterations."""
+        from swarmsim.view import plots
+
+        recording = self.recording
+        title = recording.scenario.title
+        return plots.curves({f"seed {recording.scenario.seed}": [recording[recording.curve.name]]}, title,
+                            curve=recording.curve)  # fmt: skip
+
+    def verify(self, *, allow_code: bool = False, progress: Progress = untold) -> Verification:
+        """Simulate the run again and compare every field of every iteration: `swarmsim verify`.
+
+        `allow_code` lets it run code of its own. `progress` is called with the iterations compared and all of them.
+        Raises InputError for a run that cannot be made again, PartError for parts of others that fail.
+        """
+        from swarmsim.api.verification import verified
+
+        with registry.own_code(allow_code):
+            return verified(self.recording, str(self.path), progress)
+
+    def network(self, *, from_: int = 0, to: int | None = None, plots: str | Path | None = None) -> NetworkReport:
+        """Measure who was linked, who was heard, how that changed and what was lost: `swarmsim network`.
+
+        The window begins with iteration `from_` and ends before `to`, by default with the run. Figures are drawn into
+        the folder `plots`, as PNG and SVG. Raises InputError for a window outside of the run.
+        """
+        from swarmsim.api.figures import network_figures
+        from swarmsim.network.report import network_report
+
+        found = network_report(self.recording, from_, to)
+        return found if plots is None else replace(found, figures=tuple(network_figures(found, Path(plots))))
+
+    def figure_local_maps(self, robots: Sequence[int], at: int, out: str | Path | None = None) -> list[Path]:
+        """Draw the maps that robots have at the end of an iteration, side by side: `swarmsim figure local-maps`.
+
+        `robots` are numbers from 0, `out` is the figure's path without suffix, by default in the run's folder. Gives
+        the files, PNG and SVG for print. Raises InputError for robots or iterations that there are not.
+        """
+        from swarmsim.api.figures import local_maps
+
+        return local_maps(self.recording, str(self.path), robots, at, _path(out))
+
+    def figure_network(self, at: int, and_: int, out: str | Path | None = None) -> list[Path]:
+        """Draw who hears whom at two iterations, and whose neighbours differ: `swarmsim figure network`.
+
+        `out`, what it gives and errors are those of `figure_local_maps`.
+        """
+        from swarmsim.api.figures import rewiring
+
+        return rewiring(self.recording, at, and_, _path(out))
+
+    def figure_provenance(
+        self, robot: int, at: int | None = None, out: str | Path | None = None, *, allow_code: bool = False
+    ) -> list[Path]:
+        """Draw who sensed what a robot knows, over how many links it came, how old it is: `swarmsim figure provenance`.
+
+        The run is simulated again up to iteration `at`, by default the last; `allow_code` lets it run code of its own.
+        `out`, what it gives and errors are those of `figure_local_maps`.
+        """
+        from swarmsim.api.figures import provenance
+
+        with registry.own_code(allow_code):
+            return provenance(self.recording, str(self.path), robot, at, _path(out))
+
+    def export(
+        self,
+        *,
+        map_: str | Path | None = None,
+        mcap: str | Path | None = None,
+        rerun: str | Path | None = None,
+        robot: int | None = None,
+        at: int | None = None,
+        progress: Progress = untold,
+    ) -> list[Path]:
+        """Write the run for other programs, and give the files: `swarmsim export`.
+
+        `map_` is a map for ROS: .yaml for map_server or .json for an OccupancyGrid, of one `robot` or of all, at the
+        end of an iteration, by default the last. `mcap` is the run for Foxglove and Lichtblick, `rerun` that for the
+        Rerun viewer; `progress` is called with the iterations written and all of them. Raises InputError for what
+        cannot be written, StorageError for a full disk.
+        """
+        from swarmsim.api.exports import exported
+
+        return exported(
+            self.recording, str(self.path), _path(map_), _path(mcap), _path(rerun), robot, at, progress
+        )  # fmt: skip
+
+    def report(self, out: str | Path, *, beside: Run | None = None) -> Path:
+        """Write `out`, the page that replays the run in any browser, and give its path: `swarmsim report`.
+
+        `beside` is a second run to replay in step. Raises InputError for a name that does not end in .html, and for
+        runs without iterations.
+        """
+        from swarmsim.api.pages import replay_page
+
+        runs = [self] if beside is None else [self, beside]
+        return replay_page([(str(run.path), run.recording) for run in runs], Path(out))
+
+    def film(
+        self,
+        path: str | Path,
+        *,
+        fps: int = 30,
+        speed: float = 20.0,
+        size: tuple[int, int] = (1280, 720),
+        cards: bool = True,
+        beside: Run | None = None,
+        frames: bool = False,
+        progress: Progress = untold,
+        **look: Unpack[LookKeys],
+    ) -> Path:
+        """Write a film and give its `path`, which ends in .mp4, .gif or, for numbered pictures, .png: `swarmsim video`.
+
+        It has `fps` frames a second, `speed` simulated seconds in one, and a `size` of width and height in pixels.
+        `cards` begin it with the scenario and end it with the result; `beside` is a second run to show in step;
+        `frames` simulates the run again and shows how robots that share by merge find each other's frames; `progress`
+        is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.style.Style`: theme,
+        layers, focus, robots. Raises InputError for what cannot work, StorageError for a full disk.
+        """
+        from swarmsim.api.films import filmed
+        from swarmsim.view.style import Style
+        from swarmsim.view.video import Film
+
+        how = Film(fps, speed, size, Style(**look), cards)
+        other = None if beside is None else beside.recording
+        return filmed(self.recording, str(self.path), Path(path), how, other, frames, progress)
+
+    def picture(
+        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Unpack[LookKeys]
+    ) -> NDArray[np.uint8]:
+        """The picture (height, width, 3) after `iteration` iterations, by default at the end.
+
+        `size` and `look` are those of `film`. Raises InputError for a moment outside of the run.
+        """
+        from swarmsim.view.style import Style
+        from swarmsim.view.video import frame
+
+        return frame(self.recording, self.iterations if iteration is None else iteration, size, Style(**look))
+
+    def __repr__(self) -> str:
+        curve, status = self.recording.curve, self.summary["status"]
+        last = f", {tables.named(curve)} {self.curve()[-1]:{curve.format}}" if self.iterations else ""
+        return f"<Run {self.recording.scenario.title!r}: {status} after {self.iterations} iterations{last}>"
+
+    def _repr_html_(self) -> str:
+        shown = ("status", "iterations", "robots", "alive", "messages", "seed")
+        rows = {name: value for name, value in self.summary.items() if name in shown}
+        rows |= {name: f"{value:.4g}" for name, value in self.summary["measures"].items()}
+        table = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(str(v))}</td></tr>" for k, v in rows.items())
+        title = html.escape(self.recording.scenario.title)
+        picture = f'<img alt="{title}, at the end" width="720" src="{_png(self.picture())}">' if self.iterations else ""
+        return f"<div><b>{title}</b><br>{picture}<table>{table}</table></div>"
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)
+
+
+def _png(picture: NDArray[np.uint8]) -> str:
+    """A picture (height, width, 3) as the address of an image in a page."""
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(picture).save(file, "PNG", optimize=True)
+    return f"data:image/png;base64,{b64encode(file.getvalue()).decode()}"

@@ -1,0 +1,57 @@
+"""Where a swarm breaks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from swarmsim.api.runs import Overrides, prepared
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario import registry
+from swarmsim.studies import worst as search
+from swarmsim.studies.engine import Job, worker_pool
+from swarmsim.studies.store import Row
+
+
+def study_worst(
+    scenario: str | Path,
+    out: str | Path | None = None,
+    *,
+    overrides: Overrides | None = None,
+    budget: int = 300,
+    entries: int = 3,
+    factor: float = 2.0,
+    seeds: int = 3,
+    seed: int = 1,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    allow_code: bool = False,
+    progress: Callable[[int], None] = lambda timelines: None,
+    tell: Callable[[str], None] = lambda words: None,
+) -> search.Answer:
+    """Look for the smallest timeline of faults that makes the swarm fail: `swarmsim study worst`.
+
+    It fails if it is not done in `factor` times the iterations of the run without faults, with each of so many `seeds`.
+    At least `budget` timelines of at most `entries` faults are tried, drawn by `seed`. What is found is written as the
+    new scenario `out`. `workers` and `scheduler` are those of `StudyRun.run`; `progress` is called with the timelines
+    tried, `tell` with what was found on the way. Raises InputError for a scenario that does not finish without faults,
+    and for a file that is there already.
+    """
+    if out is not None and Path(out).exists():
+        raise InputError(f"{out}: is there already; expected the name of a new file")
+    with registry.own_code(allow_code):
+        made = prepared(scenario, None, overrides, ())
+    with registry.own_code(allow_code), worker_pool(workers or os.cpu_count() or 1, scheduler) as run_all:
+
+        def performed(jobs: Sequence[Job]) -> Iterator[Row]:
+            for row in run_all(jobs):
+                progress(look.timelines)
+                yield row
+            progress(look.timelines)
+
+        look = search.Search(made.scenario, made.world, performed, seeds, factor, tell)
+        answer = look.run(budget, entries, seed)
+        if out is not None and answer.smallest is not None:
+            search.write(made.scenario, answer.smallest.timeline, answer.limit[0], Path(out))
+    return answer

@@ -1,0 +1,185 @@
+"""What of a building robots can get to, and what they can observe from there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache, partial
+from typing import Final, NoReturn, Self
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.building import Building, Survey
+from swarmsim.core.context import BuildContext
+from swarmsim.core.errors import InputError, PlacedError
+from swarmsim.core.events import Box
+from swarmsim.core.lending import lent
+from swarmsim.core.parts import Actuator, Sensor
+from swarmsim.core.readings import Readings
+from swarmsim.core.scenario import budget, registry
+from swarmsim.core.scenario.file import Scenario, Sensors, World, sensors_of
+from swarmsim.core.scenario.part import Buildable, Part
+from swarmsim.core.scenario.robots import Robots
+from swarmsim.core.state import State
+from swarmsim.core.streams import Streams
+from swarmsim.engine.equipment import actuators
+from swarmsim.engine.foreign import make, margin_of
+from swarmsim.engine.guard import Clock, held
+from swarmsim.kernels import occupancy
+from swarmsim.world.arena import Arena
+from swarmsim.world.plan import FloorPlan
+from swarmsim.world.source import floor_plan
+from swarmsim.world.unreached import unreached
+
+MANY: Final = 20_000  # places from which is looked at once
+TINY: Final = 3.0  # m: smaller pages are often drawn at a scale
+
+
+@contextmanager
+def told_to_scale(plan: FloorPlan, world: World) -> Iterator[None]:
+    """Adds a hint about scale to errors from very small floor plans."""
+    try:
+        yield
+    except InputError as problem:
+        if max(plan.width, plan.height) >= TINY or not world.file:
+            raise
+        raise InputError(
+            f"{problem}; the page is {plan.width:g} m x {plan.height:g} m: if it is drawn at a scale, say so: "
+            f"world = {{file = {world.file!r}, scale = 100}}, or width = METRES"
+        ) from problem
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """All that a survey depends on."""
+
+    text: str  # the floor plan's: SVG or GeoJSON
+    world: World
+    cell: float  # m
+    robots: Robots  # one of each kind: what can be reached and observed depends on no more
+    sensors: Sensors
+    actuators: tuple[Part[Actuator], ...]
+
+    @classmethod
+    def of(cls, text: str, scenario: Scenario) -> Self:
+        """The building in a text as the robots of a scenario find it."""
+        robots = scenario.robots
+        groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
+        alone = msgspec.structs.replace(robots, count=1, groups=groups)
+        return cls(text, scenario.world, scenario.grid.cell, alone, sensors_of(scenario), scenario.actuators)
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """A building with nothing in it besides its plan."""
+
+    arena: Arena
+    reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
+    notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+
+
+@lru_cache(maxsize=8)
+def opened(case: Case) -> Ground:
+    """The building as these robots can get about in it; cached for a study's other runs. Raises InputError."""
+    world, robots = case.world, case.robots
+    plan = floor_plan(case.text, world)
+    with told_to_scale(plan, world):
+        margin = max(margin_of(one) for _, one in case.sensors) + 1
+        arena = Arena.open(plan, case.cell, margin, world.title)
+        budget.begin(budget.opening(arena.occupied.size))
+        spawn = arena.area_name(robots.spawn)
+        reachable = arena.reachable(spawn, robots.radius)
+        beside = unreached(arena, reachable, robots.radius, spawn)
+        if world.pockets == "refuse":
+            beside.refuse(arena, robots.radius, spawn)
+    reachable.flags.writeable = False
+    return Ground(arena, reachable, (*plan.notices, *beside.notices(arena, robots.radius)))
+
+
+@lru_cache(maxsize=16)
+def surveyed(case: Case, boxes: tuple[Box, ...]) -> Survey:
+    """The building with these boxes in place, without rooms that they cut off. Raises InputError."""
+    ground, robots = opened(case), case.robots
+    arena, reachable = ground.arena, ground.reachable
+    home = arena.spawn_cells(robots.spawn)
+    if boxes:
+        arena = arena.with_boxes(boxes)
+        reachable = arena.still_reachable(reachable, home, boxes, robots.radius)
+    entrance = arena.lattice.centres(np.argwhere(reachable & home))
+    for shared in (arena.occupied, entrance):
+        shared.flags.writeable = False
+    walls = lent(arena.segments)  # kernels get copies, of which others know nothing
+    return Survey(walls, arena.occupied, entrance, cache(partial(_explorable, case, arena, reachable)))
+
+
+def _explorable(case: Case, arena: Arena, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """What robots that get to the `reachable` cells can find out about; without tiles, those are all."""
+    found = reachable
+    alone = msgspec.structs.replace(case.robots, groups=(), count=1)
+    context = BuildContext.of(alone, arena.lattice, 1.0, Streams(0), _walls_alone(arena))
+    try:
+        context = replace(context, actuators=actuators(case.actuators, context, False, Clock()).channels)
+        seen = [_observable(place, one, context, reachable) for place, one in case.sensors]
+        observed = [one for one in seen if one is not None]
+        if observed:
+            found = arena.explorable(reachable, np.asarray(np.logical_or.reduce(observed)))
+    except InputError as problem:
+        raise PlacedError(str(problem)) from problem
+    if not found.any():
+        raise PlacedError("sensor: robots see no cell from anywhere; expected beams that reach farther than a cell")
+    found.flags.writeable = False
+    return found
+
+
+def _walls_alone(arena: Arena) -> Building:
+    """The building before anybody has found out what can be explored in it."""
+
+    def survey(boxes: tuple[Box, ...]) -> NoReturn:
+        raise RuntimeError("a building that is being surveyed does not change")
+
+    nothing = np.zeros_like(arena.occupied)
+    return Building(Survey(arena.segments, arena.occupied, np.empty((0, 2)), lambda: nothing), survey)
+
+
+def _surveying(sensor: Buildable[Sensor], context: BuildContext, place: str) -> Sensor:
+    """A sensor that finds out what can be observed. Raises InputError that starts with its place in the scenario."""
+    try:
+        return sensor.build(context)
+    except InputError as problem:
+        raise InputError(f"{place}.{problem}") from problem
+
+
+def _observable(
+    place: str, part: Part[Sensor], context: BuildContext, reachable: NDArray[np.bool_]
+) -> NDArray[np.bool_] | None:
+    """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
+    lattice = context.lattice
+    # What robots can see in the end does not depend on gaps between their beams.
+    surveying: Buildable[Sensor] | None = part.declares("surveying", None)
+    sensor = make(part, context, place) if surveying is None else _surveying(surveying, context, place)
+    if "tiles" not in sensor.channels:
+        return None
+    if not registry.is_ours(sensor):
+        sensor = held("sensor", sensor, context, Clock())
+    places = np.argwhere(reachable)
+    observed = np.zeros(lattice.shape, np.bool_)
+    work = budget.survey(len(places), *beams_of(part, lattice.cell))
+    for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
+        pose = np.zeros((len(cells), 3))
+        pose[:, :2] = lattice.centres(cells)
+        none, alive = np.zeros((len(cells), 2)), np.ones(len(cells), np.bool_)
+        rest = Readings.filled(context.actuators, {}, alive)
+        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, alive, rest)).tiled
+        occupancy.note_observed(tiles.values, tiles.origins, observed)
+    return observed
+
+
+def beams_of(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
+    """A sensor's beams, how many cells of side `cell` (m) they reach into its tile, and the tile's cells; about."""
+    margin = margin_of(sensor)
+    beams, reach, beyond = sensor.declares("rays", (1, math.inf, False))
+    return beams, reach / cell if beyond else min(reach / cell, margin), margin**2
