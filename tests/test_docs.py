@@ -118,7 +118,7 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
 
 
 #: Pages whose listings are files that belong together, with tests of their own.
-TOLD = ("docs/minds.md", "docs/own.md")
+TOLD = ("docs/minds.md", "docs/own.md", "docs/papers.md")
 ROOM = {**tomllib.loads((ROOT / "scenarios" / "basilica.toml").read_text()), "world": "worlds/basilica.svg"}
 FRAGMENTS = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "toml")]
 
@@ -200,7 +200,7 @@ def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path)
     for listing in listings:
         assert listing.count("\n") <= 25
         (copy / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
-    for name, text in zip(("spread", "study"), blocks("docs/minds.md", "toml"), strict=True):
+    for name, text in zip(("spread", "study", "herding"), blocks("docs/minds.md", "toml"), strict=True):
         (copy / f"{name}.toml").write_text(text)
     for command in "".join(blocks("docs/minds.md", "sh")).splitlines():
         arguments = [sys.executable, "-m", *command.split()]
@@ -209,6 +209,20 @@ def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path)
     recording = Recording(copy / "runs" / "spread")
     assert recording["smallest_gap"][-1] >= 0.35 > recording["smallest_gap"][0]
     assert (copy / "runs" / "spread.mp4").stat().st_size > 10_000
+
+
+def test_the_paper_of_the_page_is_done_again(copy: Path) -> None:
+    listings = re.findall(r"```(?:toml)?\n(# mine/.*?)```", (ROOT / "docs/papers.md").read_text(), re.DOTALL)
+    assert sum(listing.count("\n") for listing in listings) <= 30
+    (copy / "mine").mkdir()
+    for listing in listings:
+        name, text = listing.split("\n", 1)
+        (copy / name.removeprefix("# ")).write_text(text)
+    command = [sys.executable, "-m", "swarmsim", "reproduce", "mine", "--workers", "1"]
+    done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "eight robots need less time than two │ holds" in done.stdout
+    assert "| count=8 | 60 |" in (copy / "runs" / "mine" / "report.md").read_text()
 
 
 def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario.file import minds_of
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.view.frames_film import Gathering
@@ -38,7 +39,8 @@ def filmed(
 
 
 def _of_frames(recording: Recording, name: str, out: Path, film: Film, progress: Callable[[int, int], None]) -> None:
-    if not recording.scenario.mind.computation.declares("merges", False):
+    minds = minds_of(recording.scenario)
+    if len(minds) > 1 or not minds[0].mind.computation.declares("merges", False):
         raise InputError(
             f"--frames: the robots of {name} have one frame of reference; expected mind.computation.sharing.use = merge"
         )

@@ -3,45 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from swarmsim.api.studies import Progress, run_jobs, untold
-from swarmsim.core.errors import InputError
-from swarmsim.studies import report, reproduction
+from swarmsim.core.scenario import registry
+from swarmsim.studies import paper_report, reproduction
+from swarmsim.studies.paper import find_paper, open_paper
 from swarmsim.studies.reproduction import Reproduction
-from swarmsim.studies.results import missing
 from swarmsim.studies.store import Store
 
 
 def reproduce(
-    paper: str = "kit2018",
+    paper: str | Path = "kit2018",
     *,
-    seeds: int = 100,
+    seeds: int | None = None,
     readings: Sequence[str] = (),
-    out: str | Path = "runs/kit2018",
+    out: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
+    allow_code: bool = False,
     progress: Progress = untold,
 ) -> list[Reproduction]:
     """Do a paper's experiments again, its numbers beside ours, for each way to read it: `swarmsim reproduce`.
 
-    There are so many `seeds` of each condition. `readings` are letter and arrival, by default both. Report, figures and
-    results go into the folder `out`; runs that it has are not done again. Other parameters are those of
-    `StudyRun.run`. Raises InputError for a paper or a reading that there is not, and for runs that failed.
+    `paper` is its folder, or the name of one that comes with swarmsim: kit2018 or shang2014. Each condition is run with
+    the seeds 1 to `seeds`, by default those of its study. `readings` names ways to read the paper, by default all.
+    Report, figures and results go into the folder `out`, by default runs/PAPER; runs that it has are not done again.
+    `allow_code` lets its scenarios run code of their own. Other parameters are those of `StudyRun.run`. Raises
+    InputError for a folder that is no paper, for a reading that it does not have, and for runs that failed.
     """
-    if paper != "kit2018":
-        raise InputError(f"reproduce {paper}: no such paper; known: kit2018")
-    known = reproduction.READINGS
-    for name in readings:
-        if name not in known:
-            raise InputError(f"--reading {name}: no such reading; known: {', '.join(known)}")
-    read = [known[name] for name in dict.fromkeys(readings or known)]
-    plans = [reproduction.plans(seeds, one) for one in read]
-    with Store(Path(out) / "results.sqlite") as kept:
-        # A run that two tables or readings share is done once.
-        every = [plan for of_reading in plans for plan in of_reading.values()]
-        jobs = {job.identity: job for plan in every for job in missing(plan, kept)}
-        run_jobs(list(jobs.values()), kept, workers, scheduler, progress)
-        found = [reproduction.evaluate(one, of, kept) for one, of in zip(read, plans, strict=True)]
-    report.write(found, Path(out))
+    with registry.own_code(allow_code):
+        folder = find_paper(str(paper))
+        opened, out = open_paper(folder), Path(out or Path("runs") / folder.resolve().name)
+        names = [one.name for one in opened.read(readings)]
+        with Store(out / "results.sqlite") as kept:
+            run = partial(run_jobs, store=kept, workers=workers, scheduler=scheduler, progress=progress)
+            found = reproduction.reproduce(opened, kept, run, seeds, names)
+        paper_report.write(found, out)
     return found

@@ -116,6 +116,8 @@ class StudyBar:
         self._progress: Progress | None = None
         self._begun = 0.0
         self._done = self._of = 0
+        #: Of all batches, how many runs were done.
+        self.jobs = 0
 
     def __call__(self, done: int, of: int, failed: int) -> None:
         """Move the bar. Without any run done, another one begins."""
@@ -132,6 +134,7 @@ class StudyBar:
             self._begun = time.perf_counter()
         end_if_asked()
         if done:
+            self.jobs += 1
             rate = done / (time.perf_counter() - self._begun)
             self._progress.update(
                 self._progress.task_ids[0], completed=done, text=f"{rate:.1f} runs/s, {failed} failed"

@@ -8,81 +8,95 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swarmsim.cli.options import Quiet
-from swarmsim.cli.progress import perform_all
+from swarmsim.cli.options import AllowCode, Quiet
+from swarmsim.cli.progress import perform_all, study_bar
 from swarmsim.cli.studies import FAILED, Scheduler, Workers, opened_store
 from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from swarmsim.studies.reproduction import Reading
+    from swarmsim.studies.paper import Paper, Reading
+    from swarmsim.studies.reproduction import Reproduction
 
 
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="kit2018", help="The paper: kit2018.")],
-    seeds: Annotated[int, typer.Option(help="Seeds of each condition.", min=2)] = 100,
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Folder of a paper, or kit2018 or shang2014.")],
+    seeds: Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the studies'.", min=2)] = None,
     reading: Annotated[
-        list[str] | None, typer.Option(help="How the paper is read: letter or arrival; repeatable; default: both.")
+        list[str] | None, typer.Option(help="How the paper is read, as in letter; repeatable; default: all ways.")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("runs/kit2018"),
+    out: Annotated[Path | None, typer.Option(help="Folder for the report; default: runs/PAPER.")] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
+    allow_code: AllowCode = False,
     quiet: Quiet = False,
     calibrate: Annotated[
         bool, typer.Option("--calibrate", help="Instead, rank all candidates of the readings' calibrations.")
     ] = False,
 ) -> None:
-    """Do the experiments of the reference paper and print its numbers beside ours, for each way to read it.
+    """Do the experiments of a paper and print its numbers beside ours, for each way to read it.
 
     Exit code 0: every claim holds in every reading; 1: some claim does not; 2: bad input.
 
     Example: swarmsim reproduce kit2018 --seeds 30 --reading letter
     """
-    from swarmsim.studies import report, reproduction
-    from swarmsim.studies.results import missing
+    from swarmsim.api import papers
+    from swarmsim.studies import paper_report
+    from swarmsim.studies.paper import find_paper, open_paper
 
-    if paper != "kit2018":
-        raise InputError(f"reproduce {paper}: no such paper; known: kit2018")
-    known = reproduction.READINGS
-    for name in reading or ():
-        if name not in known:
-            raise InputError(f"--reading {name}: no such reading; known: {', '.join(known)}")
-    readings = [known[name] for name in dict.fromkeys(reading or known)]
+    folder = find_paper(paper)
+    opened, out = open_paper(folder), out or Path("runs") / folder.resolve().name
+    try:
+        read = opened.read(reading or ())
+    except InputError as problem:
+        raise InputError(f"--reading {problem}") from problem
     if calibrate:
-        for one in readings:
-            _calibrate(one, out, workers, scheduler, quiet)
+        for one in read:
+            _calibrate(opened, one, out, workers, scheduler, quiet)
         return
-    plans = [reproduction.plans(seeds, one) for one in readings]
     begun = time.perf_counter()
-    with opened_store(out / "results.sqlite", out) as results:
-        # A run that two tables or readings share is done once.
-        opened = [plan for of_reading in plans for plan in of_reading.values()]
-        tasks = {task.identity: task for plan in opened for task in missing(plan, results)}
-        perform_all(list(tasks.values()), results, workers, scheduler, quiet)
-        found = [reproduction.evaluate(one, of, results) for one, of in zip(readings, plans, strict=True)]
-    seconds = time.perf_counter() - begun
+    with study_bar(quiet) as bar:
+        found = papers.reproduce(
+            folder, seeds=seeds, readings=[one.name for one in read], out=out, workers=workers, scheduler=scheduler,
+            allow_code=allow_code, progress=bar,
+        )  # fmt: skip
     if not quiet:
-        for read in found:
-            title = f"Kit, Mateo and Bouffanais (2018), {read.reading.title}, {seeds} seeds"
-            print_table(title, reproduction.HEAD, reproduction.lines(read))
-            print(read.error_sentence)
-            print_table(f"claims, {read.reading.title}", reproduction.CLAIMED, [claim.line for claim in read.claims])
-            print(f"digest of the runs: {read.digest}")
-        print(f"{len(tasks)} runs in {seconds:.1f} s")
-    for path in report.write(found, out):
-        if not quiet:
-            print(path)
-    raise typer.Exit(0 if all(claim.verdict == "holds" for read in found for claim in read.claims) else FAILED)
+        for of_reading in found:
+            _print(of_reading)
+        print(f"{bar.jobs} runs in {time.perf_counter() - begun:.1f} s")
+        for name in paper_report.FILES:
+            print(out / name)
+    raise typer.Exit(0 if all(claim.verdict == "holds" for one in found for claim in one.claims) else FAILED)
 
 
-def _calibrate(reading: Reading, out: Path, workers: int | None, scheduler: str | None, quiet: bool) -> None:
-    from swarmsim.studies import calibration, reproduction
+def _print(found: Reproduction) -> None:
+    """The tables of one reading."""
+    from swarmsim.studies import reproduction
+
+    about, title = found.paper.about, found.reading.title
+    if found.numbers:
+        print_table(f"{about.cite}, {title}, {found.seed_count} seeds", reproduction.HEAD, reproduction.lines(found))
+        print(found.error_sentence)
+    for listing in about.table:
+        shown = f"{about.cite}, {title}, {found.seed_count} seeds: {listing.title}"
+        print_table(shown, reproduction.LISTED, reproduction.listed(found, listing))
+    print_table(
+        f"claims, {title}", reproduction.CLAIMED, [(claim.text, verdict, test) for claim, verdict, test in found.claims]
+    )
+    print(f"digest of the runs: {found.digest}")
+
+
+def _calibrate(
+    paper: Paper, reading: Reading, out: Path, workers: int | None, scheduler: str | None, quiet: bool
+) -> None:
+    from swarmsim.studies import calibration
     from swarmsim.studies.results import missing
 
-    opened = reproduction.calibration_plan(reading)
+    opened = calibration.opened(paper, reading)
+    numbers = calibration.held(paper, reading, opened)
     with opened_store(out / f"calibration-{reading.name}.sqlite", out) as results:
         perform_all(missing(opened, results), results, workers, scheduler, quiet)
-        found = calibration.candidates(opened, results, reproduction.published_numbers())
+        found = calibration.candidates(opened, results, numbers)
     print_table(f"{opened.study.title}, {len(opened.seeds)} seeds", calibration.head(found), calibration.lines(found))
     if len(found[0].means) > 2:
         left_out = calibration.left_out(found)

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.lattice import Lattice
 
 Walls = NDArray[np.float64]  # (s, 4): x1, y1, x2, y2 in m, the solid side on the left
 
 ANYWHERE: Final[Box] = (-np.inf, -np.inf, np.inf, np.inf)
+NOWHERE: Final = Lattice(0.0, 0.0, 1.0, 0, 0)
 
 
 class Crowd(Protocol):
@@ -54,6 +56,7 @@ class Building:
     bounds: Box = ANYWHERE  # of the floor plan's page: left, lower, right, upper in m
     boxes: tuple[Box, ...] = ()  # what stands in it besides its plan
     crowds: list[Crowd] = field(default_factory=list)
+    lattice: Lattice = NOWHERE  # of the cells above
 
     @property
     def walls(self) -> Walls:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.building import Building
 from swarmsim.core.crew import Crew
+from swarmsim.core.kinematics import Drives
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import NOTHING, Channels
 from swarmsim.core.streams import Streams
@@ -55,7 +56,7 @@ class BuildContext:
 
     A mind may be built for some of the robots, even for one. It has a row for each of `ids`, draws and names robots by
     their numbers, and takes what concerns the whole swarm from `swarm` and from its keys, never from how many rows it
-    has. All other parts are built for all robots.
+    has. So is a kinematics, for the robots that have it. All other parts are built for all robots.
     """
 
     robots: Crew  # what they are made of
@@ -71,6 +72,7 @@ class BuildContext:
     actuators: Channels = NOTHING  # what their actuators take and then are, for all parts but these, built first
     channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built next
     gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
+    kinematics: Drives | None = None  # of all robots; None: each has two wheels
 
     @classmethod
     def of(
@@ -96,6 +98,12 @@ class BuildContext:
     def start(self) -> NDArray[np.float64]:
         """Poses at the start (rows, 3)."""
         return self.starts[self.ids]
+
+    @property
+    def sideways(self) -> NDArray[np.bool_] | None:
+        """Which of the robots served (rows,) can move to the side; None if nobody in the swarm can."""
+        drives = self.kinematics
+        return drives.sideways[self.ids] if drives is not None and drives.sideways.any() else None
 
     def own_streams(self, purpose: str) -> list[np.random.Generator]:
         """A stream for each robot that is served, by its number."""

@@ -9,15 +9,17 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from swarmsim.core.errors import InputError
+
 Length = Annotated[float, Meta(ge=1e-4, le=1e3)]  # m: from grains of sand to ships
 Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
 
 
 class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a robot is made of: a disc on two wheels."""
+    """What a robot is made of: a disc on wheels."""
 
     radius: Length = 0.055  # m
-    wheel_base: Length = 0.10  # m
+    wheel_base: Length = 0.10  # m, between wheels on opposite sides
     speed: Pace = 0.15  # m/s, at a wheel's rim
     acceleration: Pace = 1.0  # m/s^2, at a wheel's rim
     mass: Annotated[float, Meta(ge=1e-6, le=1e6)] = 0.25  # kg
@@ -31,8 +33,9 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
     others alone.
     """
 
-    kinds: tuple[Body, ...]  # of the whole swarm
+    kinds: tuple[Body, ...]  # of the whole swarm, one for each group
     kind: NDArray[np.int64]  # (rows,): which of these each robot is of
+    names: tuple[str, ...] = ()  # of the groups, in their order; none: there are no groups
 
     def each(self, key: str) -> NDArray[np.float64]:
         """A number of every robot served (rows,), by its key."""
@@ -41,6 +44,17 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
     def of(self, rows: NDArray[np.int64]) -> Crew:
         """Some of them."""
         return replace(self, kind=self.kind[rows])
+
+    def number_of(self, group: str, key: str) -> int:
+        """The number of a group of robots. Raises InputError, which starts with the `key`, for no such."""
+        if group not in self.names:
+            why = f"known: {', '.join(self.names)}" if self.names else "there are none; expected several [[robots]]"
+            raise InputError(f"{key}: no group of robots is called {group!r}; {why}")
+        return self.names.index(group)
+
+    def group(self, name: str, key: str) -> NDArray[np.int64]:
+        """The rows (r,) of the robots of a group. Raises InputError as `number_of` does."""
+        return np.flatnonzero(self.kind == self.number_of(name, key))
 
     def least(self, key: str) -> float:
         """The smallest number that any robot of the swarm has, by its key."""

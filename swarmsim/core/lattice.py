@@ -39,6 +39,12 @@ class Lattice:
         scaled = (np.asarray(points) - (self.x0, self.y0)) / self.cell
         return np.floor(scaled).astype(np.int64)[..., ::-1]
 
+    def cells_within(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
+        """The same; -1, -1 for points outside, and for those that are NaN."""
+        found = np.floor((np.asarray(points) - (self.x0, self.y0)) / self.cell)[..., ::-1]
+        inside = ((found >= 0.0) & (found < self.shape)).all(axis=-1, keepdims=True)
+        return np.where(inside, found, -1.0).astype(np.int32)
+
     def centres(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
         """The x, y in metres of the centre of each (row, column) of `cells` (..., 2)."""
         return (np.asarray(cells)[..., ::-1] + 0.5) * self.cell + (self.x0, self.y0)

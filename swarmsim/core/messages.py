@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Final, Generic, Protocol, Self, TypeVar
 
 import numpy as np
@@ -92,11 +92,13 @@ class Inbox(Generic[C_co]):
     sent: NDArray[np.int32]  # (t,): the iteration in which it was said
     content: C_co  # (t,)
     oldest: int = 0  # no message still under way was said before this iteration
+    #: What was heard of groups of robots whose computations say something of another kind, by the kind's name.
+    others: Mapping[str, Inbox[MessageBatch]] = field(default_factory=dict)
 
     def take(self, rows: NDArray[np.generic]) -> Inbox[C_co]:
-        """Some of the items."""
+        """Some of the items; what others say stays."""
         columns = (self.receivers[rows], self.senders[rows], self.sent[rows], self.content.take(rows))
-        return Inbox(*columns, self.oldest)
+        return Inbox(*columns, self.oldest, self.others)
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns: who heard what of whom, and when it was said."""

@@ -21,7 +21,7 @@ from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
-WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s
+WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s; or the columns of another kinematics
 K = TypeVar("K", bound=Knowledge, contravariant=True)  # what a part reads
 
 
@@ -217,14 +217,17 @@ class Channel(Protocol):
 
 
 class Motion(Protocol):
-    """Turns intents into wheel speeds, once per physics sub-step."""
+    """Turns intents into what wheels shall do, once per physics sub-step."""
 
     def follow(self, intents: Intents) -> None:
         """Take up new intents, at the start of an iteration."""
         ...
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds wanted at these poses (n, 3); the array is reused by the next call."""
+        """The commands wanted at these poses (n, 3): wheel speeds or, of other kinematics, theirs.
+
+        The array is reused by the next call.
+        """
         ...
 
 

@@ -90,6 +90,12 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         group, count = (f"{name}_{one}" if one else "" for one in (self.group, self.count))
         return self.called(f"{name}_{self.name}", group=group, count=count)
 
+    def of_all(self) -> Channel:
+        """The same for robots that all have it, without the number of their group in its name."""
+        suffix = f".{self.name.rpartition('.')[2]}"
+        names = {key: getattr(self, key).removesuffix(suffix) for key in ("name", "table", "count")}
+        return msgspec.structs.replace(self, robots=None, **names)
+
     def seen_of(self, ragged: str, most: int) -> Channel:
         """A channel that tells it of each robot in the rows of a ragged one, which has so many at most."""
         return msgspec.structs.replace(
@@ -206,6 +212,22 @@ class Channels:
         if name not in self._axes:
             self._axes[name] = np.array(self[name].axis)
         return self._axes[name]
+
+    def of(self, robots: NDArray[np.int64]) -> tuple[Channels, tuple[int, ...]]:
+        """What robots of these numbers (r,) have, and which column each of that is.
+
+        What other robots alone have is left out; what a group has whose robots all of these are, is called as if
+        everybody had it.
+        """
+        mine: list[Channel] = []
+        places: list[int] = []
+        for place, channel in enumerate(self):
+            first, end = channel.robots or (0, robots.max(initial=0) + 1)
+            theirs: NDArray[np.bool_] = (robots >= first) & (robots < end)
+            if theirs.any():
+                mine.append(channel.of_all() if channel.robots and theirs.all() else channel)
+                places.append(place)
+        return Channels(*mine), tuple(places)
 
     def with_rows(self, places: Iterable[int]) -> list[int]:
         """These columns, what their rows are counted by, and all others that are counted by the same."""

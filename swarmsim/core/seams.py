@@ -28,6 +28,7 @@ from swarmsim.core.code import distributions
 from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.drawing import Layer, Shown
 from swarmsim.core.errors import InputError
+from swarmsim.core.kinematics import Kinematics
 
 GROUP: Final = "seam"  # of entry points: swarmsim.seam
 
@@ -43,7 +44,7 @@ class Seam:
     required: bool = False  # whether a scenario has to name one
     many: bool = False  # whether its place holds a list of tables
     more: str = ""  # the key of a list of further tables, of the scenario and of groups, if there can be several
-    of_groups: bool = False  # whether a group of robots may have its own, at the key of the seam's name
+    of_groups: bool = False  # whether a group of robots may have its own, at the same place in the group's table
     given: type = BuildContext  # what `build` of its parts gets
     function: OfFunction | None = None  # makes a part of a function
     mind: OfMind | None = None  # makes a part of a class of one robot's mind
@@ -79,16 +80,17 @@ PLACED: Final = {
         Seam("field", ("field",), Field),
         Seam("localisation", ("localisation",), parts.Localisation, "perfect"),
         Seam(
-            "computation", ("mind", "computation"), parts.Computation, "occupancy-grid",
+            "computation", ("mind", "computation"), parts.Computation, "occupancy-grid", of_groups=True,
             function=FunctionComputation, mind=MindComputation,
         ),
         Seam(
-            "strategy", ("mind", "strategy"), parts.Strategy, "nearest-frontier",
+            "strategy", ("mind", "strategy"), parts.Strategy, "nearest-frontier", of_groups=True,
             function=FunctionStrategy, mind=MindStrategy,
         ),
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
         Seam("channel", ("network", "channel"), parts.Channel, "perfect"),
         Seam("motion", ("motion",), parts.Motion, "pure-pursuit"),
+        Seam("kinematics", ("kinematics",), Kinematics, "differential", of_groups=True),
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),
         Seam("probe", ("probes",), parts.Probe, many=True),

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from swarmsim.core.building import Building
 from swarmsim.core.context import BuildContext
 from swarmsim.core.events import Event
-from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery, Inbox, MessageBatch
 from swarmsim.core.readings import Column, Readings
 
@@ -31,7 +30,7 @@ class State:
     iteration: int
     pose: NDArray[np.float64]  # (n, 3): x, y in m, yaw in rad, counter-clockwise
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
-    wheels: NDArray[np.float64]  # (n, 2): rim speed of the left and right wheel, m/s
+    wheels: NDArray[np.float64]  # (n, 2 or more): rim speed of the left and right wheel, m/s, or see `core.kinematics`
     alive: NDArray[np.bool_]  # (n,)
     actuators: Readings = field(default_factory=Readings)  # what they are now, by channel; those of the dead rest
 
@@ -49,6 +48,7 @@ class Record:
     lists: Mapping[str, NDArray[np.generic]] = field(
         default_factory=dict
     )  # (c, ...): as many rows as there happen to be
+    of_robots: tuple[str, ...] = ()  # the lists whose first column is the row of a robot
 
 
 class Auditor:
@@ -130,18 +130,19 @@ class Intents:
     An actuator whose channel is not among the `commands` rests.
     """
 
-    goals: NDArray[np.int32]  # (n, 2): row and column of the goal cell; -1, -1 for none
+    goals: NDArray[np.float64]  # (n, 2): x, y in m, where the robot believes its goal is; NaN for none
     waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the way still ahead of each robot
     counts: NDArray[np.int32]  # (n,): how many of its waypoints each robot uses
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
-    twists: NDArray[np.float64] | None = None  # (n, 2): m/s ahead, rad/s; NaN rows follow waypoints; None: all do
+    #: (n, 2): m/s ahead, rad/s; (n, 3): and m/s to the left; NaN rows follow waypoints; None: all do.
+    twists: NDArray[np.float64] | None = None
     commands: Mapping[str, Column] = field(default_factory=dict)  # (n, ...): what actuators are to do, by channel
 
     @classmethod
     def twisting(cls, twists: NDArray[np.float64]) -> Intents:
-        """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise."""
+        """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise; or (n, 3), with m/s to the left."""
         count = len(twists)
-        goals, counts = np.full((count, 2), -1, np.int32), np.zeros(count, np.int32)
+        goals, counts = np.full((count, 2), np.nan), np.zeros(count, np.int32)
         return cls(goals, np.zeros((count, 1, 2)), counts, np.zeros(count, np.bool_), twists)
 
     @classmethod
@@ -149,21 +150,18 @@ class Intents:
         cls,
         ways: Mapping[int, NDArray[np.float64]],
         robots: int,
-        lattice: Lattice,
         planned: NDArray[np.bool_],
     ) -> Intents:
-        """Some of so many robots follow ways (w, 2) in m, the others stand; a way that leaves the lattice has no goal.
+        """Some of so many robots follow ways (w, 2) in m to their ends, the others stand.
 
         Long straight pieces are given in steps, since a motion steers for the next waypoint in an arc.
         """
         dense = {robot: _in_steps(way) for robot, way in ways.items()}
         longest = max((len(way) for way in dense.values()), default=1)
-        goals, counts = np.full((robots, 2), -1, np.int32), np.zeros(robots, np.int32)
+        goals, counts = np.full((robots, 2), np.nan), np.zeros(robots, np.int32)
         waypoints = np.zeros((robots, longest, 2))
         for robot, way in dense.items():
-            waypoints[robot, : len(way)], counts[robot], goal = way, len(way), lattice.cells(way[-1])
-            if (goal >= 0).all() and (goal < lattice.shape).all():
-                goals[robot] = goal
+            waypoints[robot, : len(way)], counts[robot], goals[robot] = way, len(way), way[-1]
         return cls(goals, waypoints, counts, planned)
 
     def record(self) -> Record:

@@ -22,12 +22,12 @@ from swarmsim.core.own import not_ending
 from swarmsim.core.parts import Observer, Parts, Schedule
 from swarmsim.core.probes import Row
 from swarmsim.core.scenario import budget, registry
-from swarmsim.core.scenario.file import Scenario, all_parts, parts_of
+from swarmsim.core.scenario.file import HALVES, Scenario, all_parts, minds_of
 from swarmsim.core.scenario.identity import Code, code_of
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.core.streams import Streams
-from swarmsim.engine import fitting
-from swarmsim.engine.equipment import actuators, sensors
+from swarmsim.engine import fitting, minds
+from swarmsim.engine.equipment import actuators, drives, sensors
 from swarmsim.engine.foreign import blamed, foreign, installed, make
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.placement import start_poses
@@ -164,7 +164,7 @@ def _context(scenario: Scenario, case: Case) -> BuildContext:
         return replace(found, explore=budget.of(scenario.budget)(found.explore))
 
     robots = msgspec.structs.replace(scenario.robots, spawn=arena.area_name(scenario.robots.spawn))
-    building = Building(survey(()), survey, bounds=arena.plan.page)
+    building = Building(survey(()), survey, bounds=arena.plan.page, lattice=arena.lattice)
     streams = Streams(scenario.seed)
     start = start_poses(robots, arena.lattice, streams, building.entrance, arena.name)
     return BuildContext.of(robots, arena.lattice, scenario.period, streams, building, start)
@@ -172,7 +172,7 @@ def _context(scenario: Scenario, case: Case) -> BuildContext:
 
 def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock) -> tuple[Parts, BuildContext]:
     """The parts, which go together and are held to their contracts, and what they were built for. Raises InputError."""
-    mind, network, asked = scenario.mind, scenario.network, parts_of(scenario)
+    network = scenario.network
     if scenario.field:
         field = make(scenario.field, context)
         context = replace(
@@ -183,14 +183,16 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
     sensor = with_field(
         sensors(scenario, context, strict, clock), context, float(scenario.field.declares("noise", 0.0))
     )
-    context = replace(context, channels=sensor.channels)
+    context = replace(context, channels=sensor.channels, kinematics=drives(scenario, context, strict, clock))
+    found = minds.built_for(scenario, context)
+    computation, strategy = minds.together(found, scenario, clock, strict)
     bodies = make(scenario.physics, context)
     parts = Parts(
         actuator=actuator,
         sensor=sensor,
         localisation=tracked(make(scenario.localisation, context), context),
-        computation=make(mind.computation, context),
-        strategy=make(mind.strategy, context),
+        computation=computation,
+        strategy=strategy,
         topology=make(network.topology, context),
         channel=make(network.channel, context),
         motion=make(scenario.motion, context),
@@ -200,10 +202,10 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
         schedule=Schedule(bodies.state()),
         lattice=context.lattice,
     )
-    fitting.check(parts, asked)
+    fitting.check(parts, found, scenario.task)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    unheld = {*(HELD if strict else theirs)} - {"sensor", "actuator"}
-    return guarded(parts, context, unheld, theirs, clock), context
+    inside = {"sensor", "actuator", *(HALVES if len(found) > 1 else ())}  # those in these are held
+    return guarded(parts, context, {*(HELD if strict else theirs)} - inside, theirs, clock), context
 
 
 def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> Parts:
@@ -214,7 +216,9 @@ def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock:
             parts = with_fault(fault, parts, partial(installed, fault, one.use), clock)
             parts = replace(parts, localisation=tracked(parts.localisation, context))
         except LackingError as problem:
-            raise InputError(f"faults[{number}].{problem.of(repr(scenario.mind.computation.use))}") from problem
+            found = minds_of(scenario)
+            whose = repr(found[0].mind.computation.use) if len(found) == 1 else "that of groups with several minds"
+            raise InputError(f"faults[{number}].{problem.of(whose)}") from problem
         except InputError as problem:
             raise problem.inside(f"faults[{number}]") from problem
     return parts

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from swarmsim.core.declarations import wrong_channels
 from swarmsim.core.errors import nearest
-from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, C, Codec, Delivery, MessageBatch
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
@@ -221,27 +220,27 @@ def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[
     return form, None
 
 
-def intents(found: object, senses: Senses, lattice: Lattice, actuators: Channels) -> str | None:
-    """Ways, velocities and commands with a row for each robot, all finite; goals are cells of the lattice."""
+def intents(found: object, senses: Senses, actuators: Channels) -> str | None:
+    """Ways, velocities and commands with a row for each robot, all finite; goals are points, or NaN."""
     if not isinstance(found, Intents):
         return f"step: {type(found).__name__}; expected Intents"
     n = len(senses.alive)
     wrong = first_of(
-        array("goals", found.goals, np.int32, n, 2),
+        array("goals", found.goals, np.float64, n, 2, finite=False),
         array("waypoints", found.waypoints, np.float64, n, None, 2),
         array("counts", found.counts, np.int32, n),
         array("planned", found.planned, np.bool_, n),
     )
     if wrong is None:
-        far = ((found.goals < -1) | (found.goals >= lattice.shape)).any(axis=1)
+        far = ~(np.isfinite(found.goals).all(axis=1) | np.isnan(found.goals).all(axis=1))
         if far.any():
             robot = int(np.flatnonzero(far)[0])
-            cell = found.goals[robot].tolist()
-            wrong = (
-                f"goals[{robot}]: {cell}; expected a cell of the {lattice.rows} x {lattice.columns}, or -1, -1 for none"
-            )
+            wrong = f"goals[{robot}]: {found.goals[robot].tolist()}; expected x, y in m, or NaN twice for none"
+    elif getattr(found.goals, "dtype", np.dtype("f8")).kind in "iu":
+        wrong = f"{wrong}: points in m, not cells, whose middles `lattice.centres(cells)` are; NaN for none"
     if wrong is None and found.twists is not None:
-        wrong = array("twists", found.twists, np.float64, n, 2, finite=False)
+        width = 3 if found.twists.ndim == 2 and found.twists.shape[1] == 3 else 2
+        wrong = array("twists", found.twists, np.float64, n, width, finite=False)
         if wrong is None and not np.isfinite(found.twists).all():
             follows = np.isnan(found.twists).all(axis=1) & (found.counts > 0)
             strange = np.flatnonzero(~np.isfinite(found.twists).all(axis=1) & ~follows & senses.alive)

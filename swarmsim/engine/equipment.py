@@ -5,15 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swarmsim.core.adapters.minds import OF_ME
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
+from swarmsim.core.kinematics import Drives, Wheels
 from swarmsim.core.parts import Actuator, Sensor
 from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.file import Scenario, Sensors, fitted
+from swarmsim.core.scenario.file import Scenario, Sensors, fitted, kinematics_of
 from swarmsim.core.scenario.part import Part
+from swarmsim.core.scenario.robots import Robots
 from swarmsim.engine import contracts
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
@@ -26,11 +29,27 @@ def sensors(scenario: Scenario, context: BuildContext, strict: bool, clock: Cloc
     suites = [_suite(sensors, context, strict, clock) for sensors in fitted(scenario)]
     if len(suites) == 1:
         return suites[0]
-    counts = [group.count for group in scenario.robots.groups]
-    ends = np.cumsum(counts)
-    return MixedSensor(
-        [(suite, np.arange(end - n, end)) for suite, end, n in zip(suites, ends.tolist(), counts, strict=True)]
-    )
+    return MixedSensor(list(zip(suites, _ids_of_groups(scenario.robots), strict=True)))
+
+
+def _ids_of_groups(robots: Robots) -> list[NDArray[np.int64]]:
+    """The numbers (r,) of the robots of each group."""
+    return np.split(np.arange(robots.count), np.cumsum([group.count for group in robots.groups])[:-1])
+
+
+def drives(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock) -> Drives:
+    """The kinematics of a swarm; of a mixed swarm, those of its groups. Raises InputError."""
+    asked = kinematics_of(scenario)
+    every = _ids_of_groups(scenario.robots) if len(asked) > 1 else [context.ids]
+    kinds: list[Wheels] = []
+    for (place, one), ids in zip(asked, every, strict=True):
+        mine = context.serving(ids)
+        kinematics = make(one, mine, place)
+        if strict or not registry.is_ours(kinematics):
+            kinematics = held("kinematics", kinematics, mine, clock, not registry.is_ours(kinematics))
+        rows = slice(int(ids[0]), int(ids[-1]) + 1)
+        kinds.append(Wheels(one.use, kinematics, rows, one.declares("sideways", False), one.declares("bend", 0.0)))
+    return Drives(kinds)
 
 
 def _suite(sensors: Sensors, context: BuildContext, strict: bool, clock: Clock) -> Sensor:

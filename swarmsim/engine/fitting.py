@@ -2,39 +2,73 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import AnyComputation, AnyStrategy, AnyTask, Parts
+from swarmsim.core.readings import Channels
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.seams import SEAMS
 from swarmsim.engine.foreign import announced
+from swarmsim.engine.minds import BuiltMind
 from swarmsim.recording import layout
 
-Asked = dict[str, Part[object]]  # the parts of a scenario, by seam
+TASK = SEAMS["task"].at
 
 
-def check(parts: Parts, asked: Asked) -> None:
+def check(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
     """Raise InputError, which names the part at fault, unless the parts of a run go together."""
-    for seam, part in (("strategy", parts.strategy), ("task", parts.task)):
-        _check_knowledge(SEAMS[seam].at, part, parts.computation, asked)
-    _check_channels(parts, asked)
-    _check_names(parts, asked)
-
-
-def _check_channels(parts: Parts, asked: Asked) -> None:
-    """Raise InputError for a part that needs a channel which no sensor of these robots gives."""
+    for one in minds:
+        _check_knowledge(one)
+    _check_task(parts, minds, task)
     channels = parts.sensor.channels
-    for seam, part in (("computation", parts.computation), ("strategy", parts.strategy), ("task", parts.task)):
-        for name in getattr(part, "requires", ()):
-            if name in channels:
-                continue
-            parted = [one.name for one in channels if one.name.partition(".")[0] == name]
-            if parted:
-                why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
-            else:
-                why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
-            use = asked[seam].use
-            raise InputError(f"{SEAMS[seam].at}.use: {use!r} needs {name!r} from the sensors of robots: {why}")
+    for one in minds:
+        for seam, part in (("computation", one.computation), ("strategy", one.strategy)):
+            _check_channels(one.context.channels, f"{one.minded.places[seam]}.use: {_use(one, seam)!r}", part)
+    _check_channels(channels, f"{TASK}.use: {task.use!r}", parts.task)
+    _check_names(parts, minds, task)
+
+
+def _use(one: BuiltMind, seam: str) -> str:
+    part: Part[object] = getattr(one.minded.mind, seam)
+    return part.use
+
+
+def _check_knowledge(one: BuiltMind) -> None:
+    """Raise InputError unless the strategy of a mind reads what its computation gives."""
+    known, wanted = one.computation.knowledge_type, one.strategy.requires_knowledge
+    if not issubclass(known, wanted):
+        raise InputError(
+            f"{one.minded.places['strategy']}.use: {_use(one, 'strategy')!r} reads {wanted.__name__}, and "
+            f"{_use(one, 'computation')!r} gives {known.__name__}; expected a strategy and a computation that go "
+            "together"
+        )
+
+
+def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
+    """Raise InputError unless the task reads what robots know."""
+    known, wanted = parts.computation.knowledge_type, parts.task.requires_knowledge
+    if issubclass(known, wanted):
+        return
+    why, how = "groups of robots have minds of their own", "a task that reads any knowledge"
+    if len(minds) == 1:
+        why = f"{_use(minds[0], 'computation')!r} gives {known.__name__}"
+        how = "a task and a computation that go together"
+    raise InputError(f"{TASK}.use: {task.use!r} reads {wanted.__name__}, and {why}; expected {how}")
+
+
+def _check_channels(channels: Channels, whose: str, part: AnyComputation | AnyStrategy | AnyTask) -> None:
+    """Raise InputError for a part that needs a channel which no sensor of its robots gives."""
+    for name in getattr(part, "requires", ()):
+        if name in channels:
+            continue
+        parted = [one.name for one in channels if one.name.partition(".")[0] == name]
+        if parted:
+            why = f"groups of robots have different ones ({', '.join(parted)}); expected equal sensors"
+        else:
+            why = f"their sensors give {channels.listed()}; expected {_giving(name)}"
+        raise InputError(f"{whose} needs {name!r} from the sensors of robots: {why}")
 
 
 def _giving(name: str) -> str:
@@ -44,29 +78,29 @@ def _giving(name: str) -> str:
     return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
 
 
-def _check_knowledge(place: str, part: AnyStrategy | AnyTask, computation: AnyComputation, asked: Asked) -> None:
-    """Raise InputError unless the part reads what the computation gives."""
-    if not issubclass(computation.knowledge_type, part.requires_knowledge):
-        raise InputError(
-            f"{place}.use: {asked[place.rpartition('.')[2]].use!r} reads {part.requires_knowledge.__name__}, and "
-            f"{asked['computation'].use!r} gives {computation.knowledge_type.__name__}; expected a "
-            f"{place.rpartition('.')[2]} and a computation that go together"
-        )
-
-
-def _check_names(parts: Parts, asked: Asked) -> None:
+def _check_names(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
     """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
-    used = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
+    bodily = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
     for one in parts.actuator.channels:
-        if one.recorded_as in used:
+        if one.recorded_as in bodily:
             raise InputError(f"actuators: {one.recorded_as!r} is what a sensor gives already; expected another name")
-        used |= {one.recorded_as: "actuator"} if one.recorded_as else {}
-    for seam, part in (("computation", parts.computation), ("task", parts.task)):
-        place = f"{SEAMS[seam].at}.use: {asked[seam].use!r}"
-        for name, says, at in announced(seam, part):
-            wrong = layout.wrong_name(name, seam)
-            if wrong is None and name in used:
-                wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
-            if wrong is not None:
-                raise InputError(f"{place} {says}: {wrong}{at}")
-            used[name] = seam
+        bodily |= {one.recorded_as: "actuator"} if one.recorded_as else {}
+    computed: set[str] = set()  # minds may have the same names: their tables are put together
+    for mind in minds:
+        place = f"{mind.minded.places['computation']}.use: {_use(mind, 'computation')!r}"
+        computed |= _free_names("computation", mind.computation, place, bodily)
+    used = bodily | dict.fromkeys(computed, "computation")
+    _free_names("task", parts.task, f"{TASK}.use: {task.use!r}", used)
+
+
+def _free_names(seam: str, part: object, place: str, used: dict[str, str]) -> set[str]:
+    """The names that a part announces. Raises InputError for one that the part of another seam has `used`."""
+    found = set()
+    for name, says, at in announced(seam, part):
+        wrong = layout.wrong_name(name, seam)
+        if wrong is None and name in used:
+            wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
+        if wrong is not None:
+            raise InputError(f"{place} {says}: {wrong}{at}")
+        found.add(name)
+    return found

@@ -29,6 +29,9 @@ Change = Callable[[object], object]
 HELD: Final = tuple(seam for seam in promises.CHECKS if seam in Parts.__slots__)
 
 
+#: What is asked in every sub-step.
+OFTEN: Final = ("command", "approach", "forces")
+
 #: The class or function that a part is blamed on.
 Author = type | FunctionType
 
@@ -62,8 +65,9 @@ class Guard:
         clock: Clock,
         is_foreign: bool,
         lends: bool = True,
+        of: str = "",
     ) -> None:
-        """The `checks` are by verb. The `author` is the class or function to blame.
+        """The `checks` are by verb. The `author` is the class or function to blame, `of` says whose part it is.
 
         A part that `is_foreign` cannot write to what it is given, nor to what it has given. Ours does not, which
         kernels need not be compiled anew for: that is checked in strict runs, or not at all if nothing is to be lent.
@@ -71,14 +75,14 @@ class Guard:
         file = getattr(sys.modules[author.__module__], "__file__", None) if registry.is_own(author) else None
         place = f"{Path(file).name}:" if file else f"{author.__module__}."
         self._part, self._author, self._clock = part, author, clock
-        self._name = f"{seam} {place}{author.__qualname__}"
+        self._name = f"{seam} {place}{author.__qualname__}{of}"
         lends = lends and not isinstance(
             part, MindComputation | MindStrategy
         )  # who show minds what cannot be written to
         for verb, check in checks.items():
-            given: Change = copied if verb in ("follow", "command") else clock.lender.lent  # asked in every sub-step
+            given: Change = copied if verb in ("follow", *OFTEN) else clock.lender.lent
             taken: Change = frozen
-            if verb in ("command", "summaries"):  # an array that is reused, and used at once; and guards
+            if verb in (*OFTEN, "summaries"):  # arrays that are reused, and used at once; and guards
                 taken = _same
             elif is_foreign:
                 taken = self._known if verb == "hear" else clock.lender.taken
@@ -121,10 +125,10 @@ def _same(value: object) -> object:
     return value
 
 
-def held(seam: str, part: Any, context: BuildContext, clock: Clock, is_foreign: bool = True) -> Any:
-    """A part, held to its contract."""
+def held(seam: str, part: Any, context: BuildContext, clock: Clock, is_foreign: bool = True, of: str = "") -> Any:
+    """A part, held to its contract; `of` says whose it is, where several robots have others."""
     author, checks = registry.author_of(part), promises.CHECKS[seam](part, context)
-    guard = Guard(seam, part, author, checks, clock, is_foreign)
+    guard = Guard(seam, part, author, checks, clock, is_foreign, of=of)
     if seam == "task":
         summaries = vars(guard)["summaries"]
         judged = promises.of_summaries(part.curve, context)

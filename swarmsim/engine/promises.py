@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from swarmsim.core.context import BuildContext
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyTask, Curve
 from swarmsim.core.state import Done, Knowledge, Measured, Record, Senses
@@ -23,7 +24,7 @@ def nothing(found: object, *given: object) -> None:
 
 
 def _of_computation(part: AnyComputation, context: BuildContext) -> Checks:
-    auditor, form, count = part.knowledge_type.auditor(context), _Form("computation"), context.swarm
+    auditor, form, count = part.knowledge_type.auditor(context), _Form("computation"), len(context.ids)
 
     def heard(found: object, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         wrong = contracts.knowledge(found, part.knowledge_type)
@@ -58,6 +59,30 @@ def of_summaries(curve: Curve, context: BuildContext) -> Checks:
     return {"sample": nothing, "summary": lambda found: contracts.summary(found, taken)}
 
 
+def _width(context: BuildContext) -> int:
+    """How many numbers a command of the swarm has."""
+    return 2 if context.kinematics is None else context.kinematics.width
+
+
+def _of_kinematics(part: Kinematics, context: BuildContext) -> Checks:
+    """Each verb gives a row for each robot, of as many numbers as the kinematics has columns."""
+    robots, columns = len(context.ids), len(part.columns)
+
+    def forces(found: object, *given: object) -> str | None:
+        if not isinstance(found, tuple) or len(found) != 2:
+            return f"forces: {type(found).__name__}; expected what wheels do, and forces"
+        wheels, push = found
+        return contracts.array("wheels", wheels, np.float64, robots, columns) or contracts.array(
+            "forces", push, np.float64, robots, 3
+        )
+
+    return {
+        "command": lambda found, twists: contracts.array("command", found, np.float64, robots, columns),
+        "approach": lambda found, aims: contracts.array("approach", found, np.float64, robots, columns),
+        "forces": forces,
+    }
+
+
 class _Form:
     """What a part gives to be recorded has the same form in every iteration."""
 
@@ -82,7 +107,7 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     "localisation": lambda part, context: {"locate": contracts.located},
     "computation": _of_computation,
     "strategy": lambda part, context: {
-        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.lattice, context.actuators)
+        "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.actuators)
     },
     "topology": lambda part, context: {"links": contracts.links},
     "channel": lambda part, context: {
@@ -90,8 +115,9 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     },
     "motion": lambda part, context: {
         "follow": nothing,
-        "command": lambda found, pose: contracts.array("command", found, np.float64, context.swarm, 2),
+        "command": lambda found, pose: contracts.array("command", found, np.float64, context.swarm, _width(context)),
     },
+    "kinematics": _of_kinematics,
     "task": _of_task,
 }
 #: Why the parts of some seams have no checks here. Those of seams without a place work inside parts that are checked.

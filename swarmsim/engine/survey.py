@@ -11,6 +11,7 @@ from typing import Final, NoReturn, Self
 
 import msgspec
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
 from swarmsim.core.building import Building, Survey
@@ -68,7 +69,7 @@ class Case:
     def of(cls, text: str, scenario: Scenario) -> Self:
         """The building in a text as the robots of a scenario find it."""
         robots = scenario.robots
-        groups = tuple(msgspec.structs.replace(group, count=1) for group in robots.groups)
+        groups = tuple(msgspec.structs.replace(group, count=1, mind=UNSET) for group in robots.groups)
         alone = msgspec.structs.replace(robots, count=1, groups=groups)
         return cls(text, scenario.world, scenario.grid.cell, alone, sensors_of(scenario), scenario.actuators)
 

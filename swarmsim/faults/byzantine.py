@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from swarmsim.core.capabilities import FALSIFIABLE
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.groups import GroupKnowledge
+from swarmsim.core.kinds import Mixed
 from swarmsim.core.messages import Broadcast, C, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.state import Knowledge, Senses
@@ -149,10 +151,15 @@ class FalseNames:
             del self._given[iteration]
         if (names == inbox.senders).all():
             return inbox
-        content, source = inbox.content, inbox.content.SOURCE
-        if source:
-            sources = getattr(content, source)
-            content = replace(content, **{source: np.where(sources == inbox.senders, names, sources)})
+
+        def renamed(items: NDArray[np.bool_], content: MessageBatch) -> MessageBatch:
+            if not content.SOURCE:
+                return content
+            sources, said_by = getattr(content, content.SOURCE), inbox.senders[items]
+            return replace(content, **{content.SOURCE: np.where(sources == said_by, names[items], sources)})
+
+        content, everything = inbox.content, np.ones(len(names), np.bool_)
+        content = content.each(renamed) if isinstance(content, Mixed) else renamed(everything, content)
         believed = replace(inbox, senders=names, content=content)
         return believed.take(np.lexsort([names, inbox.receivers]))
 
@@ -168,6 +175,8 @@ class Lying(StatelessEffect):
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the computation wrapped. Raises InputError for a lie that their messages cannot hold."""
         lie = self._fault.lie(parts.computation)
+        if lie is not None and issubclass(parts.computation.knowledge_type, GroupKnowledge):
+            raise InputError("failure: 'replay' is for robots of one mind; expected 'spoof' for groups of several")
         return replace(parts, computation=LyingComputation(parts.computation, active, lie, self._names))
 
 

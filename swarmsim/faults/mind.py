@@ -60,7 +60,7 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Decision:
     """What a failing mind decides for its robot."""
 
-    goal: NDArray[np.int64]  # (2,): row and column; -1, -1 for none
+    goal: NDArray[np.float64]  # (2,): x, y in m; NaN for none
     way: NDArray[np.float64]  # (w, 2): the waypoints still ahead, x and y in m
     new: bool  # whether the way has just been chosen
     twist: NDArray[np.float64] | None = None  # (2,): m/s ahead, rad/s, instead of a way
@@ -195,7 +195,7 @@ class Frozen:
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
         """What they decided last is all they will do; without it they stand."""
         for robot in robots:
-            goal, way, twist, commands = np.array([-1, -1]), np.empty((0, 2)), None, {}
+            goal, way, twist, commands = np.full(2, np.nan), np.empty((0, 2)), None, {}
             if last is not None:
                 goal, way = last.goals[robot].copy(), last.waypoints[robot, : last.counts[robot]].copy()
                 twist = None if last.twists is None else last.twists[robot].copy()
@@ -241,14 +241,15 @@ class RandomWalk:
             cells = self._lattice.cells(way)
             rows, columns = cells[:, 0], cells[:, 1]
             free = bool((terrain[rows, columns] == FREE).all())
-            if left > 0.0 and free and (here != decision.goal).any():
+            if left > 0.0 and free and (here != self._lattice.cells(decision.goal)).any():
                 self._walks[robot] = Decision(decision.goal, way, new=False), left - 1.0
                 return self._walks[robot][0]
         cells = self._drawn(robot, here, terrain)
         if len(cells) == 0:
             self._walks.pop(robot, None)
-            return Decision(np.array([-1, -1]), np.empty((0, 2)), new=False)
-        walk = Decision(cells[-1], self._lattice.centres(cells), new=True)
+            return Decision(np.full(2, np.nan), np.empty((0, 2)), new=False)
+        way = self._lattice.centres(cells)
+        walk = Decision(way[-1], way, new=True)
         self._walks[robot] = walk, max(4.0, 2.0 * self._pace * len(cells))
         return walk
 

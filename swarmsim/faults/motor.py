@@ -15,15 +15,17 @@ from swarmsim.core.parts import Bodies, Motion, Parts, WheelSpeeds
 from swarmsim.core.state import Intents
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
+from swarmsim.robots.kinematics import drives_of
 
 SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
 
 
 class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The wheels do not turn as they are told; the robot still senses, talks and decides.
+    """The motors of wheels do not do as they are told; the robot still senses, talks, steers and decides.
 
     `off`: they stand. `slow`: they turn at `factor` of the speed wanted, alike or, with `wheel`, one of them only,
-    so that the robot pulls to one side. `stuck`: they turn at `speed` whatever is wanted.
+    so that the robot pulls to one side. `stuck`: they turn at `speed` whatever is wanted. `stuck` and `wheel` need
+    a swarm on two wheels each.
     """
 
     failure: Literal["off", "slow", "stuck"]
@@ -36,20 +38,29 @@ class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         for key, failure in (("factor", "slow"), ("speed", "stuck")):
             if getattr(self, key) is not None and self.failure != failure:
                 raise InputError(f"{key}: a motor that is {self.failure!r} has none; expected failure = {failure!r}")
+        drives = drives_of(context)
+        others = " or ".join(map(repr, sorted(drives.names - {"differential"})))
+        for key, given in (("wheel", self.wheel != "both"), ("failure", self.failure == "stuck")):
+            if given and others:
+                raise InputError(
+                    f"{key}: {getattr(self, key)!r} is of robots on two wheels, not of {others}; expected failure = "
+                    "'off' or 'slow' of both wheels, or kinematics.use = 'differential'"
+                )
         top = context.robots.speed
         if self.speed is not None and abs(self.speed) > top:
             raise InputError(f"speed: {self.speed:g} m/s is more than the motors give; expected at most {top:g}")
         gain = (0.5 if self.factor is None else self.factor) if self.failure == "slow" else 0.0
         bias = (top if self.speed is None else self.speed) if self.failure == "stuck" else 0.0
-        effect = MotorFailure(SIDES[self.wheel], gain, bias)
+        effect = MotorFailure(drives.motors if others else np.array(SIDES[self.wheel]), gain, bias)
         return TimedFault(Timeline(self, context), effect, context.number)
 
 
 class MotorFailure(StatelessEffect):
     """Wraps the motion: what the wheels do is a gain times what is wanted, plus a bias."""
 
-    def __init__(self, wheels: tuple[bool, bool], gain: float, bias: float) -> None:
-        self._wheels, self._gain, self._bias = np.array(wheels), gain, bias
+    def __init__(self, wheels: NDArray[np.bool_], gain: float, bias: float) -> None:
+        """`wheels` (2,), or (n, c) of commands, are what fails of each robot."""
+        self._wheels, self._gain, self._bias = wheels, gain, bias
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The parts with the motion wrapped."""
@@ -71,7 +82,7 @@ class FailingMotion:
     ) -> None:
         self._inner, self._bodies, self._active = inner, bodies, active
         self._wheels, self._gain, self._bias = wheels, gain, bias
-        self._failing = np.zeros((len(active), 2), np.bool_)
+        self._failing = np.zeros((len(active), wheels.shape[-1]), np.bool_)
 
     def follow(self, intents: Intents) -> None:
         """Take up new intents."""
@@ -79,7 +90,7 @@ class FailingMotion:
         self._inner.follow(intents)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds wanted, but for those that fail."""
+        """The commands wanted, but for what fails of them."""
         wanted = self._inner.command(pose)
         np.copyto(wanted, wanted * self._gain + self._bias, where=self._failing)
         return wanted

@@ -67,7 +67,7 @@ def _check(fault: Radio, robots: int) -> None:
     if fault.groups is not None:
         _check_groups(fault.groups, robots)
     if fault.failure in ("jam", "partition"):
-        for key in ("life", "robots", "count", "fraction", "target", "point", "region", "min_alive"):
+        for key in ("life", "robots", "group", "count", "fraction", "target", "point", "region", "min_alive"):
             if getattr(fault, key) != _default(key):
                 raise InputError(f"{key}: {fault.failure!r} strikes the network, not robots; expected no such key")
 

@@ -43,6 +43,7 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     duration: Duration | None = None  # iterations with the fault; default: for good
     duty: tuple[Duration, Duration] | None = None  # intermittent: iterations with and then without it, in turn
     robots: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # these
+    group: str | None = None  # those of this group of robots, by its name or number
     count: Annotated[int, Meta(ge=1)] | None = None  # so many at a time; default: 1, or all in `region`
     fraction: Share | None = None  # so large a part of those alive, rounded, but one at least
     target: Literal["random", "nearest", "farthest", "hub"] = "random"  # the hub is heard by most
@@ -62,6 +63,9 @@ class Timeline:
         number = context.number
         _check(fault, context.swarm)
         self._fault = fault
+        self._those: list[int] | None = None if fault.robots is None else list(fault.robots)
+        if fault.group is not None:
+            self._those = context.robots.group(fault.group, "group").tolist()
         self._stream = context.streams.open("fault", number)
         self._since = np.full(context.swarm, -1, np.int64)  # the iteration in which it struck; -1 for not
         self._spent = np.zeros(context.swarm, np.bool_)  # whose life has ended already
@@ -113,9 +117,9 @@ class Timeline:
         fault = self._fault
         open_ = state.alive & (self._since < 0)
         room = int(open_.sum()) - fault.min_alive
-        if fault.robots is not None:
+        if self._those is not None:
             chosen = np.zeros_like(open_)
-            chosen[list(fault.robots)] = True
+            chosen[self._those] = True
             open_ = open_ & chosen
         if fault.life is not None:
             open_ = open_ & (self._lives <= state.iteration) & ~self._spent
@@ -140,7 +144,7 @@ class Timeline:
             return max(1, round(fault.fraction * int(state.alive.sum())))
         if fault.count is not None:
             return fault.count
-        everybody = fault.robots is not None or fault.region is not None or fault.life is not None
+        everybody = self._those is not None or fault.region is not None or fault.life is not None
         return len(candidates) if everybody else 1
 
     def _order(self, state: State, parts: Parts) -> NDArray[np.float64]:
@@ -169,6 +173,8 @@ def _check(fault: Timed, robots: int) -> None:
         raise InputError("duration: `between` says how long already; expected one of them")
     if fault.min_alive >= robots:
         raise InputError(f"min_alive: {fault.min_alive} of {robots} robots, so that none is ever struck")
+    if fault.robots is not None and fault.group is not None:
+        raise InputError("group: `robots` says whom already; expected one of them")
     if fault.robots == ():
         raise InputError("robots: the list is empty; expected at least one id, or no such key")
     for robot in fault.robots or ():

@@ -41,18 +41,19 @@ def _each(typingctx, function, space, callback, data):
 @njit(cache=True, error_model="numpy")
 def roll(
     count, dt, engine, written, read, moving, wheels, push, traits,
-    waypoints, counts, cursor, ahead, motors, wanted, turning, twisting,
+    waypoints, counts, cursor, ahead, paces, aims, wanted, turning, twisting, rims,
 ):  # fmt: skip
     """Let `count` sub-steps of `dt` (s) pass: follow waypoints, push, step the engine and read it, each time.
 
     `engine` (7,) are the addresses of: the engine's step, its call for each body, the space, the call that writes
     forces with its data, and the call that reads motions with its data. `written` and `read` (1,) are how many numbers
     those have dealt with, in the engine's memory. Robots that are `turning` (n,) have the wheel speeds `twisting`
-    (n, 2) instead of following waypoints. All else is as `forces` and `pursue` say.
+    (n, 2) instead of following waypoints. All else is as `forces`, `pursue` and `towards` say.
     """
     size = written[0]
     for _ in range(count):
-        pursue(moving[:, :3], waypoints, counts, cursor, ahead, motors, wanted)
+        pursue(moving[:, :3], waypoints, counts, cursor, ahead, paces, aims)
+        towards(aims, rims, wanted)
         for i in range(len(turning)):
             if turning[i]:
                 wanted[i, 0], wanted[i, 1] = twisting[i, 0], twisting[i, 1]
@@ -106,33 +107,29 @@ def forces(moving, wheels, wanted, push, dt, traits):
 
 
 @njit(cache=True, error_model="numpy")
-def wheels_of(twists, traits, turning, wheels):
-    """Wheel speeds of velocities (n, 2) in m/s and rad/s; slower, on the same arc, where one is too fast.
+def wheels_of(twists, rims, wheels):
+    """Wheel speeds of velocities (n, 3) in m/s ahead, m/s to the left, which wheels cannot, and rad/s.
 
-    `traits` (n, 3) as in `pursue`. Writes `wheels` (n, 2), and to `turning` (n,) who has a velocity: not NaN.
+    `rims` (n, 2) as in `towards`. Slower, on the same arc, where a wheel is too fast. Writes `wheels` (n, 2).
     """
     for i in range(len(twists)):
-        top, base = traits[i, 0], traits[i, 1]
-        aside = 0.5 * base * twists[i, 1]
+        top, base = rims[i, 0], rims[i, 1]
+        aside = 0.5 * base * twists[i, 2]
         left, right = twists[i, 0] - aside, twists[i, 0] + aside
         slower = min(1.0, top / max(abs(left), abs(right), 1e-12))
         wheels[i, 0], wheels[i, 1] = left * slower, right * slower
-        turning[i] = twists[i, 0] == twists[i, 0] and twists[i, 1] == twists[i, 1]
 
 
 @njit(cache=True, error_model="numpy")
-def pursue(pose, waypoints, counts, cursor, ahead, traits, wanted):
-    """Wheel speeds that follow waypoints by pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
+def pursue(pose, waypoints, counts, cursor, ahead, paces, aims):
+    """The point of its way that each robot heads for, as in pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
 
-    Each robot steers along the arc through its first waypoint at least `ahead` (m) away, remembered in
-    `cursor` (n,); it stops at the last one only. An arc too tight for its speed is driven slower, a target behind
-    the robot is turned to on the spot. `traits` (n, 3) are each robot's own: top speed (m/s at either wheel rim),
-    wheel base (m) and braking (m/s^2). Writes `wanted` (n, 2).
+    It is its first waypoint at least `ahead` (n,) m away, remembered in `cursor` (n,); it stops at the last one only.
+    `paces` (n, 2) are each robot's own: top speed (m/s) and braking (m/s^2). Writes `aims` (n, 4): m ahead, m to the
+    left, how far in m, and m/s at most, 0 for those who stand.
     """
     for i in range(len(counts)):
-        speed, base, braking = traits[i, 0], traits[i, 1], traits[i, 2]
-        wanted[i, 0] = 0.0
-        wanted[i, 1] = 0.0
+        aims[i, 3] = 0.0
         if counts[i] == 0:
             continue
         while True:
@@ -140,18 +137,33 @@ def pursue(pose, waypoints, counts, cursor, ahead, traits, wanted):
             dy = waypoints[i, cursor[i], 1] - pose[i, 1]
             distance = math.hypot(dx, dy)
             last = cursor[i] >= counts[i] - 1
-            if distance >= ahead or last:
+            if distance >= ahead[i] or last:
                 break
             cursor[i] += 1
-        if last and distance < ARRIVED * ahead:
+        if last and distance < ARRIVED * ahead[i]:
             continue
         cos = math.cos(pose[i, 2])
         sin = math.sin(pose[i, 2])
-        forward = dx * cos + dy * sin
-        left = dy * cos - dx * sin
-        limit = min(speed, math.sqrt(2.0 * braking * distance)) if last else speed
-        if forward > 0.0:
-            bend = base * left / (distance * distance)  # half the wheel base times the curvature 2 left / d^2
+        aims[i, 0] = dx * cos + dy * sin
+        aims[i, 1] = dy * cos - dx * sin
+        aims[i, 2] = distance
+        speed = paces[i, 0]
+        aims[i, 3] = min(speed, math.sqrt(2.0 * paces[i, 1] * distance)) if last else speed
+
+
+@njit(cache=True, error_model="numpy")
+def towards(aims, rims, wanted):
+    """Wheel speeds that lead to points `aims` (n, 4), as `pursue` gives them, in arcs.
+
+    An arc too tight for its speed is driven slower, a target behind the robot is turned to on the spot. `rims` (n, 2)
+    are each robot's own: top speed (m/s at either wheel rim) and wheel base (m). Writes `wanted` (n, 2).
+    """
+    for i in range(len(aims)):
+        forward, left, distance, limit = aims[i, 0], aims[i, 1], aims[i, 2], aims[i, 3]
+        if limit == 0.0:
+            wanted[i, 0], wanted[i, 1] = 0.0, 0.0
+        elif forward > 0.0:
+            bend = rims[i, 1] * left / (distance * distance)  # half the wheel base times the curvature 2 left / d^2
             wanted[i, 0] = limit * (1.0 - bend) / (1.0 + abs(bend))
             wanted[i, 1] = limit * (1.0 + bend) / (1.0 + abs(bend))
         else:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from pettingzoo import ParallelEnv
 
 from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.kinds import Mixed
+from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.own import array_of
 from swarmsim.core.readings import Readings
 from swarmsim.core.scenario.file import load
@@ -21,6 +23,7 @@ from swarmsim.core.state import Intents, Knowledge, Measured, Moment
 from swarmsim.engine.build import Run, build
 from swarmsim.engine.simulation import Perceived
 from swarmsim.learning.observed import observed, spaces_of
+from swarmsim.robots.kinematics import drives_of
 
 #: What agents may decide: the place to go to straight, m from where they are, as far as `reach`; a velocity, ahead and
 #: turning; or the speeds of the left and the right wheel. All are numbers from -1 to 1, of the most there is.
@@ -92,6 +95,10 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         self._name = str(scenario)
         self._scenario = load(Path(scenario), changes=dict(overrides or {}))
         self._run = build(self._scenario, self._name)
+        drives = drives_of(self._run.context)
+        if action == "wheels" and drives.names != {"differential"}:
+            kinds = " and ".join(map(repr, sorted(drives.names)))
+            raise InputError(f"action: 'wheels' is of robots on two wheels, not {kinds}; expected 'goal' or 'twist'")
         count = self._scenario.robots.count
         chosen = list(range(count)) if learners is None else list(learners)
         if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(count)):
@@ -211,7 +218,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 if robot in self._learners
             }
             fresh = np.zeros(robots.count, np.bool_)
-            mine = Intents.along(ways, robots.count, self._run.context.lattice, fresh)
+            mine = Intents.along(ways, robots.count, fresh)
         else:
             speed, base = robots.each("speed"), robots.each("wheel_base")
             if self._action == "twist":
@@ -244,7 +251,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         return {agent: self._of(self._perceived, self._robots[agent]) for agent in agents}
 
     def _of(self, seen: Perceived, robot: int) -> Observation:
-        tiles, inbox = seen.senses.readings.tiled, seen.inbox
+        tiles, inbox = seen.senses.readings.tiled, _of_tiles(seen.inbox)
         cell, lattice = self._run.context.lattice.cell, self._run.context.lattice
         shape = tiles.values.shape[1:]
         x, y, yaw = seen.senses.pose[robot]
@@ -279,11 +286,25 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
 S = TypeVar("S", bound=np.generic)
 
 
+def _of_tiles(inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
+    """What was heard of tiles, where groups of robots say messages of several kinds."""
+    content = inbox.content
+    if not isinstance(content, Mixed):
+        return inbox
+    tiled = [kind for kind, table in content.tables.items() if {"values", "origins"} <= set(table.__match_args__)]
+    return replace(inbox.take(content.kind == tiled[0]), content=content.of(tiled[0])) if tiled else inbox
+
+
 def _joined(mine: Intents, theirs: Intents, learners: NDArray[np.int64]) -> Intents:
     """The intents of some robots from the one, those of the others from the other."""
     longest = max(mine.waypoints.shape[1], theirs.waypoints.shape[1])
     pads = [np.pad(one.waypoints, ((0, 0), (0, longest - one.waypoints.shape[1]), (0, 0))) for one in (mine, theirs)]
-    nothing = np.full((len(mine.counts), 2), np.nan)
+    width = max(2 if one.twists is None else one.twists.shape[1] for one in (mine, theirs))
+
+    def twists(one: Intents) -> NDArray[np.float64]:
+        """Velocities, of as many columns as any."""
+        found = np.full((len(one.counts), 2), np.nan) if one.twists is None else one.twists
+        return np.pad(found, ((0, 0), (0, width - found.shape[1])))
 
     def both(first: NDArray[S], second: NDArray[S]) -> NDArray[S]:
         column = second.copy()
@@ -293,5 +314,5 @@ def _joined(mine: Intents, theirs: Intents, learners: NDArray[np.int64]) -> Inte
     return Intents(
         both(mine.goals, theirs.goals), both(*pads), both(mine.counts, theirs.counts),
         both(mine.planned, theirs.planned),
-        both(nothing if mine.twists is None else mine.twists, nothing if theirs.twists is None else theirs.twists),
+        both(twists(mine), twists(theirs)),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""From a wanted velocity in the plane to what two wheels can do, with walls in the way."""
+"""From a wanted velocity in the plane to what wheels can do, with walls in the way."""
 
 from __future__ import annotations
 
@@ -39,13 +39,17 @@ def away_from_walls(
 
 
 class Steering:
-    """Turns wanted velocities into twists: on the spot to what lies behind, on a bend to what lies ahead."""
+    """Turns wanted velocities into twists: on the spot to what lies behind, on a bend to what lies ahead.
+
+    Who can move to the side has the velocity wanted, and does not turn.
+    """
 
     def __init__(self, context: BuildContext, speed: float | None, clearance: float) -> None:
         """`speed` (m/s) at most, by default two thirds of what wheels can; `clearance` (m) from walls."""
         #: m/s, at most.
         self.speed = speed or context.robots.speed * 2.0 / 3.0
         self._clearance, self._lattice, self._period = clearance, context.lattice, context.period
+        self._sideways = context.sideways
 
     def towards(self, place: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
         """The velocities (n, 2) that lead from places to targets (n, 2) within a period, as far as speed allows."""
@@ -63,4 +67,7 @@ class Steering:
         ahead = np.minimum(size, self.speed) * np.maximum(np.cos(turn), 0.0)
         moves = senses.alive & (size > STILL * self.speed)
         twists = np.stack([ahead, turn / self._period], axis=1)
+        if self._sideways is not None:
+            straight = np.minimum(size, self.speed) * np.stack([np.cos(turn), 0.0 * turn, np.sin(turn)])
+            twists = np.where(self._sideways[:, None], straight.T, np.pad(twists, ((0, 0), (0, 1))))
         return Intents.twisting(np.where(moves[:, None], twists, 0.0))

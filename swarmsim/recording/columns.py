@@ -29,7 +29,8 @@ def columns_of(recording: Recording, name: str) -> dict[str, NDArray[np.generic]
     table = recording[channel.recorded_as]
     first, end = channel.robots or (0, table.shape[1])
     table = table[:, first:end]
-    sides = table.shape[:-1] if len(channel.shape) else table.shape
+    rows = len(channel.shape) > 1 or not channel.count  # of several numbers each
+    sides = table.shape[:-1] if channel.shape and rows else table.shape
     at = np.indices(sides).reshape(len(sides), -1)
     values = table.reshape(at.shape[1], -1)
     if channel.count:

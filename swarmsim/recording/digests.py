@@ -48,7 +48,7 @@ def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[np.generic], ...
         (moment.links,),
         moment.inbox.arrays(),
         moment.knowledge.arrays(),
-        (intents.goals,),
+        (moment.building.lattice.cells_within(intents.goals),),  # as cells, which goals were at first
         (intents.counts, intents.waypoints, *(() if intents.twists is None else (intents.twists,))),
         moment.measured.arrays(),
         *([(*acted, *intents.commands.values())] if acted else []),

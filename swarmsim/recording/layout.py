@@ -84,8 +84,8 @@ TABLES: Final = {
     "tiles": Table("u1", ("robots", "any", "any"), EACH, (0.0,), (2.0,), by="sensor"),
     "origins": Table("i4", ("robots", 2), EACH, (-FAR,) * 2, (FAR,) * 2, by="sensor"),
     "samples": Table("f8", ("robots",), EACH, by="sensor"),
-    "goals": Table("i4", ("robots", 2), EACH, (-1.0, -1.0), ("last row", "last column")),
-    "twists": Table("f8", ("robots", 2), EACH),
+    "goals": Table("f8", ("robots", 2), EACH, (-FAR,) * 2, (FAR,) * 2, math.nan),
+    "twists": Table("f8", ("robots", "any"), EACH),
     "links": Table("i4", (2,), MANY, (0.0, 0.0), ("last robot",) * 2),
     "letters": Table("i4", (5,), MANY, (0.0,) * 5, ("last robot", "last robot", 2e9, 2e9, "last fate")),
     "changes": Table("i4", (3,), MANY, (0.0,) * 3, ("last robot", "last cell", 2.0), by="computation"),
@@ -95,6 +95,10 @@ TABLES: Final = {
     "waypoints": Table("f4", (2,), ONCE, (-FAR,) * 2, (FAR,) * 2),
     "paths": Table("i8", (3,), ONCE, (0.0,) * 3, (2e9, "last robot", "waypoints")),
     "events": Table("u1", (), ONCE),
+}
+#: Tables in the form that older recordings have them in.
+OLDER: Final = {
+    "goals": Table("i4", ("robots", 2), EACH, (-1.0, -1.0), ("last row", "last column")),
 }
 #: What every recording of a run that has begun holds.
 NEEDED: Final = (
@@ -209,7 +213,7 @@ def check(
         if name.endswith("_end"):
             _expect(name, found, np.dtype("i8"), (found.shape[0] if found.shape else 0,))
         elif name in tables:
-            table = tables[name]
+            table = _form(name, found.dtype, tables)
             _expect(
                 name, found, np.dtype(table.kind), (found.shape[:1] or (0,)) + _sizes(table.row, found.shape, sizes)
             )
@@ -232,6 +236,12 @@ def check(
     for name in measures:
         if file[name].shape != file[name].shape[:1]:
             raise ValueError(f"table {name!r} is of shape {file[name].shape}; a measure is one number an iteration")
+
+
+def _form(name: str, kind: np.dtype[np.generic], tables: Mapping[str, Table]) -> Table:
+    """The form of a table that holds numbers of this type: that of today or, if it has that type, an older one."""
+    older = OLDER.get(name)
+    return older if older is not None and kind == np.dtype(older.kind) else tables[name]
 
 
 def _check_size(name: str, found: Stored) -> None:
@@ -258,12 +268,14 @@ def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int], declared:
         if len(rows) and (rows[0] < 0 or (np.diff(rows) < 0).any()):
             raise ValueError(f"table {name!r} does not rise")
         return
-    table = TABLES.get(name) or declared.get(name)
-    if table is None or not table.low or rows.size == 0:
+    tables = {**TABLES, **declared}
+    if name not in tables or not tables[name].low or rows.size == 0:
         return
+    table = _form(name, rows.dtype, tables)
     low = np.array(table.low)
     high = np.array([sizes.get(one, 0) if isinstance(one, str) else one for one in table.high])
-    outside = (rows < low) | (rows > high) if name in declared else ~((rows >= low) & (rows <= high))  # NaN is neither
+    lacks = name in declared or table.blank is not None  # and may be NaN
+    outside = (rows < low) | (rows > high) if lacks else ~((rows >= low) & (rows <= high))  # NaN is neither
     if table.blank is not None:
         outside &= rows != table.blank
     if outside.any():

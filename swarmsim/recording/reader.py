@@ -181,8 +181,14 @@ class Recording:
                 layout.check_values(name, rows, self._sizes, self._declared)
             except READING as problem:
                 raise self._damaged(problem) from problem
-            self._arrays[name] = rows
+            self._arrays[name] = self._as_points(rows) if name == "goals" else rows
         return self._arrays[name]
+
+    def _as_points(self, goals: Column) -> Column:
+        """Goals (t, n, 2) in m; older recordings have cells."""
+        if goals.dtype.kind == "f":
+            return goals
+        return np.where(goals >= 0, self.lattice.centres(goals), np.nan)
 
     def _some(self, name: str, first: int, last: int) -> Column:
         """Rows `first` to `last` of a table, and READ_AHEAD more are read with them. Raises InputError as `_loaded`."""

@@ -1,4 +1,4 @@
-"""Differential-drive discs under pymunk: the only bridge between arrays and rigid bodies."""
+"""Discs on wheels under pymunk: the only bridge between arrays and rigid bodies."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from swarmsim.core.building import Building, Crowd
 from swarmsim.core.context import BuildContext
 from swarmsim.core.crew import Crew
 from swarmsim.core.errors import InputError
+from swarmsim.core.kinematics import Drives
 from swarmsim.core.parts import Motion
 from swarmsim.core.state import State
 from swarmsim.kernels import drive
+from swarmsim.robots.kinematics import TwoWheels, differential, drives_of
 from swarmsim.robots.motion import WaypointFollower
 
 STRIDE = 0.25  # of its radius, the farthest that a robot may drive in a sub-step: more would let it pass thin walls
 MOST = 100_000  # sub-steps of an iteration, which is simulated in one go
-GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
 READ = (
     batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 )
@@ -31,7 +32,7 @@ WRITE = batch.BodyFields.FORCE | batch.BodyFields.TORQUE
 
 
 class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Discs on two wheels with mass, traction and friction, which push, slip and block each other (Chipmunk)."""
+    """Discs on wheels with mass, traction and friction, which push, slip and block each other (Chipmunk)."""
 
     substep: Annotated[float, Meta(gt=0.0)] = 1.0 / 64.0  # s, at most; shorter for fast robots, which might pass walls
     friction: Annotated[float, Meta(ge=0.0)] = 0.09  # coefficient between robots, and of robots on walls
@@ -41,7 +42,7 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """Whether walls stop bodies."""
         return True
 
-    def build(self, context: BuildContext) -> DifferentialDrive:
+    def build(self, context: BuildContext) -> RigidDiscs:
         """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
         stride = longest_stride(context.robots, self)
         if context.period > MOST * stride:
@@ -49,11 +50,11 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"substep: an iteration of {context.period:g} s would have {context.period / stride:.3g} sub-steps of "
                 f"{stride:.3g} s, which the radius and speed of robots ask for too; expected at most {MOST}"
             )
-        return DifferentialDrive(context.robots, self, context.building, context.start)
+        return RigidDiscs(context.robots, self, context.building, context.start, drives_of(context))
 
 
-class DifferentialDrive:
-    """A swarm of discs on two wheels each, among walls and people who walk.
+class RigidDiscs:
+    """A swarm of discs on wheels, among walls and people who walk.
 
     Walls stand still, but are others when the building changes; people are moved by their crowd, not by contacts.
 
@@ -62,13 +63,19 @@ class DifferentialDrive:
     reaches about speed times sub-step between a robot and a wall and twice that between two robots.
     """
 
-    def __init__(self, robots: Crew, physics: Pymunk, building: Building, pose: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        robots: Crew,
+        physics: Pymunk,
+        building: Building,
+        pose: NDArray[np.float64],
+        drives: Drives | None = None,
+    ) -> None:
+        """By default everybody has two wheels."""
         self._substep = longest_stride(robots, physics)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
-        grip = 0.5 * robots.each("traction") * mass * GRAVITY  # N, one wheel
-        base, acceleration = robots.each("wheel_base"), robots.each("acceleration")
-        self._traits = np.column_stack([base, mass, moments, acceleration, grip])
+        self._drives = drives = drives or differential(robots, len(pose))
         self.space = pymunk.Space()
         self.space.iterations = 10
         self.space.collision_slop = 0.001 * float(radii.min())  # Chipmunk's default is made for pixels
@@ -87,7 +94,7 @@ class DifferentialDrive:
             self.space.add(body, disc)
             self._discs.append(disc)
             self._robot_ids.append(body.id)
-        self._wheels = np.zeros((len(pose), 2))
+        self._wheels = np.zeros((len(pose), drives.width))
         self._alive = np.ones(len(pose), np.bool_)
         self._retired = np.zeros(len(pose), np.bool_)
         self._iteration = 0
@@ -208,7 +215,7 @@ class DifferentialDrive:
         return [(*pair, self.solid) for pair in zip(self._building.crowds, self._walkers, strict=True)]
 
     def drive(self, motion: Motion, period: float) -> State:
-        """The state one period (s) later, with `motion` asked for wheel speeds at every sub-step."""
+        """The state one period (s) later, with `motion` asked for commands at every sub-step."""
         if self._version != self._building.version:
             self._prepare()
         crowds = self._meet_crowds()
@@ -217,23 +224,24 @@ class DifferentialDrive:
         space, clear = self.space, self._reading.clear
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
-        # A period in which nobody walks and nothing wraps the motion is one compiled call, but for a first sub-step of
-        # pymunk's own after something was added to the space or removed from it.
-        rolls = isinstance(motion, WaypointFollower) and not crowds
-        asked = int(self._stirred) if rolls else substeps
+        # A period in which nobody walks, nothing wraps the motion and all have two wheels is one compiled call, but for
+        # a first sub-step of pymunk's own after something was added to the space or removed from it.
+        kind = self._drives.alone
+        rolls = (motion, kind) if isinstance(motion, WaypointFollower) and isinstance(kind, TwoWheels) else None
+        asked = substeps if crowds or rolls is None else int(self._stirred)
         for _ in range(asked):
             for crowd, walkers, solid in crowds:
                 for body, velocity in zip(walkers, crowd.walk(pose, solid, dt).tolist(), strict=True):
                     body.velocity = velocity
-            drive.forces(moving, wheels, motion.command(pose), push, dt, self._traits)
+            wheels[:], push[: len(wheels)] = self._drives.forces(moving, wheels, motion.command(pose), dt)
             batch.set_space_bodies(space, WRITE, self._writing)
             space.step(dt)
             clear()
             batch.get_space_bodies(space, READ, self._reading)
-        if rolls:
-            assert isinstance(motion, WaypointFollower)
+        if rolls is not None:
+            follower, two = rolls
             engine = (self._engine, self._written, self._read)
-            drive.roll(substeps - asked, dt, *engine, moving, wheels, push, self._traits, *motion.course)
+            drive.roll(substeps - asked, dt, *engine, moving, wheels, push, two.traits, *follower.course(two))
         self._stirred = False
         self._iteration += 1
         return self.state()

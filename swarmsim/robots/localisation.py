@@ -15,6 +15,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Localisation, Tracking
 from swarmsim.core.scenario import registry
 from swarmsim.core.state import State
+from swarmsim.robots.kinematics import drives_of
 
 Spread = Annotated[float, Meta(ge=0.0, le=100.0)]
 
@@ -56,7 +57,8 @@ class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every robot knows where it starts, and from then on counts the turns of its wheels, which drifts.
 
     A way is a turn, a straight piece and another turn, each measured with a normal error whose variance grows with its
-    size (Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section 5.4): wheels slip by `slip` on a metre, the
+    size (Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section 5.4); robots that move to the side do not turn
+    before and after. Wheels slip by `slip` on a metre, the
     heading goes astray by `veer` on a metre and by `spin` on a radian. Unequal wheels add a constant bend of each
     robot's own, with the standard deviation `bias`. Ticks of the encoders, `tick` apart, add their rounding.
     """
@@ -121,6 +123,7 @@ class OdometryLocalisation(Erring):
         self._rounding = ticks / np.sqrt(2.0), ticks * np.sqrt(2.0) / context.robots.each("wheel_base")
         self._before: NDArray[np.float64] | None = None  # (n, 3): true poses when wheels were last counted
         self._alive = np.zeros(context.swarm, np.bool_)
+        self._sideways = drives_of(context).sideways
 
     def err(self, state: State) -> None:
         """Add what was measured wrong since the last iteration; who has just come knows where it is."""
@@ -134,8 +137,9 @@ class OdometryLocalisation(Erring):
         way = np.hypot(step[:, 0], step[:, 1])
         heading = np.where(way > 1e-9, np.arctan2(step[:, 1], step[:, 0]), self._before[:, 2])
         first = _turn(heading - self._before[:, 2])
-        backwards = np.abs(first) > 0.5 * np.pi
-        first = np.where(backwards, _turn(first - np.pi), first)
+        aside = np.where(self._sideways, first, 0.0)  # of the heading, where no turn leads to the way
+        backwards = (np.abs(first) > 0.5 * np.pi) & ~self._sideways
+        first = np.where(self._sideways, 0.0, np.where(backwards, _turn(first - np.pi), first))
         second = _turn(step[:, 2]) - first
         drawn = chance.normal(self._salt, state.iteration, np.arange(state.robots)[:, None], np.arange(1, 4))
         parameters, moving = self._parameters, way > 1e-9
@@ -144,7 +148,7 @@ class OdometryLocalisation(Erring):
         first = first + drawn[:, 1] * astray
         spread = parameters.spin**2 * np.abs(second) + parameters.veer**2 * way
         second = second + drawn[:, 2] * np.sqrt(spread) + self._bend * way
-        course = believed[:, 2] + first + np.where(backwards, np.pi, 0.0)
+        course = believed[:, 2] + first + np.where(backwards, np.pi, aside)
         self.error[:, 0] = believed[:, 0] + length * np.cos(course) - state.pose[:, 0]
         self.error[:, 1] = believed[:, 1] + length * np.sin(course) - state.pose[:, 1]
         self.error[:, 2] = _turn(believed[:, 2] + first + second - state.pose[:, 2])

@@ -1,4 +1,4 @@
-"""From waypoints to wheel speeds, within the limits of the motors."""
+"""From waypoints to what wheels do, within their limits."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
+from swarmsim.core.errors import InputError
 from swarmsim.core.parts import WheelSpeeds
 from swarmsim.core.state import Intents
 from swarmsim.kernels import drive
+from swarmsim.robots.kinematics import TwoWheels, drives_of
 
 
 class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Steer towards the path a little ahead, without stopping at waypoints.
 
-    Small enough a distance keeps the robot from cutting corners that a path one cell wide goes around.
+    Small enough a distance keeps the robot from cutting corners that a path one cell wide goes around. A car looks as
+    far ahead as its tightest bend is wide, at least.
     """
 
     look_ahead: Annotated[float, Meta(gt=0.0)] = 0.05  # m
@@ -31,35 +34,50 @@ class WaypointFollower:
     """Follows each robot's waypoints by pure pursuit, or its velocity."""
 
     def __init__(self, parameters: PurePursuit, context: BuildContext) -> None:
-        robots = context.robots
-        speed, base, braking = robots.each("speed"), robots.each("wheel_base"), 0.5 * robots.each("acceleration")
-        self._ahead, self._traits = parameters.look_ahead, np.column_stack([speed, base, braking])
-        count = context.swarm
+        robots, count = context.robots, context.swarm
+        self._drives = drives_of(context)
+        self._ahead = np.maximum(parameters.look_ahead, self._drives.bends)
+        self._paces = np.column_stack([robots.each("speed"), 0.5 * robots.each("acceleration")])
         self._cursor = np.zeros(count, np.int64)
-        self._wanted = np.zeros((count, 2))
         self._waypoints = np.empty((count, 0, 2))
         self._counts = np.zeros(count, np.int32)
+        self._aims = np.zeros((count, 4))
+        self._wanted = np.zeros((count, self._drives.width))
         self._turning = np.zeros(count, np.bool_)  # who moves at a velocity ...
-        self._twisting = np.zeros((count, 2))  # ... and how fast the wheels turn then
+        self._twisting = np.zeros((count, self._drives.width))  # ... and the command for that
 
     def follow(self, intents: Intents) -> None:
-        """Start on new waypoints."""
+        """Start on new waypoints. Raises InputError for robots that shall move to the side and cannot."""
         self._waypoints, self._counts = intents.waypoints, intents.counts
         self._cursor[:] = 0
         self._turning[:] = False
         if intents.twists is not None:
-            drive.wheels_of(intents.twists, self._traits, self._turning, self._twisting)
+            self._turn(intents.twists)
+
+    def _turn(self, twists: NDArray[np.float64]) -> None:
+        """Take up velocities (n, 2 or 3)."""
+        self._turning[:] = ~np.isnan(twists).any(axis=1)
+        wanted = np.zeros((len(twists), 3))
+        wanted[:, 0], wanted[:, 2] = np.where(self._turning[:, None], twists[:, :2], 0.0).T
+        if twists.shape[1] > 2:
+            wanted[:, 1] = np.where(self._turning, twists[:, 2], 0.0)
+            for robot in np.flatnonzero((wanted[:, 1] != 0.0) & ~self._drives.sideways).tolist():
+                raise InputError(
+                    f"kinematics.use: robot {robot} shall move to the side at {wanted[robot, 1]:g} m/s, and is "
+                    f"{self._drives.kind_of(robot)!r}; expected 'omni'"
+                )
+        self._twisting[:] = self._drives.command(wanted)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds wanted at these poses."""
-        drive.pursue(pose, self._waypoints, self._counts, self._cursor, self._ahead, self._traits, self._wanted)
+        """The commands wanted at these poses."""
+        drive.pursue(pose, self._waypoints, self._counts, self._cursor, self._ahead, self._paces, self._aims)
+        self._wanted[:] = self._drives.approach(self._aims)
         self._wanted[self._turning] = self._twisting[self._turning]
         return self._wanted
 
-    @property
-    def course(self) -> tuple[Any, ...]:
-        """What `drive.roll` follows: the arguments from `waypoints` on."""
+    def course(self, wheels: TwoWheels) -> tuple[Any, ...]:
+        """What `drive.roll` follows: the arguments from `waypoints` on, for robots on two wheels."""
         return (
-            self._waypoints, self._counts, self._cursor, self._ahead, self._traits, self._wanted, self._turning,
-            self._twisting,
+            self._waypoints, self._counts, self._cursor, self._ahead, self._paces, self._aims, self._wanted,
+            self._turning, self._twisting, wheels.rims,
         )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, nearest
-from swarmsim.core.readings import Called, Channels, Name, Readings, ragged
+from swarmsim.core.readings import Called, Channel, Channels, Name, Readings, ragged
 from swarmsim.core.state import State
 from swarmsim.kernels import graph
 from swarmsim.world.sight import Sight
 
+NO_GROUP: Final = 255  # stands where no robot is seen
 Spread = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
@@ -24,10 +25,13 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How far off the nearest robots are, in which direction, and how they are turned against the robot's own heading.
 
     The nearest come first, ties by number; walls hide robots, robots do not. Errors are normal, and a robot is missed
-    with the probability `missed`, both drawn for each pair and iteration.
+    with the probability `missed`, both drawn for each pair and iteration. With `groups` they are told apart by the
+    number of their group of robots, from 0, without errors.
     """
 
-    gives: ClassVar[dict[str, str]] = {"neighbours": "", "neighbours_led": "sees = ['led']"}
+    gives: ClassVar[dict[str, str]] = {
+        "neighbours": "", "neighbours_group": "groups = true", "neighbours_led": "sees = ['led']",
+    }  # fmt: skip
     margin: ClassVar[int] = 0  # cells that it maps
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
@@ -38,10 +42,13 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     error_angle: Spread = 0.0  # rad, of bearings and headings
     missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
     walls: bool = True  # whether they hide what is behind them
+    groups: bool | None = None  # whether it tells of which group each is: a channel neighbours_group; default: no
     sees: tuple[Name, ...] = ()  # channels of actuators, such as led: what each robot told is gives neighbours_led
 
     def build(self, context: BuildContext) -> NeighbourSensor:
-        """The sensor. Raises InputError for an actuator that robots do not have."""
+        """The sensor. Raises InputError for an actuator that robots do not have, and for groups that are too many."""
+        if self.groups and len(context.robots.names) > NO_GROUP:
+            raise InputError(f"groups: {len(context.robots.names)} cannot be told apart; expected {NO_GROUP} at most")
         for name in self.sees:
             if name not in context.actuators:
                 raise InputError(
@@ -60,7 +67,9 @@ class NeighbourSensor:
         far = max(parameters.reach, math.pi)
         own = ragged("neighbours", self._most, names, "m, rad, rad", -far, far)
         told = [context.actuators[name].seen_of("neighbours", self._most) for name in dict.fromkeys(parameters.sees)]
-        self.channels = Channels(*own, *told)
+        group = Channel("neighbours_group", "u1", (self._most,), "", 0, NO_GROUP - 1, NO_GROUP, count=own[1].name)
+        self.channels = Channels(*own, *told, *([group] if parameters.groups else []))
+        self._group = context.robots.kind.astype(np.uint8)
         self._sight = Sight(context.building) if parameters.walls else None
         self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
 
@@ -88,8 +97,9 @@ class NeighbourSensor:
         columns = [channel.blanks(state.robots) for channel in self.channels]
         columns[0][seer[kept], rank[kept]] = found[kept]
         columns[1][:] = np.minimum(np.bincount(seer, minlength=state.robots), self._most)
-        for column, name in zip(columns[2:], dict.fromkeys(given.sees), strict=True):
-            column[seer[kept], rank[kept]] = state.actuators[name][seen[kept]]
+        told_of = [state.actuators[name] for name in dict.fromkeys(given.sees)]
+        for column, of_each in zip(columns[2:], [*told_of, *([self._group] if given.groups else [])], strict=True):
+            column[seer[kept], rank[kept]] = of_each[seen[kept]]
         return Readings(self.channels, tuple(columns))
 
 

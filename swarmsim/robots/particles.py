@@ -12,6 +12,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion
 from swarmsim.core.state import State
+from swarmsim.robots.kinematics import drives_of
 
 
 class Particles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -25,7 +26,12 @@ class Particles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     substeps: Annotated[int, Meta(ge=1, le=1000)] = 1  # orders within a period; robots that follow ways need several
 
     def build(self, context: BuildContext) -> PointBodies:
-        """The bodies, where the robots start."""
+        """The bodies, where the robots start. Raises InputError for robots that have not two wheels."""
+        if other := sorted(drives_of(context).names - {"differential"}):
+            raise InputError(
+                f"use: particles move as on two wheels, not as {' or '.join(map(repr, other))}; expected "
+                "physics.use = 'pymunk', or kinematics.use = 'differential'"
+            )
         return PointBodies(self, context)
 
 

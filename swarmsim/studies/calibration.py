@@ -1,21 +1,22 @@
-"""The calibration of the reproduction: of all candidates, the one nearest to the published numbers it is held to."""
+"""The calibration of a reproduction: of all candidates, the one nearest to the published numbers it is held to."""
 
 from __future__ import annotations
 
-import csv
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from swarmsim.studies.plan import Condition, Plan
+import msgspec
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario.part import plain
+from swarmsim.studies.claims import Runs
+from swarmsim.studies.paper import Paper, Published, Reading
+from swarmsim.studies.plan import Condition, Plan, open_study
 from swarmsim.studies.results import gather
 from swarmsim.studies.store import Store
-
-Row = tuple[int, str, bool]  # robots, network, whether robots are removed
-ROWS: Final = ("network.topology", "network.topology.k", "robots.count", "faults")  # keys that say which number it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,57 +24,86 @@ class Candidate:
     """One choice of what the paper leaves open, and how it fares."""
 
     choice: dict[str, object]  # dotted key: value
-    means: dict[Row, float | None]  # iterations; None if a run did not finish
-    published: Mapping[Row, float]
-    runs: int  # behind each mean
+    means: dict[str, float | None]  # by the published number's row; None if a run did not finish
+    published: Mapping[str, float]
 
-    def log_ratio(self, row: Row) -> float:
+    def log_ratio(self, row: str) -> float:
         """The logarithm of its mean over the published number; infinite where a mean is missing."""
         mean = self.means[row]
         return math.log(mean / self.published[row]) if mean else math.inf
 
-    def error(self, without: Row | None = None) -> float:
+    def error(self, without: str | None = None) -> float:
         """Root mean square of the logarithms of its ratios, of all rows or of all but one."""
         logs = [self.log_ratio(row) for row in self.means if row != without]
         return math.sqrt(sum(log * log for log in logs) / len(logs))
 
 
-def published(path: Path) -> dict[Row, float]:
-    """The published iterations; the chain is a ring too, which is what the text says of it."""
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    found: dict[Row, float] = {}
-    for row in rows:
-        iterations, removal = float(row["iterations"]), row["removal"] != "none"
-        networks = ("chain", "ring") if row["network"] == "chain" else (f"knn {row['k']}",)
-        found |= {(int(row["robots"]), network, removal): iterations for network in networks}
-    return found
+class Held(NamedTuple):
+    """Which published number each condition of a calibration is held to."""
+
+    row_of: Mapping[str, str]  # by the condition's name
+    published: Mapping[str, float]
+    measure: str  # that they are of
+    keys: tuple[str, ...]  # of a scenario, that say which number it is
 
 
-def row_of(condition: Condition) -> Row:
-    """Which published number a condition is held to."""
-    scenario = condition.scenario
-    topology = scenario.network.topology
-    network = f"knn {topology.declares('k', 0)}" if topology.use == "knn" else topology.use
-    return scenario.robots.count, network, bool(scenario.faults)
+def opened(paper: Paper, reading: Reading) -> Plan:
+    """The study in which a reading's open choices were made. Raises InputError if it has none."""
+    if reading.calibration is None:
+        raise InputError(f"{paper.folder}: the reading {reading.name!r} has no calibration")
+    return open_study(paper.folder / reading.calibration)
 
 
-def candidates(plan: Plan, store: Store, numbers: Mapping[Row, float]) -> list[Candidate]:
+def held(paper: Paper, reading: Reading, plan: Plan) -> Held:
+    """The published numbers of a reading whose conditions are alike in the paper's `rows`.
+
+    Raises InputError for a condition of the calibration that is like none of them.
+    """
+    keys = paper.readings.rows
+    studies = {name: {one.name: one for one in of.conditions} for name, of in paper.plans(reading, 1).items()}
+    known: dict[bytes, Published] = {}
+    for number in paper.published:
+        name = reading.conditions.get(number.condition, number.condition)
+        known.setdefault(_values(studies[number.study][name], keys), number)
+    row_of = {}
+    for condition in plan.conditions:
+        number_of = known.get(_values(condition, keys))
+        if number_of is None:
+            what = f"no published number has its values of {', '.join(keys) or 'rows'}"
+            raise InputError(f"{plan.path}: {condition.name}: {what}; expected those of one in {paper.folder}")
+        row_of[condition.name] = number_of.row
+    return Held(row_of, {number.row: number.value for number in known.values()}, paper.about.published, keys)
+
+
+def _values(condition: Condition, keys: Sequence[str]) -> bytes:
+    """What a scenario says at dotted keys, to be compared."""
+    found = []
+    for key in keys:
+        value = msgspec.to_builtins(condition.scenario, enc_hook=plain)
+        for name in key.split("."):
+            value = value.get(name) if isinstance(value, dict) else None
+        found.append(value)
+    return msgspec.json.encode(found, order="sorted")
+
+
+def candidates(plan: Plan, store: Store, numbers: Held) -> list[Candidate]:
     """All candidates of a calibration study, the best first."""
-    means: dict[str, dict[Row, float | None]] = {}
-    for result in gather(plan, store).values():
-        choice = {key: value for key, value in result.condition.changes.items() if key not in ROWS}
-        mean = result.describe().mean if not result.missing else None
-        means.setdefault(json.dumps(choice), {})[row_of(result.condition)] = mean
-    found = [Candidate(json.loads(choice), of_choice, numbers, len(plan.seeds)) for choice, of_choice in means.items()]
+    means: dict[str, dict[str, float | None]] = {}
+    rows = tuple(f"{key}." for key in numbers.keys)
+    runs = Runs(gather(plan, store), {})
+    for name, result in runs.results.items():
+        changes = result.condition.changes.items()
+        choice = {key: value for key, value in changes if not f"{key}.".startswith(rows)}
+        mean = runs.describe(name, numbers.measure).mean if not result.missing else None
+        means.setdefault(json.dumps(choice), {})[numbers.row_of[name]] = mean
+    found = [Candidate(json.loads(choice), of, numbers.published) for choice, of in means.items()]
     return sorted(found, key=Candidate.error)
 
 
-@dataclass(frozen=True, slots=True)
-class LeftOut:
+class LeftOut(NamedTuple):
     """A published number, and what the candidate says of it that is best by all the others."""
 
-    row: Row
+    row: str
     published: float
     predicted: float | None
     choice: dict[str, object]
@@ -101,7 +131,7 @@ def left_out_lines(found: list[LeftOut]) -> list[tuple[str, ...]]:
     """One line for each number, under LEFT_OUT."""
     return [
         (
-            _named(line.row),
+            line.row,
             f"{line.published:.0f}",
             "not finished" if line.predicted is None else f"{line.predicted:.0f}",
             "-" if line.predicted is None else f"{line.predicted / line.published:.2f}",
@@ -127,9 +157,4 @@ def head(found: list[Candidate]) -> tuple[str, ...]:
     """The columns of `lines`: the varied keys, then each published number."""
     first = found[0]
     keys = ", ".join(key.rpartition(".")[2] for key in first.choice)
-    return (keys, *(f"{_named(row)} ({first.published[row]:.0f})" for row in first.means), "rms log-ratio")
-
-
-def _named(row: Row) -> str:
-    robots, network, removal = row
-    return f"{robots}, {network}{', shrinking' if removal else ''}"
+    return (keys, *(f"{row} ({first.published[row]:.0f})" for row in first.means), "rms log-ratio")

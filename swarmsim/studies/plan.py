@@ -19,7 +19,7 @@ from msgspec import Meta, Struct
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import budget
-from swarmsim.core.scenario.decoding import convert
+from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.core.scenario.file import Scenario, assign, decode, every_part, files_outside, without_later
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.identity import Code, known
@@ -145,6 +145,11 @@ def _world_key(scenario: Scenario) -> bytes:
     return msgspec.json.encode([scenario.world, scenario.grid.cell], enc_hook=plain, order="deterministic")
 
 
+def read_study(path: Path) -> Study:
+    """What a study file says, without a look at its scenario. Raises InputError."""
+    return read_struct(path, "a study file", Study)
+
+
 def open_study(
     path: Path, seeds: int | None = None, changes: dict[str, object] | None = None, keep_old: bool = False
 ) -> Plan:
@@ -155,11 +160,7 @@ def open_study(
 
     Raises InputError that names the file, the condition and the key.
     """
-    try:
-        study = convert(read_toml(path, "a study file"), Study)
-    except InputError as problem:
-        text = str(problem)
-        raise InputError(text if text.startswith(str(path)) else f"{path}: {text}") from problem
+    study = read_study(path)
     study = msgspec.structs.replace(study, set={**study.set, **(changes or {})})
     chosen = study.seeds if seeds is None else seeds
     numbers = tuple(range(1, chosen + 1)) if isinstance(chosen, int) else tuple(chosen)

@@ -1,83 +1,26 @@
-"""The experiments of Kit, Mateo and Bouffanais (2018): their numbers beside ours, and their claims put to the test."""
+"""A paper's experiments done again: its numbers beside ours, and its claims put to the test."""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.scenario import shipped
-from swarmsim.studies import calibration
-from swarmsim.studies.plan import Plan, open_study
-from swarmsim.studies.results import Result, digest, gather
-from swarmsim.studies.statistics import Description, compare, fit_scaling, ranked, speed_up, trend
+from swarmsim.studies.claims import Runs, judge
+from swarmsim.studies.engine import Job
+from swarmsim.studies.paper import Claim, Listing, Paper, Reading
+from swarmsim.studies.plan import Plan
+from swarmsim.studies.results import Result, digest, gather, missing
+from swarmsim.studies.statistics import Description, fit_scaling, speed_up
 from swarmsim.studies.store import Store
+from swarmsim.studies.survival import Interval
 
-STUDIES = ("scalability", "network", "robustness")
-ALPHA = 0.05
-FEW = 10  # runs of a condition below which nothing is said of it
-CLOSE = 1.2  # means whose ratio is within this, or its inverse, are close to each other
-MATTERS = 0.25  # of the time of 15 robots, by which a gain has to fall for it to matter; as published it is 0.65
-FLAT = 1.15  # the same of means that make no difference that matters
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One way to read what the paper says and what it leaves open."""
-
-    name: str
-    title: str
-    given: tuple[tuple[str, str], ...]  # sentences of the paper, and how they are read
-    changes: dict[str, object]  # of the studies' scenario, by dotted key
-    chain: str  # the condition that stands for the published chain
-    calibrated: tuple[str, ...]  # the published numbers by which the open choices were made
-    calibration: str  # the study in which they were made
-
-
-READINGS: Final = {
-    reading.name: reading
-    for reading in (
-        Reading(
-            name="letter",
-            title="by the letter",
-            given=(
-                (
-                    "Algorithm 1 gets target and path in every call",
-                    "robots choose their target and plan their path anew in every iteration",
-                ),
-                (
-                    "Chain is a static network where each robot is connected to two other particular robots",
-                    "a ring: in a chain the two at the ends are connected to one",
-                ),
-                ("the union of all the robots' local maps", "the maps of removed robots stay in the union"),
-                ("a frontier exploration algorithm [Yamauchi]", "the nearest frontier, by the length of the way"),
-            ),
-            changes={
-                "mind.strategy.replan": "every-iteration", "world.scale": 0.9, "robots.spawn": "floor",
-                "mind.strategy.ties": "row-order", "mind.strategy.neighbours": 4,
-            },
-            chain="ring",
-            calibrated=("all",),
-            calibration="letter.toml",
-        ),
-        Reading(
-            name="arrival",
-            title="replanning on arrival",
-            given=(("the robot runs A* to reach the target location", "it keeps the target until it is there"),),
-            changes={},
-            chain="chain",
-            calibrated=("1NN", "5NN", "N=15"),
-            calibration="calibration.toml",
-        ),
-    )
-}  # fmt: skip
+FEW: Final = 10  # runs of a condition below which nothing is said of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,33 +51,24 @@ class Number:
         return math.inf if self.ratio is None else math.log(self.ratio)
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """What the paper says, whether our runs hold or refute it, and by which test."""
+class Decided(NamedTuple):
+    """A claim, whether our runs hold or refute it, and by which tests."""
 
-    text: str
+    claim: Claim
     verdict: str  # "holds", "does not hold", "undecided" or "too few runs"
     test: str
-
-    @property
-    def line(self) -> tuple[str, str, str]:
-        """A line of a table under CLAIMED."""
-        return self.text, self.verdict, self.test
-
-
-def _verdict(holds: bool, fails: bool) -> str:
-    return "holds" if holds else "does not hold" if fails else "undecided"
 
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
     """Everything that a report tells of one reading."""
 
+    paper: Paper
     reading: Reading
     plans: dict[str, Plan]
     results: dict[str, dict[str, Result]]  # by study, then condition
     numbers: tuple[Number, ...]
-    claims: tuple[Claim, ...]
+    claims: tuple[Decided, ...]
     digest: str
 
     @property
@@ -145,11 +79,25 @@ class Reproduction:
     @property
     def error_sentence(self) -> str:
         """The error, and what the published numbers would have to be for ours to agree with them."""
-        few = self.numbers[0].ours.n < FEW
         told = f"root-mean-square log-ratio over {len(self.numbers)} numbers: {self.error:.3f}"
-        if few or not math.isfinite(self.error):
+        if self.numbers[0].ours.n < FEW or not math.isfinite(self.error):
             return f"{told}; too few runs to say more"
         return f"{told}; {agreement(self.numbers).sentence}"
+
+    @property
+    def seed_count(self) -> str:
+        """How many seeds each condition has, such as "30", or "20 to 30" if that depends on the study."""
+        return _from_to(len(plan.seeds) for plan in self.plans.values())
+
+    @property
+    def seeds(self) -> str:
+        """From which seed to which, such as "1 to 30"."""
+        return _from_to(seed for plan in self.plans.values() for seed in plan.seeds)
+
+
+def _from_to(numbers: Iterable[int]) -> str:
+    found = sorted(numbers)
+    return str(found[0]) if found[0] == found[-1] else f"{found[0]} to {found[-1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,214 +138,123 @@ def agreement(numbers: Sequence[Number], most: int = 100) -> Agreement:
     return Agreement(statistics, len(seen), max(agreeing, default=None))
 
 
-def plans(seeds: int, reading: Reading) -> dict[str, Plan]:
-    """The paper's three studies with so many seeds. Raises InputError if they are not installed."""
-    return {name: open_study(_folder() / f"{name}.toml", seeds, reading.changes) for name in STUDIES}
+def reproduce(
+    paper: Paper,
+    store: Store,
+    run_jobs: Callable[[Sequence[Job]], None],
+    seeds: int | None = None,
+    readings: Sequence[str] = (),
+) -> list[Reproduction]:
+    """Do the runs of a paper's studies that the store lacks, and compare: one reproduction for each reading.
+
+    `run_jobs` does jobs and keeps their rows in the store. `seeds` replaces the studies' numbers of seeds; `readings`
+    are names, by default all. Raises InputError for what is wrong in the folder, and for runs that failed.
+    """
+    read = paper.read(readings)
+    plans = [paper.plans(one, seeds) for one in read]
+    # A run that two tables or readings share is done once.
+    opened = [plan for of_reading in plans for plan in of_reading.values()]
+    run_jobs(list({job.identity: job for plan in opened for job in missing(plan, store)}.values()))
+    return [evaluate(paper, one, of, store) for one, of in zip(read, plans, strict=True)]
 
 
-def calibration_plan(reading: Reading) -> Plan:
-    """The study by which the open choices were made."""
-    return open_study(_folder() / reading.calibration)
-
-
-def published_numbers() -> dict[calibration.Row, float]:
-    """The published iterations, for a calibration."""
-    return calibration.published(_folder() / "published.csv")
-
-
-def _folder() -> Path:
-    return shipped.root() / "scenarios" / "studies" / "kit2018"
-
-
-def evaluate(reading: Reading, studies: dict[str, Plan], store: Store) -> Reproduction:
-    """Compare the runs in the store with what was published. Raises InputError if any are missing."""
-    results = {name: gather(plan, store) for name, plan in studies.items()}
+def evaluate(paper: Paper, reading: Reading, plans: dict[str, Plan], store: Store) -> Reproduction:
+    """Compare the runs in the store with what was published. Raises InputError if any are missing or failed."""
+    results = {name: gather(plan, store) for name, plan in plans.items()}
     for name, found in results.items():
         for condition, result in found.items():
             if result.missing or result.failed:
                 why = result.failed[0].message if result.failed else f"{result.missing} runs are missing"
                 raise InputError(f"{store.path}: {name}, {condition}: {why}")
-    with (_folder() / "published.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    runs = {name: Runs(of, reading.conditions) for name, of in results.items()}
     numbers = []
-    for row in rows:
-        of, condition = results[row["experiment"]], row["condition"]
-        result = of[reading.chain if condition == "chain" else condition]
-        known = condition in reading.calibrated or "all" in reading.calibrated
-        spread = float(np.log(result.times).std(ddof=1)) if len(result.times) > 1 else math.inf
-        numbers.append(Number(row["experiment"], condition, float(row["iterations"]), result.describe(), known, spread))
-    runs = [result for found in results.values() for result in found.values()]
-    return Reproduction(reading, studies, results, tuple(numbers), _claims(results, reading), digest(runs))
+    for number in paper.published:
+        ours = runs[number.study].describe(number.condition, paper.about.published)
+        known = number.condition in reading.calibrated or "all" in reading.calibrated
+        values = runs[number.study].values(number.condition, paper.about.published)
+        spread = float(np.log(values).std(ddof=1)) if ours.mean is not None and ours.n > 1 else math.inf
+        numbers.append(Number(number.study, number.condition, number.value, ours, known, spread))
+    decided = tuple(decide(claim, runs) for claim in paper.claims)
+    every = [result for found in results.values() for result in found.values()]
+    return Reproduction(paper, reading, plans, results, tuple(numbers), decided, digest(every))
 
 
-HEAD = ("condition", "published", "ours", "95 % interval", "sd", "n", "ratio", "one run: 95 %", "inside", "")
+def decide(claim: Claim, runs: Mapping[str, Runs]) -> Decided:
+    """Put a claim to its tests, by the runs of each study: it holds if all do, and fails if one does."""
+    if min(len(one.rows) for check in claim.test for one in runs[check.study].results.values()) < FEW:
+        return Decided(claim, "too few runs", f"expected {FEW} of each condition")
+    judged = [judge(check, runs[check.study]) for check in claim.test]
+    fails = "does not hold" if any(one.fails for one in judged) else "undecided"
+    return Decided(
+        claim, "holds" if all(one.holds for one in judged) else fails, "; ".join(one.words for one in judged)
+    )
+
+
+HEAD: Final = ("condition", "published", "ours", "95 % interval", "sd", "n", "ratio", "one run: 95 %", "inside", "")
+LISTED: Final = ("condition", "mean", "95 % interval", "n")
+CLAIMED: Final = ("claim", "", "test")
 
 
 def lines(found: Reproduction) -> list[tuple[str, ...]]:
     """The published numbers beside ours, one line each, under HEAD."""
     rows: list[tuple[str, ...]] = []
+    form = ".0f" if found.paper.about.published == "iterations" else ".4g"
     for number in found.numbers:
-        d = number.ours
-        few = d.n < FEW
-        rows.append(
-            (
-                number.condition,
-                f"{number.published:.0f}",
-                "-" if d.mean is None else f"{d.mean:.0f}",
-                "too few" if few else "-" if d.interval is None else f"{d.interval[0]:.0f} to {d.interval[1]:.0f}",
-                "-" if d.sd is None else f"{d.sd:.0f}",
-                str(d.n) if d.finished == d.n else f"{d.finished} of {d.n}",
-                "-" if number.ratio is None else f"{number.ratio:.2f}",
-                "too few"
-                if few
-                else "-"
-                if d.prediction is None
-                else f"{d.prediction[0]:.0f} to {d.prediction[1]:.0f}",
-                "-" if few else "yes" if number.inside else "no",
-                "calibrated" if number.calibrated else "predicted",
-            )
-        )
+        d, few = number.ours, number.ours.n < FEW
+        interval, prediction = ("too few" if few else _between(ends, form) for ends in (d.interval, d.prediction))
+        inside = "-" if few else "yes" if number.inside else "no"
+        kind = "calibrated" if number.calibrated else "predicted"
+        ours = (_one(d.mean, form), interval, _one(d.sd, form), _count(d), _one(number.ratio, ".2f"))
+        rows.append((number.condition, _one(number.published, form), *ours, prediction, inside, kind))
     return rows
 
 
 def side_by_side(found: Sequence[Reproduction]) -> list[tuple[str, ...]]:
     """The published numbers, and mean and ratio of each reading, one line each."""
-    rows = []
-    for place, number in enumerate(found[0].numbers):
-        cells = []
-        for one in found:
-            ours = one.numbers[place]
-            cells += ["-", "-"] if ours.ratio is None else [f"{ours.ours.mean:.0f}", f"{ours.ratio:.2f}"]
-        rows.append((number.condition, f"{number.published:.0f}", *cells))
-    rows.append(("rms log-ratio", "", *(cell for one in found for cell in ("", f"{one.error:.3f}"))))
-    return rows
-
-
-CLAIMED = ("claim", "", "test")
-CLAIMS: Final = (
-    "more robots map faster",
-    "the gain from 15 to 20 robots is smaller than that from 10 to 15",
-    "hearing one neighbour instead of none is a drastic gain: by more than half of the time with one",
-    "dynamic networks of two neighbours and more beat the static chain",
-    "more neighbours help from one to five, and a sixth makes no difference of 15 %",
-    "the shrinking swarm leaves the curve of 20 robots right after iteration 50",
-    "the shrinking swarm ends close to the swarm of 5: within a fifth",
-    "with 75 % of the robots lost the map is still completed",
-)
-
-
-def _claims(results: dict[str, dict[str, Result]], reading: Reading) -> tuple[Claim, ...]:
-    size = {name: ranked(r.times, r.finished) for name, r in results["scalability"].items()}
-    net = {name: ranked(r.times, r.finished) for name, r in results["network"].items()}
-    swarm = {name: ranked(r.times, r.finished) for name, r in results["robustness"].items()}
-    if min(len(times) for of in (size, net, swarm) for times in of.values()) < FEW:
-        return tuple(Claim(text, "too few runs", f"expected {FEW} of each condition") for text in CLAIMS)
-    by_size = trend(list(size.values()))
-    by_degree = trend([net[f"{k}NN"] for k in range(1, 6)])
-    alone = compare({name: net[name] for name in ("0NN", "1NN")})[0]
-    times_alone = _bootstrap(lambda a, b: a.mean() / b.mean(), net["0NN"], net["1NN"])
-    gain, matters = _gain(size), MATTERS * float(size["N=15"].mean())
-    nearest = {name: net[name] for name in (reading.chain, *(f"{k}NN" for k in range(1, 7)))}
-    dynamic = compare(nearest, reading.chain)
-    flat = _bootstrap(lambda a, b: a.mean() / b.mean(), net["6NN"], net["5NN"])
-    early, late = (_coverages(results["robustness"], at) for at in (50, 100))
-    apart = compare({"shrinking": late["20-15-10-5 units"], "20": late["20 units"]})[0]
-    same = np.array_equal(early["20-15-10-5 units"], early["20 units"])
-    shrunk, few = swarm["20-15-10-5 units"], swarm["5 units"]
-    difference = _bootstrap(lambda a, b: a.mean() / b.mean(), shrunk, few)
-    faster = [found.first for found in dynamic if found.a12 < 0.5 and found.adjusted < ALPHA]
-    slower = [found.first for found in dynamic if found.a12 > 0.5 and found.adjusted < ALPHA]
-    tests = (
-        (
-            _verdict(by_size.statistic < 0.0 and by_size.p < ALPHA, by_size.statistic > 0.0 and by_size.p < ALPHA),
-            f"Jonckheere-Terpstra over N = 5 to 20: tau {by_size.statistic:.2f}, p {by_size.p:.1g}",
-        ),
-        (
-            _verdict(gain[0] > 0.0, gain[1] < matters),
-            f"bootstrap of the difference of the gains: 95 % {gain[0]:.0f} to {gain[1]:.0f} iterations; it matters "
-            f"from {matters:.0f} on, a quarter of the time of 15 robots (published: 378)",
-        ),
-        (
-            _verdict(times_alone[0] > 1.5, times_alone[1] < 1.5),
-            f"bootstrap of the ratio of 0NN to 1NN: 95 % {times_alone[0]:.2f} to {times_alone[1]:.2f}; "
-            f"A12 {alone.a12:.2f}",
-        ),
-        (
-            _verdict(set(faster) >= {f"{k}NN" for k in range(2, 7)}, bool(slower)),
-            f"Mann-Whitney with Holm, against the {reading.chain}: significantly faster {', '.join(faster) or 'none'}; "
-            f"slower {', '.join(slower) or 'none'}",
-        ),
-        (
-            _verdict(
-                by_degree.statistic < 0.0 and by_degree.p < ALPHA and flat[0] >= 1.0 / FLAT and flat[1] <= FLAT,
-                flat[1] < 1.0 / FLAT or flat[0] > FLAT or (by_degree.statistic > 0.0 and by_degree.p < ALPHA),
-            ),
-            f"Jonckheere-Terpstra over k = 1 to 5: tau {by_degree.statistic:.2f}, p {by_degree.p:.1g}; bootstrap of "
-            f"the ratio of 6NN to 5NN: 95 % {flat[0]:.2f} to {flat[1]:.2f}",
-        ),
-        (
-            _verdict(same and apart.p < ALPHA and apart.a12 < 0.5, not same or (apart.p < ALPHA and apart.a12 > 0.5)),
-            f"coverage after 50 iterations is {'the same' if same else 'different'}; Mann-Whitney after 100: "
-            f"p {apart.p:.1g}, A12 {apart.a12:.2f}",
-        ),
-        (
-            _verdict(
-                difference[0] >= 1.0 / CLOSE and difference[1] <= CLOSE,
-                difference[1] < 1.0 / CLOSE or difference[0] > CLOSE,
-            ),
-            f"bootstrap of the ratio of the means: 95 % {difference[0]:.2f} to {difference[1]:.2f}, of 0.83 to 1.2",
-        ),
-        (
-            _verdict(bool(np.isfinite(shrunk).all()), not np.isfinite(shrunk).all()),
-            f"{int(np.isfinite(shrunk).sum())} of {len(shrunk)} runs finished",
-        ),
-    )
-    return tuple(Claim(text, verdict, test) for text, (verdict, test) in zip(CLAIMS, tests, strict=True))
-
-
-def _coverages(results: dict[str, Result], iteration: int) -> dict[str, np.ndarray]:
-    return {
-        name: np.array([curve[min(iteration, len(curve)) - 1] for curve in result.curves])
-        for name, result in results.items()
-    }
-
-
-def _gain(size: dict[str, np.ndarray]) -> tuple[float, float]:
-    """Interval of the gain from 10 to 15 robots less that from 15 to 20."""
-
-    def less(ten: np.ndarray, fifteen: np.ndarray, twenty: np.ndarray) -> float:
-        return float((ten.mean() - fifteen.mean()) - (fifteen.mean() - twenty.mean()))
-
-    return _bootstrap(less, size["N=10"], size["N=15"], size["N=20"])
-
-
-def _bootstrap(statistic: Callable[..., float], *samples: np.ndarray, resamples: int = 9999) -> tuple[float, float]:
-    """The 95 % percentile bootstrap interval of a statistic of independent samples (Efron 1979)."""
-    generator = np.random.default_rng(0)
-    drawn = [
-        statistic(*(sample[generator.integers(0, len(sample), len(sample))] for sample in samples))
-        for _ in range(resamples)
-    ]
-    low, high = np.quantile(drawn, [0.025, 0.975])
-    return float(low), float(high)
-
-
-def scaling_lines(found: Reproduction) -> list[tuple[str, ...]]:
-    """Speed-up, efficiency and Karp and Flatt's serial share against 5 robots, one line for each swarm."""
-    results = found.results["scalability"]
-    base = results["N=5"].times.mean()
     rows: list[tuple[str, ...]] = []
-    for name, result in results.items():
-        robots = float(result.condition.scenario.robots.count)
-        s = speed_up(float(result.times.mean()), robots, float(base), 5.0)
-        serial = "-" if s.serial_share is None else f"{s.serial_share:.2f}"
-        rows.append((name, f"{s.speed_up:.2f}", f"{s.efficiency:.2f}", serial))
+    form = ".0f" if found[0].paper.about.published == "iterations" else ".4g"
+    for place, number in enumerate(found[0].numbers):
+        ours = [one.numbers[place] for one in found]
+        cells = [cell for one in ours for cell in (_one(one.ours.mean, form), _one(one.ratio, ".2f"))]
+        rows.append((number.condition, _one(number.published, form), *cells))
+    return [*rows, ("rms log-ratio", "", *(cell for one in found for cell in ("", f"{one.error:.3f}")))]
+
+
+def listed(found: Reproduction, listing: Listing) -> list[tuple[str, ...]]:
+    """A paper's table of one measure, one line for each condition, under LISTED."""
+    runs = Runs(found.results[listing.study], {})
+    described = {name: runs.describe(name, listing.measure) for name in runs.results}
+    return [(name, _one(d.mean, ".4g"), _between(d.interval, ".4g"), _count(d)) for name, d in described.items()]
+
+
+def _one(value: float | None, form: str) -> str:
+    return "-" if value is None else f"{value:{form}}"
+
+
+def _between(ends: Interval | None, form: str) -> str:
+    return "-" if ends is None else f"{ends[0]:{form}} to {ends[1]:{form}}"
+
+
+def _count(d: Description) -> str:
+    return str(d.n) if d.finished == d.n else f"{d.finished} of {d.n}"
+
+
+def scaling_lines(results: Mapping[str, Result]) -> list[tuple[str, ...]]:
+    """Speed-up, efficiency and Karp and Flatt's serial share against the first swarm, one line for each swarm."""
+    sizes = [(name, _robots(result), float(result.times.mean())) for name, result in results.items()]
+    rows: list[tuple[str, ...]] = []
+    for name, robots, time in sizes:
+        s = speed_up(time, robots, sizes[0][2], sizes[0][1])
+        rows.append((name, f"{s.speed_up:.2f}", f"{s.efficiency:.2f}", _one(s.serial_share, ".2f")))
     return rows
 
 
-def scaling_fit(found: Reproduction) -> tuple[float, float]:
-    """The a and b of T = a + b / N, over all runs of Table I."""
-    results = found.results["scalability"].values()
-    robots = np.concatenate([np.full(len(r.times), r.condition.scenario.robots.count) for r in results])
-    fit = fit_scaling(robots, np.concatenate([r.times for r in results]))
+def scaling_fit(results: Mapping[str, Result]) -> tuple[float, float]:
+    """The a and b of T = a + b / N, over all runs of swarms of several sizes. Raises ValueError for one size."""
+    robots = np.concatenate([np.full(len(r.times), _robots(r)) for r in results.values()])
+    fit = fit_scaling(robots, np.concatenate([r.times for r in results.values()]))
     return fit.serial, fit.parallel
+
+
+def _robots(result: Result) -> float:
+    return float(result.condition.scenario.robots.count)

@@ -15,8 +15,8 @@ from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.state import Intents, Knowledge, Senses
+from swarmsim.engine import minds
 from swarmsim.engine.build import Run
-from swarmsim.engine.foreign import built
 from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
@@ -138,8 +138,7 @@ Mind = tuple[AnyComputation, AnyStrategy]
 
 def _mind(run: Run, context: BuildContext) -> Mind:
     """A new mind, as built for a run."""
-    mind = run.scenario.mind
-    return built(mind.computation, context), built(mind.strategy, context)
+    return minds.together(minds.built_for(run.scenario, context), run.scenario)
 
 
 def _repeated(
@@ -215,8 +214,11 @@ def _check_said(
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     assert here == there, wrong.format(f"says {here} bytes, not {there},")
     content, whole = mine.of(row), first.of(robot)
-    assert type(content).__match_args__ == type(whole).__match_args__, wrong.format("says other columns")
-    for name, one, other in zip(type(whole).__match_args__, content.arrays(), whole.arrays(), strict=True):
+    names, columns = type(whole).__match_args__, (content.arrays(), whole.arrays())
+    same = type(content).__match_args__ == names and len(columns[0]) == len(columns[1])
+    assert same, wrong.format("says other columns")
+    for number, (one, other) in enumerate(zip(*columns, strict=True)):
+        name = names[number] if len(names) == len(columns[0]) else "items"  # those of several kinds have no names
         same = (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
         assert same, wrong.format(f"says other {name}")
 
@@ -260,9 +262,10 @@ def check_locality(
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
     """What one robot does, as something to compare."""
     way = intents.waypoints[robot, : intents.counts[robot]]
-    twist = None if intents.twists is None else intents.twists[robot].tobytes()
+    twist = None if intents.twists is None else intents.twists[robot]
+    velocity = None if twist is None or np.isnan(twist).all() else twist.tobytes()  # NaN follows the way, as without
     commands = {name: column[robot].tobytes() for name, column in intents.commands.items()}
-    return tuple(intents.goals[robot].tolist()), way.tobytes(), bool(intents.planned[robot]), twist, commands
+    return intents.goals[robot].tobytes(), way.tobytes(), bool(intents.planned[robot]), velocity, commands
 
 
 def _scrambled(senses: Senses, robot: int) -> Senses:

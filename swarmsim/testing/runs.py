@@ -14,10 +14,12 @@ from swarmsim.core.messages import Broadcast, MessageBatch
 from swarmsim.core.parts import AnyComputation, Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
+from swarmsim.core.scenario.toml import read_toml
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
 from swarmsim.engine.build import Run, build
 from swarmsim.recording.digests import Digests
+from swarmsim.robots.kinematics import drives_of
 
 ITERATIONS: Final = 25  # of a run that is checked, unless told otherwise
 SLACK: Final = 1e-9  # m/s that wheels may be too fast by rounding
@@ -51,11 +53,12 @@ def check_strictly(
     """
     run = opened(scenario, limited(overrides, iterations), True, allow_code)
     parts, problems = run.simulation.parts, []
+    speeds = drives_of(run.context).units == "m/s"
 
     class Check:
         def sample(self, moment: Moment[Knowledge]) -> None:
             run.sampled(moment)
-            fastest = float(np.abs(moment.state.wheels).max(initial=0.0))
+            fastest = float(np.abs(moment.state.wheels[speeds]).max(initial=0.0))
             if fastest > run.scenario.robots.speed + SLACK:
                 problems.append(f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}")
             if not np.isfinite(moment.state.pose).all():
@@ -105,8 +108,10 @@ def check_determinism(
 def check_alone(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """A single robot that hears nobody does what it can."""
-    alone = ("robots.count=1", 'network.topology={use="none"}', "faults=[]")
+    """A single robot that hears nobody does what it can; of a swarm of groups, one of each."""
+    robots = read_toml(Path(scenario), "a scenario file").get("robots")
+    single = [f"robots.{number}.count=1" for number in range(len(robots))] if isinstance(robots, list) else ()
+    alone = (*(single or ("robots.count=1",)), 'network.topology={use="none"}', "faults=[]")
     check_strictly(scenario, (*overrides, *alone), iterations, allow_code)
 
 

@@ -152,7 +152,7 @@ class Scene:
         recording = self._recording
         self.iterations = recording.iterations
         #: Whether there are ways and goals to show.
-        self.walks = len(recording["paths"]) > 0 or bool((recording["goals"] >= 0).any())
+        self.walks = len(recording["paths"]) > 0 or not np.isnan(recording["goals"]).all()
         self.curves = _curves(recording)
         self.limits = _limits(self.curves, recording)
         self._occurrences = Occurrences(recording)
@@ -216,8 +216,7 @@ class Scene:
         pose = _between(*ends, min(iteration - row, 1.0), self._around)
         alive = recording["alive"][row]
         told = self._told(row)
-        goals = recording["goals"][row]
-        aims = np.where((goals >= 0) & alive[:, None], self.lattice.centres(goals), np.nan)
+        aims = np.where(alive[:, None], recording["goals"][row], np.nan)
         return Frame(
             iteration=int(iteration),
             time=iteration * self.period,

@@ -376,12 +376,19 @@ MISTAKES: dict[str, tuple[str, str, int, list[str]]] = {
         3,
         ["read-only", "in mine: place -= place.mean(axis=0)"],
     ),
-    "a goal outside": (
+    "a goal that is nowhere": (
         "strategy",
         "def mine(observations):\n    found = Intents.twisting(np.zeros((3, 2)))\n"
-        "    return replace(found, goals=np.full((3, 2), 9999, np.int32))\n",
+        "    return replace(found, goals=np.full((3, 2), np.inf))\n",
         3,
-        ["goals[0]: [9999, 9999]; expected a cell of the", "in mine"],
+        ["goals[0]: [inf, inf]; expected x, y in m, or NaN twice for none", "in mine"],
+    ),
+    "a goal as a cell": (
+        "strategy",
+        "def mine(observations):\n    found = Intents.twisting(np.zeros((3, 2)))\n"
+        "    return replace(found, goals=np.full((3, 2), 4, np.int32))\n",
+        3,
+        ["goals: int32 of shape (3, 2); expected float64", "points in m, not cells", "in mine"],
     ),
     # Tasks
     "done as a text": (

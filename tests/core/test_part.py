@@ -81,7 +81,7 @@ def test_parts_in_structs_are_of_the_seam_that_their_type_says() -> None:
                 assert field.default.seam == seam_of(field.type), field.name
                 found += 1
     assert found >= 10
-    assert all(seam.name in Group.__struct_fields__ for seam in SEAMS.values() if seam.of_groups)
+    assert all(seam.place[0] in Group.__struct_fields__ for seam in SEAMS.values() if seam.of_groups)
 
 
 def test_parts_are_equal_and_hashed_by_all_their_keys() -> None:

@@ -12,7 +12,7 @@ from swarmsim import testing
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.file import load, parts_of
+from swarmsim.core.scenario.file import load, minds_of
 from swarmsim.engine.build import build
 from swarmsim.operations.mapping.exploration.strategy import Exploring
 
@@ -487,6 +487,7 @@ MINDS = [
     *(("room", f'mind.computation.sharing={{use="{policy}"}}') for policy in registry.known("sharing")),
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),
+    ("operations/pursuit", "seed=1"),
     ("operations/moving-field", "robots.count=7"),
     *((f"operations/{name}", "seed=2") for name in ("dispersion", "area-coverage", "perimeter", "formation", "lights")),
 ]
@@ -498,9 +499,11 @@ def path_of(scenario: str) -> Path:
 
 
 def test_every_computation_strategy_and_task_is_tried() -> None:
-    tried = [parts_of(load(path_of(scenario), [key])) for scenario, key in MINDS]
-    for seam in ("computation", "strategy", "task"):
-        assert {parts[seam].use for parts in tried} == registry.known(seam).keys()
+    tried = [load(path_of(scenario), [key]) for scenario, key in MINDS]
+    minds = [one.mind for scenario in tried for one in minds_of(scenario)]
+    assert {mind.computation.use for mind in minds} == registry.known("computation").keys()
+    assert {mind.strategy.use for mind in minds} == registry.known("strategy").keys()
+    assert {scenario.task.use for scenario in tried} == registry.known("task").keys()
 
 
 @pytest.mark.parametrize(("scenario", "key"), MINDS)

@@ -45,7 +45,7 @@ class Watch:
         return intents.waypoints[ROBOT, : intents.counts[ROBOT]]
 
     def goal(self, iteration: int) -> tuple[int, int]:
-        return tuple(self.moments[iteration].intents.goals[ROBOT].tolist())
+        return tuple(self.run.arena.lattice.cells_within(self.moments[iteration].intents.goals[ROBOT]).tolist())
 
 
 def watched(failure: str, more: str = f"at={ONSET}, duration={END - ONSET}, robots=[{ROBOT}]") -> Watch:
@@ -250,7 +250,7 @@ def test_every_place_in_reach_and_no_other_is_drawn(seed, steps, radius) -> None
         decision = walk.decided(0, SimpleNamespace(pose=pose[None]), mind)
         assert decision.new == (len(decision.way) > 0)
         assert len(decision.way) <= steps
-        drawn.add(tuple(decision.goal.tolist()))
+        drawn.add(tuple(lattice.cells_within(decision.goal).tolist()))
     assert drawn == (within(free, start, steps) or {(-1, -1)})
 
 

@@ -121,8 +121,11 @@ class _Draw:
             table["field"] = self._any("field")
         if dice.random() < 0.55:
             tiles = sensor.get("use", "ir-ring") == "ir-ring" and not isinstance(robots, list)
+            group = ""
+            if not isinstance(robots, list) and dice.random() < 0.3:
+                group, table["robots"] = "everybody", [{**robots, "name": "everybody"}]
             timelines = Timelines(
-                dice, self._count, self._place.width, self._place.height, maps=maps, tiles=tiles
+                dice, self._count, self._place.width, self._place.height, maps=maps, tiles=tiles, group=group
             )  # fmt: skip
             bodies = table.get("physics", {}).get("use", "pymunk") == "pymunk"
             table["faults"] = timelines.some(sorted(registry.known("fault")), bodies)
@@ -141,7 +144,29 @@ class _Draw:
                 table["sensors"].append({**self._ring(ranges=False), "name": "rear"})
         if not isinstance(robots, list) and dice.random() < 0.3:
             self._lights(table)
+        elif not isinstance(robots, list) and self._count > 1 and dice.random() < 0.1:
+            table |= self._pursuit(robots)
+        self._wheels(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
+
+    def _pursuit(self, robots: Table) -> Table:
+        """Two groups with minds of their own, in the place of what robots are, sense, do and suffer."""
+        pursuers, keys = self._dice.randint(1, self._count - 1), {"spawn": robots["spawn"]} if "spawn" in robots else {}
+        groups: list[Table] = [
+            {
+                "name": name, "count": count, **keys,
+                "mind": {"computation": self._part("computation", one), "strategy": self._part("strategy", two)},
+            }
+            for name, count, one, two in (
+                ("pursuers", pursuers, "chase", "pursue"), ("evaders", self._count - pursuers, "flight", "evade")
+            )
+        ]  # fmt: skip
+        fault = {"use": "remove", "at": self._dice.randint(1, 5), "group": self._dice.choice(("pursuers", "evaders"))}
+        return {
+            "robots": groups, "sensor": {"use": "ir-ring"}, "task": self._part("task", "caught"),
+            "sensors": [{"use": "neighbours", "reach": 3.0, "groups": True}],
+            "faults": [fault] if self._dice.random() < 0.5 else [], "probes": [],
+        }  # fmt: skip
 
     def _lights(self, table: Table) -> None:
         """Lights on the robots, which see those of others and most often tell something by them."""
@@ -164,6 +189,17 @@ class _Draw:
             )  # fmt: skip
         if dice.random() < 0.5:
             table["task"] = self._part("task", "lit", light=lambda: light)
+
+    def _wheels(self, table: Table) -> None:
+        """Give robots other wheels than two, unless they are particles or a fault is of one of two wheels."""
+        dice, faults = self._dice, table.get("faults", [])
+        stuck = any("wheel" in one or one.get("failure") == "stuck" for one in faults if one["use"] == "motor")
+        if stuck or table.get("physics", {}).get("use", "pymunk") != "pymunk" or dice.random() > 0.3:
+            return
+        table["kinematics"] = self._any("kinematics")
+        for group in table["robots"] if isinstance(table["robots"], list) else []:
+            if dice.random() < 0.5:
+                group["kinematics"] = self._any("kinematics")
 
     def _any(self, seam: str) -> Table:
         return self._part(seam, self._dice.choice(sorted(registry.known(seam))))
@@ -255,6 +291,11 @@ class _Draw:
                 "range": lambda: self._maybe(round(dice.uniform(0.5, 2.0), 2)),
             },
             **dict.fromkeys(("disperse", "lloyd", "self-propelled", "wander"), pace),
+            "chase": {"of": lambda: self._maybe("evaders")},
+            "pursue": pace,
+            "flight": {"of": lambda: self._maybe("pursuers")},
+            "evade": {**pace, "of": lambda: self._maybe("pursuers")},
+            "caught": {"pursuers": lambda: self._maybe("pursuers"), "evaders": lambda: self._maybe("evaders")},
             "pymunk": {"substep": lambda: self._maybe(dice.choice((1 / 128, 1 / 32)))},
             "particles": {"substeps": lambda: self._maybe(dice.randint(1, 20))},
         }  # fmt: skip

@@ -47,7 +47,7 @@ def test_twenty_damages_of_each_scenario_are_read_or_refused_in_a_sentence(salt:
 
 def test_every_part_of_every_seam_takes_part_and_every_key_of_it() -> None:
     drawn: defaultdict[tuple[str, str], set[str]] = defaultdict(set)
-    for number in range(1500):
+    for number in range(4000):
         for seam, table in tables_of(scenario(number).table):
             drawn[seam, table.get("use", SEAMS[seam].default)] |= table.keys()
     for seam in SEAMS.keys() - {"layer"}:  # which changes nothing in a run
@@ -62,12 +62,12 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     world, mind, robots = table["world"], table["mind"], table["robots"]
     if "generate" in world:
         yield "generator", world["generate"]
-    for seam in ("physics", "sensor", "field", "localisation", "motion", "task"):
+    for seam in ("physics", "sensor", "field", "localisation", "motion", "kinematics", "task"):
         if seam in table:
             yield seam, table[seam]
     for group in robots if isinstance(robots, list) else []:
-        if "sensor" in group:
-            yield "sensor", group["sensor"]
+        yield from ((seam, group[seam]) for seam in ("sensor", "kinematics") if seam in group)
+        yield from (group.get("mind") or {}).items()
     yield from (("computation", mind["computation"]), ("strategy", mind["strategy"]))
     if "drive" in mind["strategy"]:
         yield "strategy", mind["strategy"]["drive"]

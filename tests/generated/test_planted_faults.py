@@ -19,7 +19,7 @@ from swarmsim.network.delays import LatentChannel
 from swarmsim.network.losses import LossyChannel
 from swarmsim.operations.mapping.grids import OccupancyGrids
 from swarmsim.operations.mapping.measures.coverage import CoverageTask
-from swarmsim.robots.bodies import DifferentialDrive
+from swarmsim.robots.bodies import RigidDiscs
 from swarmsim.robots.sensors import IrRingSensor
 
 Plant = Callable[[pytest.MonkeyPatch], None]
@@ -93,7 +93,7 @@ PLANTED: dict[str, tuple[int, Plant, str]] = {
     "a wall that beams do not see": (13, wrapped(IrRingSensor, "_prepare", without_a_wall), r"beam|cells at"),
     "a wall that bodies do not meet": (
         54,
-        wrapped(DifferentialDrive, "_build_walls", without_a_wall),
+        wrapped(RigidDiscs, "_build_walls", without_a_wall),
         r"into walls|beyond a wall",
     ),
     "a cell that beams showed and a tile lacks": (

@@ -13,8 +13,14 @@ MAPS = {"byzantine"}  # kinds for robots that map alone
 class Timelines:
     """Draws faults for one swarm."""
 
-    def __init__(self, dice: Random, robots: int, width: float, height: float, *, maps: bool, tiles: bool) -> None:
-        """`width` and `height` of the page in m; whether robots keep maps, and whether they sense tiles."""
+    def __init__(
+        self, dice: Random, robots: int, width: float, height: float, *, maps: bool, tiles: bool, group: str = ""
+    ) -> None:
+        """`width` and `height` of the page in m; whether robots keep maps, and whether they sense tiles.
+
+        `group` is the name of the one group that there is, if there is one.
+        """
+        self._group = group
         self._dice, self._robots, self._size, self._maps, self._tiles = dice, robots, (width, height), maps, tiles
 
     def some(self, kinds: list[str], bodies: bool) -> list[Table]:
@@ -76,6 +82,7 @@ class Timelines:
             {"region": self._box(0.5, 3.0)},
             {"target": "hub"},
             {"target": dice.choice(("nearest", "farthest")), "point": [1.0, 1.0]},
+            *[{"group": self._group}] * (4 if self._group else 0),
         ]
         many: list[Table] = [
             {},

@@ -144,6 +144,32 @@ def test_the_others_follow_the_scenarios_own_strategy() -> None:
     np.testing.assert_array_equal(env.swarm.run.simulation.state.pose, run.state.pose)
 
 
+def test_one_group_learns_and_the_other_follows_its_own_strategy() -> None:
+    pursuit = ROOT / "scenarios" / "operations" / "pursuit.toml"
+    env = SwarmEnv(pursuit, {"seed": 3, "stop.iterations": 30}, learners=range(6))
+    env.reset(seed=3)
+    moved = False
+    for _ in range(10):
+        perceived = env._perceived
+        theirs = env.run.simulation.parts.strategy.step(perceived.senses, perceived.inbox, perceived.knowledge)
+        env.step(still(env))
+        decided = env.run.simulation._decided
+        np.testing.assert_array_equal(decided.twists[6:], theirs.twists[6:])
+        np.testing.assert_array_equal(decided.twists[:6], 0.0)
+        moved |= bool(decided.twists[6:].any())
+    assert moved
+
+
+def test_tiles_are_heard_of_a_group_that_says_them_alone() -> None:
+    """The third robot says where it is: a message of another kind."""
+    mind = {"computation": {"use": "positions"}, "strategy": {"use": "stand"}}
+    table = {"robots": [{"count": 2}, {"count": 1, "mind": mind}], "network.topology": {"use": "full"}}
+    env = SwarmEnv(ROOM, {**table, "task": {"use": "spacing", "apart": 9.0}})
+    observed, _ = env.reset(seed=1)
+    assert [int(one["heard"]) for one in observed.values()] == [1, 1, 2]
+    assert observed["robot_0"]["tiles"][0].any()
+
+
 def test_seeds_count_on_from_the_one_given() -> None:
     env = SwarmEnv(ROOM)
     first = [env.reset(seed=7 if number == 0 else None)[0]["robot_0"]["pose"] for number in range(3)]

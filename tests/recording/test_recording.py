@@ -148,6 +148,28 @@ def test_a_killed_run_opens_up_to_its_last_flush(tmp_path: Path, ticks: int) -> 
     assert recording.summary()["status"] == "interrupted"
 
 
+def test_goals_of_older_recordings_are_cells_and_read_as_their_middles(tmp_path: Path) -> None:
+    run = made("stop.iterations=6", 'mind.strategy={use="nearest-frontier"}')
+    with run.recorder(tmp_path / "recording.h5") as recorder:
+        run.simulation.run([recorder])
+    points = Recording(tmp_path)["goals"]
+    assert np.isfinite(points).any()
+    with h5py.File(tmp_path / "recording.h5", "a") as file:
+        del file["goals"]
+        file["goals"] = cells = run.arena.lattice.cells_within(points)
+    found = Recording(tmp_path)["goals"]
+    np.testing.assert_array_equal(found, points)
+    with h5py.File(tmp_path / "recording.h5", "a") as file:
+        file["goals"][0, 0] = run.arena.lattice.rows, 0
+    with pytest.raises(InputError, match="table 'goals' has numbers that cannot be"):
+        Recording(tmp_path)["goals"]
+    with h5py.File(tmp_path / "recording.h5", "a") as file:
+        del file["goals"]
+        file["goals"] = cells.astype(np.int64)
+    with pytest.raises(InputError, match="table 'goals' is int64"):
+        Recording(tmp_path)
+
+
 def test_a_run_that_goes_on_is_told_from_one_that_was_killed(tmp_path: Path) -> None:
     path = tmp_path / "recording.h5"
     code = KILLED.format(tests=str(ROOT / "tests"), path=str(path), ticks=BLOCK, end="sys.stdin.read()")

@@ -15,7 +15,7 @@ from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.robots import Robots
 from swarmsim.engine.build import build
 from swarmsim.kernels import drive
-from swarmsim.robots.bodies import DifferentialDrive, Pymunk
+from swarmsim.robots.bodies import Pymunk, RigidDiscs
 from swarmsim.robots.motion import WaypointFollower
 
 OPEN = np.empty((0, 4))
@@ -30,7 +30,7 @@ def robots(count=1, **changes):
 def bodies(pose, walls=OPEN, substep=SUBSTEP, friction=FRICTION, **changes):
     pose = np.array(pose, float).reshape(-1, 3)
     physics = Pymunk(substep=substep, friction=friction)
-    return DifferentialDrive(robots(len(pose), **changes), physics, building(walls), pose)
+    return RigidDiscs(robots(len(pose), **changes), physics, building(walls), pose)
 
 
 class Steady:
@@ -473,12 +473,14 @@ def test_an_iteration_of_too_many_sub_steps_is_refused_with_their_number(change:
 
 def test_a_robot_stands_at_its_last_waypoint_and_at_no_other() -> None:
     pose, wanted, cursor = np.array([[1.0, 1.0, 0.0]]), np.full((1, 2), 9.0), np.zeros(1, np.int64)
-    traits = np.array([[0.15, 0.1, 0.5]])
+    paces, rims, aims = np.array([[0.15, 0.5]]), np.array([[0.15, 0.1]]), np.full((1, 4), 9.0)
     ahead = 0.05
 
     def speeds(*ways: tuple[float, float]) -> list[float]:
         cursor[:] = 0
-        drive.pursue(pose, np.array([ways]), np.array([len(ways)], np.int32), cursor, ahead, traits, wanted)
+        counts = np.array([len(ways)], np.int32)
+        drive.pursue(pose, np.array([ways]), counts, cursor, np.array([ahead]), paces, aims)
+        drive.towards(aims, rims, wanted)
         return wanted[0].tolist()
 
     near = 1.0 + 0.5 * drive.ARRIVED * ahead

@@ -32,7 +32,7 @@ from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 class Intent:
     """What one robot has decided: a velocity or a way, and what its actuators are to do."""
 
-    twist: tuple[float, float] | None = None  # m/s ahead, rad/s counter-clockwise
+    twist: tuple[float, float, float] | None = None  # m/s ahead, rad/s counter-clockwise, m/s to the left
     way: NDArray[np.float64] | None = None  # (w, 2): x, y in m
     commands: Mapping[str, object] = field(default_factory=dict)  # by channel of an actuator
 
@@ -70,6 +70,8 @@ class Me:
     radius: float  # m
     random: np.random.Generator  # a stream of its own
     readings: SimpleNamespace  # what its other sensors give, by the names of their channels
+    #: What arrived of groups of robots that say messages of another kind: as `heard`, by the name of the group.
+    others: Mapping[str, Sequence[SimpleNamespace]]
 
     def __getattr__(self, name: str) -> Any:
         found = {} if name == "readings" else vars(self.readings)  # which is not there while it is made
@@ -88,12 +90,16 @@ class Me:
             return np.empty((0, 2))
         return self.lattice.centres(np.argwhere(self.tile == OCCUPIED) + self.corner)
 
-    def drive(self, ahead: float, turn: float = 0.0) -> Intent:
-        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise.
+    def drive(self, ahead: float, turn: float = 0.0, left: float = 0.0) -> Intent:
+        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise, m/s to the left.
 
-        Raises ValueError unless both are finite numbers.
+        Raises ValueError unless all are finite numbers, and for a robot that shall move to the left but cannot.
         """
-        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn)))
+        aside = _number("drive", "left", left)
+        if aside and not self._sideways:
+            wrong = f"left: {aside:g} m/s, but this robot cannot move to the side"
+            raise MisfitError(f"me.drive: {wrong}; expected 0, or kinematics.use = 'omni'")
+        return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn), aside))
 
     def head(self, yaw: float, ahead: float) -> Intent:
         """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
@@ -101,7 +107,7 @@ class Me:
         Raises ValueError unless both are finite numbers.
         """
         turn = (_number("head", "yaw", yaw) - self.yaw + np.pi) % (2.0 * np.pi) - np.pi
-        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period))
+        return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period, 0.0))
 
     def go(self, way: ArrayLike) -> Intent:
         """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end.
@@ -118,6 +124,7 @@ class Me:
         return Intent(way=places.astype(np.float64))
 
     _period: float = 1.0  # s, of an iteration
+    _sideways: bool = False  # whether it can move to the side
 
 
 class Mind(Protocol):
@@ -221,6 +228,7 @@ class Swarm:
         robots, lattice, period = self._context.robots, self._context.lattice, self._context.period
         readings, now = senses.readings, senses.iteration
         tiles, beams, field = readings.tiles, readings.beams, readings.field
+        sideways = self._context.sideways
         for i in np.flatnonzero(senses.alive).tolist():
             x, y, yaw = senses.pose[i].tolist()
             yield i, Me(
@@ -233,8 +241,16 @@ class Swarm:
                 None if field is None else float(field[i]),
                 [] if inbox is None else _heard(inbox, i, now),
                 None if knowledge is None else knowledge.of(i),
-                lattice, robots.speed, robots.radius, self._random[i], _read(readings, i), period,
+                lattice, robots.speed, robots.radius, self._random[i], _read(readings, i, self.ids[i]),
+                self._others(inbox, i, now), period, sideways is not None and bool(sideways[i]),
             )  # fmt: skip
+
+    def _others(self, inbox: Inbox[MessageBatch] | None, row: int, now: int) -> dict[str, list[SimpleNamespace]]:
+        """What one robot has heard of each group whose messages are of another kind."""
+        found: dict[str, list[SimpleNamespace]] = {name: [] for name in self._context.robots.names}
+        for name, heard in ({} if inbox is None else inbox.others).items():
+            found[name] = _heard(heard, row, now)
+        return found
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Give robots (r,) new minds."""
@@ -252,19 +268,19 @@ _SHOWN: Final = ("tiles.values", "tiles.origins", "tiles.evidence", "ranges", "f
 _NONE: Final = SimpleNamespace()
 
 
-def _read(readings: Readings, robot: int) -> SimpleNamespace:
+def _read(readings: Readings, row: int, robot: int) -> SimpleNamespace:
     """What one robot's other sensors give: numbers, arrays, and of ragged channels as many rows as are used."""
     if all(name in _SHOWN for name in readings.channels.places):
         return _NONE
     found: dict[str, object] = {}
     counts = {channel.count for channel in readings.channels}
     for channel, column in zip(readings.channels, readings.columns, strict=True):
-        first, end = channel.robots or (0, len(column))
+        first, end = channel.robots or (robot, robot + 1)
         if channel.name in _SHOWN or channel.name in counts or not first <= robot < end:
             continue
         name = channel.name.replace(".", "_") if channel.group else channel.name.partition(".")[0]
-        row = column[robot] if not channel.count else column[robot][: int(readings[channel.count][robot])]
-        found[name] = _kept(row) if channel.shape else row.item()
+        mine = column[row] if not channel.count else column[row][: int(readings[channel.count][row])]
+        found[name] = _kept(mine) if channel.shape else mine.item()
     return SimpleNamespace(**found)
 
 
@@ -472,9 +488,10 @@ class MindStrategy:
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
         self.requires = _required(kind)
-        self._kind, self._lattice, self._actuators = kind, context.lattice, context.actuators
+        self._kind, self._actuators = kind, context.actuators
         self._swarm = Swarm(make, context)
         self._ways: dict[int, bytes] = {}
+        self._columns = 2 if context.sideways is None else 3
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """What each live robot's mind decides."""
@@ -484,9 +501,9 @@ class MindStrategy:
         decided = self._swarm.each(senses, self._intent, inbox, known)
         count = len(senses.alive)
         ways = {robot: intent.way for robot, intent in decided.items() if intent.way is not None}
-        twists, planned = np.zeros((count, 2)), np.zeros(count, np.bool_)
+        twists, planned = np.zeros((count, self._columns)), np.zeros(count, np.bool_)
         for robot, intent in decided.items():
-            twists[robot] = (np.nan, np.nan) if intent.twist is None else intent.twist
+            twists[robot] = np.nan if intent.twist is None else intent.twist[: self._columns]
         for robot, way in ways.items():
             planned[robot] = self._ways.get(robot) != way.tobytes()
         self._ways = {robot: way.tobytes() for robot, way in ways.items()}
@@ -496,12 +513,12 @@ class MindStrategy:
         for robot, intent in decided.items():
             for name, row in intent.commands.items():
                 commands[name][robot] = row
-        return replace(Intents.along(from_here, count, self._lattice, planned), twists=twists, commands=commands)
+        return replace(Intents.along(from_here, count, planned), twists=twists, commands=commands)
 
     def _intent(self, mind: Mind, me: Me) -> Intent:
         answer = mind.step(me)
         if answer is None:
-            return Intent((0.0, 0.0))
+            return Intent((0.0, 0.0, 0.0))
         if not isinstance(answer, Intent):
             raise MisfitError(
                 f"step gave {own.brief(answer)}; expected me.drive(...), me.head(...), me.go(...) or None to stand",

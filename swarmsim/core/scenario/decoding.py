@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, TypeVar, get_origin
 
 import msgspec
@@ -13,6 +14,7 @@ from msgspec import inspect as types
 from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.own import not_ending
 from swarmsim.core.renamed import key_now
+from swarmsim.core.scenario.toml import read_toml
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -73,6 +75,15 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take | None = None) -
             raise InputError(f"{key}.{what}") from problem
         text = what[:1].lower() + what[1:] + (_choices(kind, key) if what.startswith("Invalid enum value") else "")
         raise InputError(f"{key}: {text}" if key else text) from problem
+
+
+def read_struct(path: Path, expected: str, kind: type[T]) -> T:
+    """The struct that a TOML file describes. Raises InputError, which names the file, and the key at fault."""
+    table = read_toml(path, expected)
+    try:
+        return convert(table, kind)
+    except InputError as problem:
+        raise InputError(f"{path}: {problem}") from problem
 
 
 def called(value: object) -> str:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeGuard, cast
 
 import msgspec
 from msgspec import UNSET, Meta, Struct
@@ -17,6 +18,7 @@ from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
 from swarmsim.core.drawing import Layer
 from swarmsim.core.errors import InputError
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import (
     Actuator,
     AnyComputation,
@@ -39,7 +41,7 @@ from swarmsim.core.scenario.describe import words
 from swarmsim.core.scenario.files import Table, outside
 from swarmsim.core.scenario.part import NONE, Part, plain
 from swarmsim.core.scenario.platforms import with_platforms
-from swarmsim.core.scenario.robots import Count, Positive, Robots
+from swarmsim.core.scenario.robots import Count, Group, GroupMind, Positive, Robots
 from swarmsim.core.scenario.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 from swarmsim.core.seams import PLACED, at_place
 
@@ -168,6 +170,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     network: Network
     mind: Mind = Mind()
     motion: Part[Motion] = Part("motion")
+    kinematics: Part[Kinematics] = Part("kinematics")
     task: Part[AnyTask] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
     probes: tuple[Part[Probe], ...] = ()
@@ -176,12 +179,14 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
 
+Tables = Table | list[Table]
 Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
-OF_GROUPS: Final = [seam.name for seam in PLACED.values() if seam.of_groups]
 HALVES: Final = ("computation", "strategy")  # of a mind
 
-#: Keys that are not written out where there is nothing at them.
-LATER: Final = ("actuators", "layers", "probes", "sensors")
+#: Keys that are not written out where there is nothing at them, or what older scenarios had without a key.
+LATER: Final[Mapping[str, object]] = {
+    "actuators": (), "layers": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
+}  # fmt: skip
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
@@ -213,8 +218,15 @@ def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
 
 def all_parts(scenario: Scenario) -> list[Part[object]]:
     """Every part that a scenario names: one a seam, and those of which there are many."""
-    single = [part for seam, part in parts_of(scenario).items() if seam != "sensor"]
-    return [*single, *(part for _, part in sensors_of(scenario)), *(part for _, part in lists(scenario))]
+    minds = minds_of(scenario)
+    single: list[Part[object]] = []
+    for seam, part in parts_of(scenario).items():
+        if seam in HALVES:  # those that some robots have
+            single += dict.fromkeys(getattr(one.mind, seam) for one in minds)
+        elif seam not in ("sensor", "kinematics"):
+            single.append(part)
+    of_groups = (*sensors_of(scenario), *dict.fromkeys(kinematics_of(scenario)))
+    return [*single, *(part for _, part in of_groups), *(part for _, part in lists(scenario))]
 
 
 def every_part(scenario: Scenario) -> list[Part[object]]:
@@ -237,9 +249,49 @@ def fitted(scenario: Scenario) -> list[Sensors]:
     return [mine or all_have for mine in own] if any(own) else [all_have]
 
 
+@dataclass(frozen=True, slots=True)
+class Minded:
+    """The robots that have one mind, and where its halves stand in the scenario."""
+
+    mind: Mind
+    places: Mapping[str, str]  # of the halves, by seam
+    groups: tuple[int, ...]  # the numbers of the groups of these robots; none: all robots have it
+
+
+def minds_of(scenario: Scenario) -> list[Minded]:
+    """The minds that robots have: groups with equal ones share theirs; one entry if all robots have the same.
+
+    A half of a mind that a group does not name is the scenario's.
+    """
+    found: dict[Mind, Minded] = {}
+    for number, group in enumerate(scenario.robots.groups):
+        own = GroupMind() if group.mind is UNSET else group.mind
+        halves = {half: getattr(own, half) or getattr(scenario.mind, half) for half in HALVES}
+        mind = Mind(**halves)
+        places = {half: f"robots[{number}].mind.{half}" if getattr(own, half) else f"mind.{half}" for half in HALVES}
+        first = found.setdefault(mind, Minded(mind, places, ()))
+        found[mind] = Minded(mind, first.places, (*first.groups, number))
+    if len(found) > 1:
+        return list(found.values())
+    alone = next(iter(found.values()), Minded(scenario.mind, {half: f"mind.{half}" for half in HALVES}, ()))
+    return [Minded(alone.mind, alone.places, ())]
+
+
 def sensors_of(scenario: Scenario) -> Sensors:
     """All sensors that some robots have, with their places in the scenario."""
     return tuple(dict(one for of in fitted(scenario) for one in of).items())
+
+
+def kinematics_of(scenario: Scenario) -> list[tuple[str, Part[Kinematics]]]:
+    """The kinematics of each group of robots, with its place in the scenario; one entry if no group has its own."""
+    groups = scenario.robots.groups
+    all_have = ("kinematics", scenario.kinematics)
+    if all(group.kinematics is UNSET for group in groups):
+        return [all_have]
+    return [
+        all_have if group.kinematics is UNSET else (f"robots[{i}].kinematics", group.kinematics)
+        for i, group in enumerate(groups)
+    ]
 
 
 def table_of(scenario: Scenario) -> Table:
@@ -257,7 +309,12 @@ def _without_none(value: object) -> Any:
 
 def without_later(table: Table) -> Table:
     """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
-    return {key: value for key, value in table.items() if value or key not in LATER}
+
+    def says(key: str, value: object) -> bool:
+        found = value.table if isinstance(value, Part) else value
+        return key not in LATER or bool(found and found != LATER[key])
+
+    return {key: value for key, value in table.items() if says(key, value)}
 
 
 def _at(whole: Any, place: tuple[str, ...]) -> Any:
@@ -292,12 +349,34 @@ def files_outside(path: Path, overrides: Iterable[str] = ()) -> list[str]:
 
 def spelled_out(table: Table) -> Table:
     """The table with its short forms written out: `world = "FILE"` as a table, `mind.use` as both halves of a mind."""
-    world, mind = table.get("world"), table.get("mind")
+    world, robots, changed = table.get("world"), table.get("robots"), dict[str, object]()
     if isinstance(world, str):
-        table = {**table, "world": {"file": world}}
+        changed["world"] = {"file": world}
+    if "mind" in table:
+        changed["mind"] = _halves(table["mind"])
+    if isinstance(robots, list):
+        changed["robots"] = [_with_halves(one) for one in robots]
+    elif isinstance(robots, dict) and isinstance(robots.get("groups"), list):
+        changed["robots"] = {**robots, "groups": [_with_halves(one) for one in robots["groups"]]}
+    return {**table, **changed}
+
+
+def _with_halves(group: object) -> object:
+    """A group of robots with its mind written out."""
+    return {**group, "mind": _halves(group["mind"])} if isinstance(group, dict) and "mind" in group else group
+
+
+def _halves(mind: object) -> object:
+    """A mind's table, with both halves where it names one part for both."""
     if isinstance(mind, dict) and "use" in mind and not set(HALVES) & mind.keys():
-        table = {**table, "mind": {half: copy.deepcopy(mind) for half in HALVES}}
-    return table
+        return {half: copy.deepcopy(mind) for half in HALVES}
+    return mind
+
+
+def _check_halves(mind: object, place: str) -> None:
+    """Raise InputError for a mind that names a part for both halves, and one of them besides."""
+    if isinstance(mind, dict) and "use" in mind and set(HALVES) & mind.keys():
+        raise InputError(f"{place}.use: stands for computation and strategy at once; expected it without those")
 
 
 def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
@@ -327,38 +406,24 @@ def shape(table: Table, name: str) -> Scenario:
     return _scenario(table, name, lambda part: part)
 
 
-def _of_groups(table: Table) -> Table:
-    """The table with parts in the place of the tables of those that groups of robots have of their own."""
-    robots = table.get("robots")
-    if not isinstance(robots, dict) or not isinstance(robots.get("groups"), list):
-        return table
-    groups = [{key: _of_group(key, value) for key, value in one.items()} for one in robots["groups"]]
-    return {**table, "robots": {**robots, "groups": groups}}
-
-
-def _of_group(key: str, value: object) -> object:
-    if key == "sensors" and isinstance(value, list):
-        return [_of_group("sensor", one) for one in value]
-    if key in OF_GROUPS and isinstance(value, dict) and isinstance(value.get("use", ""), str):
-        return Part(key, value)
-    return value
-
-
 def _scenario(table: Table, name: str, take: Take) -> Scenario:
-    listed = isinstance(table.get("robots"), list)
+    robots = table.get("robots")
+    listed = isinstance(robots, list)
+    groups = robots if isinstance(robots, list) else robots.get("groups") if isinstance(robots, dict) else ()
     try:
-        if isinstance(mind := table.get("mind"), dict) and "use" in mind and set(HALVES) & mind.keys():
-            raise InputError("mind.use: stands for computation and strategy at once; expected it without those")
+        _check_halves(table.get("mind"), "mind")
+        for number, group in enumerate(groups if isinstance(groups, list) else ()):
+            _check_halves(group.get("mind") if isinstance(group, dict) else None, f"robots[{number}].mind")
         table = with_platforms(spelled_out(table))
         if table.get("sensors") and not table.get("sensor"):
             table = {**table, "sensor": NONE}
         for key, now in MOVED.items():
-            inner: Any = table
+            inner: object = table
             for step in key.split("."):
                 inner = inner.get(step) if isinstance(inner, dict) else None
             if inner is not None:
                 raise InputError(f"{key}: is not called so any more; expected {now}")
-        return convert(_of_groups(table), Scenario, take)
+        return convert(table, Scenario, take)
     except InputError as problem:
         wrong = str(problem).replace("robots.groups[", "robots[") if listed else problem
         raise InputError(f"{name}: {wrong}") from problem
@@ -415,10 +480,16 @@ def _kind(table: Table, path: str) -> types.Type | None:
     """What a dotted key of a scenario takes; None if that is not known, as of parts of one's own."""
     if path.strip() == "world":  # for which the name of its file may stand
         return types.StrType()
-    keys, inner = _places(table, path)[0], spelled_out(table)
+    keys, inner = _places(table, path)[0], cast(Tables, spelled_out(table))
     kind: types.Type = types.type_info(Scenario)
+    place: tuple[str, ...] = ()  # in the scenario or, from there on, in a group of robots
     for depth, key in enumerate(keys):
-        seam = at_place(tuple(keys[:depth]))
+        if isinstance(inner, list):
+            if keys[:depth] not in (["robots"], ["robots", "groups"]):
+                return None
+            kind, place, inner = types.type_info(Group), (), inner[_number(inner, key, ".".join(keys[:depth]))]
+            continue
+        seam = at_place(place)
         if seam is not None and key == "use":
             return types.StrType()
         if seam is not None:
@@ -430,25 +501,55 @@ def _kind(table: Table, path: str) -> types.Type | None:
         found = [field.type for field in fields if field.encode_name == key]
         if not found:
             return None
-        kind, value = found[0], inner.get(key)
-        inner = value if isinstance(value, dict) else {}
+        kind, value, place = found[0], inner.get(key), (*place, key)
+        inner = value if isinstance(value, dict) or _are_tables(value) else {}
     return kind
 
 
 def assign(table: Table, path: str, value: object) -> None:
     """Set a dotted key of a scenario's table, making the tables on the way.
 
+    In a list of tables the key is a number, from 0, or the name of one: `robots.0.count`, `robots.dogs.count`.
     `mind.KEY` is a key of both halves of a mind that are one part. Raises InputError where a value is in the way.
     """
     table.update(spelled_out(table))
     for place in _places(table, path):
-        inner = table
+        inner: Tables = table
         for depth, key in enumerate(place[:-1]):
-            below = inner.setdefault(key, {})
-            if not isinstance(below, dict):
-                raise InputError(f"{'.'.join(place[: depth + 1])} is {below!r}, not a table")
-            inner = below
-        inner[place[-1]] = copy.deepcopy(value)
+            inner = _below(inner, key, place[:depth])
+        last, given = place[-1], copy.deepcopy(value)
+        if not isinstance(inner, list):
+            inner[last] = given
+        elif isinstance(given, dict):
+            inner[_number(inner, last, ".".join(place[:-1]))] = given
+        else:
+            raise InputError(f"{path}: {given!r}, where a table stands; expected one, or a key of it")
+
+
+def _below(inner: Tables, key: str, place: list[str]) -> Tables:
+    """The table, or list of tables, at a key of what stands at a place; made if there is none. Raises InputError."""
+    if isinstance(inner, list):
+        return inner[_number(inner, key, ".".join(place))]
+    found = inner.setdefault(key, {})
+    if not isinstance(found, dict) and not _are_tables(found):
+        raise InputError(f"{'.'.join([*place, key])} is {found!r}, not a table")
+    return found
+
+
+def _are_tables(value: object) -> TypeGuard[list[Table]]:
+    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
+
+
+def _number(tables: list[Table], key: str, place: str) -> int:
+    """Which of a list of tables a key means, by its number or its name. Raises InputError."""
+    names = [one.get("name") for one in tables]
+    if key in names:
+        return names.index(key)
+    if key.isdecimal() and int(key) < len(tables):
+        return int(key)
+    known = "".join(f" or {name!r}" for name in names if isinstance(name, str))
+    last = f" to {len(tables) - 1}" if len(tables) > 1 else ""
+    raise InputError(f"{place}: has no {key!r}; expected 0{last}{known}, as in {place}.0")
 
 
 def _places(table: Table, path: str) -> list[list[str]]:
@@ -456,11 +557,19 @@ def _places(table: Table, path: str) -> list[list[str]]:
     keys = [key.strip() for key in path.split(".")]
     if len(keys) > DEEPEST:
         raise InputError(f"{TOO_DEEP}, as keys do")
-    mind = spelled_out(table).get("mind")
-    if keys[0] != "mind" or len(keys) < 2 or keys[1] in HALVES or not isinstance(mind, dict):
+    if "mind" not in keys[:4]:
+        return [keys]
+    at = keys.index("mind")
+    mind: object = spelled_out(table)
+    for depth, key in enumerate(keys[: at + 1]):
+        if _are_tables(mind):
+            mind = mind[_number(mind, key, ".".join(keys[:depth]))]
+        else:
+            mind = mind.get(key) if isinstance(mind, dict) else None
+    if (at and keys[0] != "robots") or len(keys) < at + 2 or keys[at + 1] in HALVES or not isinstance(mind, dict):
         return [keys]
     halves = [mind.get(half) for half in HALVES]
     uses = [half["use"] for half in halves if isinstance(half, dict) and "use" in half]
     if len(uses) < 2 or uses[0] != uses[1]:
         return [keys]
-    return [["mind", half, *keys[1:]] for half in HALVES]
+    return [[*keys[: at + 1], half, *keys[at + 1 :]] for half in HALVES]

@@ -88,6 +88,14 @@ def check_plain(path: Path, expected: str, most: int | None = LARGEST) -> None:
         raise InputError(f"{path}: is larger than {most // 1_000_000} MB; expected {expected}")
 
 
+def text_lines(path: Path, expected: str) -> list[str]:
+    """The lines of a text file. Raises InputError, which names what was `expected`."""
+    try:
+        return content(path, expected).decode("utf-8-sig").splitlines()  # as spreadsheets mark UTF-8
+    except UnicodeDecodeError as problem:
+        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected {expected}") from problem
+
+
 def read_rows(path: Path) -> list[list[int | float]]:
     """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
 
@@ -97,10 +105,7 @@ def read_rows(path: Path) -> list[list[int | float]]:
     """
     if path.suffix.lower() == ".png":
         return _grey_levels(path)
-    try:
-        lines = content(path, "a CSV file of numbers").decode("utf-8-sig").splitlines()  # as spreadsheets mark UTF-8
-    except UnicodeDecodeError as problem:
-        raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected a CSV file of numbers") from problem
+    lines = text_lines(path, "a CSV file of numbers")
     rows = []
     for number, line in enumerate(lines, start=1):
         if line.strip():

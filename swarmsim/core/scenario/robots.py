@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-from msgspec import UNSET, Meta, UnsetType
+from msgspec import UNSET, Meta, Struct, UnsetType
 from numpy.typing import NDArray
 
 from swarmsim.core.crew import Body, Crew
+from swarmsim.core.kinematics import Kinematics
+from swarmsim.core.parts import AnyComputation, AnyStrategy, Sensor
+from swarmsim.core.readings import Called
 from swarmsim.core.scenario.part import NONE, Part
 from swarmsim.core.scenario.platforms import PLAIN
 
@@ -16,13 +19,23 @@ Positive = Annotated[float, Meta(gt=0.0)]
 Count = Annotated[int, Meta(ge=1, le=100_000)]
 
 
+class GroupMind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
+    """The mind of a group of robots; a half that it does not name is the scenario's."""
+
+    computation: Part[AnyComputation] = NONE
+    strategy: Part[AnyStrategy] = NONE
+
+
 class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots of one kind in a mixed swarm."""
 
     count: Count
+    name: Called | UnsetType = UNSET  # by which other parts can speak of the group; default: its number, from 0
     use: str = PLAIN
-    sensor: Part[Any] = NONE  # the kind's own; none: the scenario's
-    sensors: tuple[Part[Any], ...] | UnsetType = UNSET  # more of its own
+    sensor: Part[Sensor] = NONE  # the kind's own; none: the scenario's
+    sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # more of its own
+    kinematics: Part[Kinematics] | UnsetType = UNSET  # the kind's own; left out: the scenario's
+    mind: GroupMind | UnsetType = UNSET  # the group's own; none: the scenario's
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -37,6 +50,15 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
     spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
     groups: tuple[Group, ...] = ()  # of a mixed swarm, in the order of its robots
 
+    def __post_init__(self) -> None:
+        if len(set(self.names)) < len(self.names):
+            raise ValueError(f"two groups have one name ({', '.join(self.names)}); expected a name for each")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What the groups are called, in their order: their names or, without, their numbers."""
+        return tuple(str(i) if one.name is UNSET else one.name for i, one in enumerate(self.groups))
+
     def each(self, key: str) -> NDArray[np.float64]:
         """A number of every robot (n,), by its key."""
         return self.crew(np.arange(self.count)).each(key)
@@ -48,4 +70,4 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
         kinds = tuple(Body(**{key: getattr(group, key) for key in keys}) for group in groups)
         kind = np.repeat(np.arange(len(groups)), [group.count for group in groups])[ids]
         kind.flags.writeable = False
-        return Crew(**{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind)
+        return Crew(**{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind, names=self.names)

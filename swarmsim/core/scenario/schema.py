@@ -18,9 +18,10 @@ def schema() -> dict[str, Any]:
     defs = _components(Scenario)
     root = defs.pop(Scenario.__name__)
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
-    own = {seam.name: {"$ref": f"#/$defs/{seam.name}"} for seam in SEAMS.values() if seam.of_groups}
-    group = {**defs["Group"], "properties": {**defs["Group"]["properties"], **own}}
-    defs["Group"] = group
+    both = {"type": "object", "properties": {"use": {"type": "string"}}, "required": ["use"]}
+    root["properties"]["mind"] = {"anyOf": [{"$ref": "#/$defs/Mind"}, both]}
+    group = defs["Group"]
+    group["properties"]["mind"] = {"anyOf": [{"$ref": "#/$defs/GroupMind"}, both]}
     of_a_kind = {**group, "properties": {**group["properties"], "spawn": {"type": "string"}}}
     root["properties"]["robots"] = {"anyOf": [{"$ref": "#/$defs/Robots"}, {"type": "array", "items": of_a_kind}]}
     for seam in SEAMS.values():
@@ -67,7 +68,7 @@ def _shown(kind: Any) -> Any:
     if get_origin(kind) is Annotated:
         return getitem(Annotated, (_shown(kind.__origin__), *kind.__metadata__))
     if msgspec.UnsetType in get_args(kind):
-        (kind,) = (one for one in get_args(kind) if one is not msgspec.UnsetType)
+        return _shown(next(one for one in get_args(kind) if one is not msgspec.UnsetType))
     if get_origin(kind) is tuple:
         return tuple.__class_getitem__(tuple(_shown(one) for one in get_args(kind)))
     return kind

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
+from swarmsim.core.scenario.file import minds_of
 from swarmsim.operations.fields.estimate import Basis, FieldEstimate
 from swarmsim.recording.reader import Recording
 
@@ -17,11 +18,15 @@ def holds_estimates(recording: Recording) -> bool:
 
 
 def _parameters(recording: Recording) -> FieldEstimate | None:
-    try:
-        found = recording.scenario.mind.computation.parameters
-    except InputError:  # code of somebody's own
-        return None
-    return found if isinstance(found, FieldEstimate) else None
+    """Those of the robots that estimate a field, of all or of one group."""
+    for one in minds_of(recording.scenario):
+        try:
+            found = one.mind.computation.parameters
+        except InputError:  # code of somebody's own
+            continue
+        if isinstance(found, FieldEstimate):
+            return found
+    return None
 
 
 class FieldReplay:
@@ -41,7 +46,8 @@ class FieldReplay:
     def mean(self, row: int) -> NDArray[np.float64]:
         """The mean of live robots' estimates (rows, columns) at a row of the recording; of nobody's NaN."""
         alive = self._recording["alive"][row]
-        if not alive.any():
+        weights = self._recording.rows("weights", len(alive), len(self._functions))[row][alive]
+        weights = weights[~np.isnan(weights).any(axis=1)]  # groups of robots may have another mind, and none
+        if not len(weights):
             return np.full(self._shape, np.nan)
-        weights = self._recording.rows("weights", len(alive), len(self._functions))[row][alive].mean(axis=0)
-        return np.asarray((weights @ self._functions).reshape(self._shape))
+        return np.asarray((weights.mean(axis=0) @ self._functions).reshape(self._shape))

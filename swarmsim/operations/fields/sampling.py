@@ -106,7 +106,7 @@ class Legs:
         count = len(context.ids)
         self._place = np.full((count, 2), np.nan)
         self._until = np.zeros(count, np.int64)  # the iteration in which a place is given up
-        self._pace, self._lattice = context.robots.speed * context.period, context.lattice
+        self._pace = context.robots.speed * context.period
         #: How many places each robot (n,) has had.
         self.counts = np.zeros(count, np.int64)
 
@@ -126,4 +126,4 @@ class Legs:
         planned[robots] = True
         there = np.flatnonzero(senses.alive & ~np.isnan(self._place[:, 0]))
         ways = {int(robot): np.stack([senses.pose[robot, :2], self._place[robot]]) for robot in there}
-        return Intents.along(ways, len(self._place), self._lattice, planned)
+        return Intents.along(ways, len(self._place), planned)

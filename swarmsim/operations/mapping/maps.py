@@ -59,7 +59,7 @@ class Maps(Knowledge):
 
     def record(self) -> Record:
         """What has changed: all maps can be put together from it."""
-        return Record(lists={"changes": self.changes})
+        return Record(lists={"changes": self.changes}, of_robots=("changes",))
 
     def of(self, robot: int) -> SimpleNamespace:
         """A robot's map: `observed` and `log_odds` (rows, columns), and the `news` in it."""
@@ -81,7 +81,7 @@ class MapAuditor(Auditor):
     """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
 
     def __init__(self, context: BuildContext) -> None:
-        shape = (context.swarm, context.lattice.rows * context.lattice.columns)
+        shape = (len(context.ids), context.lattice.rows * context.lattice.columns)
         self._columns = context.lattice.columns
         self._shown: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # by any tile so far
         self._known: NDArray[np.bool_] = memory.zeros(shape, np.bool_)  # as the changes say

@@ -213,7 +213,7 @@ def test_on_patrol_a_frontier_comes_first() -> None:
         if iteration == 6:
             mind.observed[0, 7, 2] = False  # beside the corridor
         intents = mind.step(seen_as(iteration, pose, np.ones(1, bool), blind), nobody)
-        goals.append(tuple(int(place) for place in intents.goals[0]))
+        goals.append(tuple(LATTICE.cells(intents.goals[0]).tolist()))
         pose[0, :2] = intents.waypoints[0, 0]
     assert set(goals[:6]) <= {(8, c) for c in range(1, 15)} - {(8, 2)}  # on patrol in the corridor
     assert (8, 2) in goals[6:12]
@@ -231,7 +231,7 @@ def test_what_one_robot_forgets_and_patrols_depends_on_its_own_row_alone() -> No
             origins = np.stack([draw.integers(0, 9, 2).astype(np.int32) for draw in (own, others)])
             pose = np.array([[*own.uniform(1.0, 1.4, 2), 0.0], [*others.uniform(1.0, 1.4, 2), 0.0]])
             seen = seen_as(iteration, pose, np.ones(2, bool), Tiles(values, origins))
-            goals.append(tuple(mind.step(seen, nobody).goals[0]))
+            goals.append(tuple(LATTICE.cells_within(mind.step(seen, nobody).goals[0]).tolist()))
         outcomes.append((goals, mind.log_odds[0].copy()))
     assert outcomes[0][0] == outcomes[1][0]
     assert_array_equal(outcomes[0][1], outcomes[1][1])

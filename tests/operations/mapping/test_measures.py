@@ -80,7 +80,7 @@ def moment(iteration, xy, alive, tiles, origins, links, heard, covered, events=(
     inbox = inbox_of(arrived[:, 0], senders, values[senders], origins[senders], iteration)
     sizes = np.full(2, current_tile_bytes(2, 3), np.int32)
     delivery = Delivery(letters(iteration, arrived, sizes), (), iteration)
-    intents = Intents(np.zeros((2, 2), np.int32), np.zeros((2, 1, 2)), np.zeros(2, np.int32), np.zeros(2, np.bool_))
+    intents = Intents(np.zeros((2, 2)), np.zeros((2, 1, 2)), np.zeros(2, np.int32), np.zeros(2, np.bool_))
     share = covered[0] / 20
     measured = Measured({"coverage": share}, {"covered": np.array(covered[1:]) / 20}, share)
     knowledge = replace(believer(), accepted=inbox)

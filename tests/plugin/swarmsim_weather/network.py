@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from swarmsim.core import chance
 from swarmsim.core.context import BuildContext
 from swarmsim.core.events import Begins, Event
+from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.messages import Delivery
 from swarmsim.core.parts import Links, Parts, Tick
 from swarmsim.core.state import State
+from swarmsim.robots.kinematics import Differential
 from swarmsim.robots.motion import PurePursuit, WaypointFollower
 
 
@@ -76,6 +78,29 @@ class Careful:
     def command(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
         """A share of the wheel speeds that would be wanted."""
         return self._share * self._inner.command(pose)
+
+
+class OnIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Two wheels that push with a share of their grip."""
+
+    grip: float = 0.3
+
+    def build(self, context: BuildContext) -> Skidding:
+        """The kinematics."""
+        return Skidding(Differential().build(context), self.grip)
+
+
+class Skidding:
+    """Wheels that turn as they would elsewhere."""
+
+    def __init__(self, inner: Kinematics, grip: float) -> None:
+        self._inner, self._grip = inner, grip
+        self.columns, self.command, self.approach = inner.columns, inner.command, inner.approach
+
+    def forces(self, moving, wheels, wanted, dt: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What wheels do, and what is left of their push."""
+        wheels, push = self._inner.forces(moving, wheels, wanted, dt)
+        return wheels, self._grip * push
 
 
 class Lightning(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

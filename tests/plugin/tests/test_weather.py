@@ -41,6 +41,7 @@ PARTS = {
     "sharing": '[mind.computation]\nsharing = {use = "now-and-then"}\n',
     "showers": '[network.channel]\nuse = "showers"\n',
     "ice": '[motion]\nuse = "against-ice"\n',
+    "on-ice": '[kinematics]\nuse = "on-ice"\ngrip = 0.5\n',
     "lightning": '[[faults]]\nuse = "lightning"\nat = 5\n',
     "thermometers": '[field]\nuse = "day"\n[[probes]]\nuse = "thermometers"\nevery = 2\n',
     "warmth": WARM,

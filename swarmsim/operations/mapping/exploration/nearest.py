@@ -76,7 +76,7 @@ class FrontierStrategy:
         self._tie_salts = salts(context, "ties")
         if parameters.ties == "row-order":
             self._tie_salts[:] = 0
-        self._columns = lattice.columns
+        self._lattice, self._columns = lattice, lattice.columns
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
         """Choose goals and paths."""
@@ -105,9 +105,8 @@ class FrontierStrategy:
         longest = int((plans.steps - plans.cursor).max(initial=0)) + 1
         waypoints = np.zeros((len(plans.steps), longest, 2))
         counts = decide.way_ahead(plans, self._rules, self._columns, waypoints)
-        goals = np.empty((len(plans.goal), 2), np.int32)
-        np.divmod(plans.goal, self._columns, out=(goals[:, 0], goals[:, 1]))
-        goals[plans.goal < 0] = -1
+        goals = self._lattice.centres(np.stack(np.divmod(plans.goal, self._columns), axis=1))
+        goals[plans.goal < 0] = np.nan
         return Intents(goals, waypoints, counts, plans.planned.copy())
 
     def _see(self, senses: Senses, maps: Maps) -> None:

@@ -107,13 +107,15 @@ class TileAndGoalSharing(CurrentTileSharing[GoalItems]):
 
     def __init__(self, context: BuildContext) -> None:
         super().__init__(context, GoalCodec(tile_shape(context)))
+        self._lattice = context.lattice
         self._sizes += np.int32(GOAL.size)
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[GoalItems]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
         said = super().say(senses, maps)
         count, decided = len(self._ids), senses.decided
-        goals = np.full((count, 2), -1, np.int32) if decided is None else decided.goals
+        none = np.full((count, 2), np.nan)
+        goals = self._lattice.cells_within(none if decided is None else decided.goals)
         left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
         items = GoalItems.of(said.content, goals, left)
         return Broadcast(items, self._ends, self._sizes, one_each=True)

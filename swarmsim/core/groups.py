@@ -1,0 +1,267 @@
+"""Minds of groups: robots of one network, each group with a computation and a strategy of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError, nearest
+from swarmsim.core.kinds import KindCodec, Roster, Share, sorted_out, together
+from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
+from swarmsim.core.parts import AnyComputation, AnyStrategy
+from swarmsim.core.readings import Channels, Column, Readings
+from swarmsim.core.state import Intents, Knowledge, Record, Senses
+
+Held = Column | Mapping[str, Column] | None  # what a field of intents holds
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Band:
+    """The robots of one mind among those that several minds serve together."""
+
+    names: tuple[str, ...]  # of the groups of these robots
+    rows: NDArray[np.int64]  # (r,): which rows of all these robots are
+    kind: int  # of what they say
+    channels: Channels  # of their sensors
+    places: tuple[int, ...]  # which column of all readings each of these is
+    computation: AnyComputation
+    strategy: AnyStrategy
+
+    def sensed(self, senses: Senses) -> Senses:
+        """Their rows of what all sense."""
+        rows, columns = self.rows, senses.readings.columns
+        decided = None if senses.decided is None else _each(senses.decided, lambda one: one[rows])
+        return replace(
+            senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows], decided=decided,
+            readings=Readings(self.channels, tuple([columns[place][rows] for place in self.places])),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GroupKnowledge(Knowledge):
+    """What robots know whose groups have minds of their own: the knowledge of each mind, for its robots."""
+
+    bands: tuple[Band, ...]
+    known: tuple[Knowledge, ...]  # of each band: row i is the robot in the band's row i
+    robots: int
+
+    def of_group(self, name: str) -> Knowledge:
+        """What the robots of a group know, with those of other groups that have the same mind.
+
+        Raises InputError, which says what groups there are, for no such group.
+        """
+        found = {name: known for band, known in zip(self.bands, self.known, strict=True) for name in band.names}
+        if name not in found:
+            raise InputError(f"no group of robots is called {name!r}; {nearest(name, found)}")
+        return found[name]
+
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+        """Those of each band, one after the other."""
+        return tuple(array for known in self.known for array in known.arrays())
+
+    def record(self) -> Record:
+        """The tables of all bands, with a row for each robot where a band's have one for each of its own.
+
+        Robots of bands that do not have a table are NaN there, or 0. A table that several bands give in one form is
+        one; in different forms it is NAME.GROUP for each of them.
+        """
+        records = [known.record() for known in self.known]
+        rows: dict[str, object] = {}
+        for name, given in _by_name([record.rows for record in records]).items():
+            rows |= self._rows(name, given)
+        lists: dict[str, Column] = {}
+        for name, tables in _by_name([record.lists for record in records]).items():
+            lists |= self._lists(name, tables, all(name in records[number].of_robots for number in tables))
+        return Record(rows, lists, tuple({name: None for one in records for name in one.of_robots}))
+
+    def _rows(self, name: str, given: Mapping[int, object]) -> dict[str, object]:
+        """One name's rows, by the name of their table."""
+        found = {number: np.asarray(row) for number, row in given.items()}
+        of_robots = all(row.shape[:1] == self.bands[number].rows.shape for number, row in found.items())
+        forms = {(row.dtype, row.shape[1:] if of_robots else row.shape) for row in found.values()}
+        if of_robots and len(forms) == 1:
+            return {name: self._spread(found)}
+        if len(found) == 1:
+            return {name: next(iter(given.values()))}
+        return {
+            f"{name}.{self.bands[number].names[0]}": self._spread({number: row}) if of_robots else row
+            for number, row in found.items()
+        }
+
+    def _spread(self, found: Mapping[int, Column]) -> Column:
+        """Rows of some bands (r, ...), of one form, as those of all robots (n, ...)."""
+        first = next(iter(found.values()))
+        whole = np.full((self.robots, *first.shape[1:]), np.nan if first.dtype.kind == "f" else 0, first.dtype)
+        for number, row in found.items():
+            whole[self.bands[number].rows] = row
+        return whole
+
+    def _lists(self, name: str, given: Mapping[int, Column], of_robots: bool) -> dict[str, Column]:
+        """One name's lists, by the name of their table; robots in them by their row among all."""
+        tables = dict(given)
+        for number, table in given.items() if of_robots else ():
+            tables[number] = table.copy()
+            tables[number][:, 0] = self.bands[number].rows[table[:, 0]]
+        if len(tables) == 1 or (of_robots and len({(one.dtype, one.shape[1:]) for one in tables.values()}) == 1):
+            return {name: np.concatenate(list(tables.values()))}
+        return {f"{name}.{self.bands[number].names[0]}": table for number, table in tables.items()}
+
+    def of(self, robot: int) -> object:
+        """What one robot knows, by the mind of its group."""
+        for band, known in zip(self.bands, self.known, strict=True):
+            row = np.flatnonzero(band.rows == robot)
+            if len(row):
+                return known.of(int(row[0]))
+        return None
+
+
+def _by_name(tables: Sequence[Mapping[str, T]]) -> dict[str, dict[int, T]]:
+    """What each band gives under each name, by the band's number."""
+    names = dict.fromkeys(name for one in tables for name in one)
+    return {name: {number: one[name] for number, one in enumerate(tables) if name in one} for name in names}
+
+
+class Groups:
+    """Robots of several minds, row by row."""
+
+    def __init__(self, bands: Sequence[Band], roster: Roster, actuators: Channels) -> None:
+        """The `roster` is that of the whole swarm, whose other robots may be served elsewhere."""
+        self.bands: Final = tuple(bands)
+        self.roster: Final = roster
+        self.actuators: Final = actuators
+        #: How many robots these are.
+        self.robots = sum(len(band.rows) for band in bands)
+        #: For each band, which of its rows each robot is (n,); -1 for those of others.
+        self.rows = [np.full(self.robots, -1, np.int64) for _ in bands]
+        for row, band in zip(self.rows, bands, strict=True):
+            row[band.rows] = np.arange(len(band.rows))
+
+    def heard(self, inbox: Inbox[MessageBatch]) -> list[Inbox[MessageBatch]]:
+        """What each band has heard: of its own kind, and of others."""
+        return [sorted_out(inbox, row, band.kind, self.roster) for row, band in zip(self.rows, self.bands, strict=True)]
+
+    def of_band(self, number: int, robots: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Which rows of a band (k,) some robots (r,) are."""
+        found = self.rows[number][robots]
+        return found[found >= 0]
+
+
+class GroupComputation:
+    """What robots compute, each by the mind of its group."""
+
+    knowledge_type: type[Knowledge] = GroupKnowledge
+
+    def __init__(self, groups: Groups) -> None:
+        self._groups = groups
+
+    @property
+    def codec(self) -> KindCodec | Codec[MessageBatch]:
+        """Of several kinds of messages with a byte for the kind; of one kind as it is."""
+        groups = self._groups
+        codecs = {band.kind: band.computation.codec for band in groups.bands}
+        return KindCodec(codecs, groups.roster.kind) if groups.roster.several else next(iter(codecs.values()))
+
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
+        """What everybody says."""
+        groups = self._groups
+        shares = [Share(band.rows, band.kind, band.computation.say(band.sensed(senses))) for band in groups.bands]
+        return together(shares, groups.robots, groups.roster.several)
+
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> GroupKnowledge:
+        """What everybody knows."""
+        groups = self._groups
+        known = [
+            band.computation.hear(band.sensed(senses), heard)
+            for band, heard in zip(groups.bands, groups.heard(inbox), strict=True)
+        ]
+        return GroupKnowledge(groups.bands, tuple(known), groups.robots)
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """Let robots (r,) know nothing any more."""
+        for number, band in enumerate(self._groups.bands):
+            if len(theirs := self._groups.of_band(number, robots)):
+                band.computation.reset(theirs)
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """Give robots (r,) what another one knows. Raises InputError if its mind is not theirs."""
+        for number, band in enumerate(self._groups.bands):
+            theirs = self._groups.of_band(number, robots)
+            known = self._groups.of_band(number, np.array([source]))
+            if len(theirs) and not len(known):
+                raise InputError(f"robots {robots.tolist()} cannot know what robot {source} does: their minds differ")
+            if len(theirs):
+                band.computation.copy_from(theirs, int(known[0]))
+
+
+class GroupStrategy:
+    """What robots do, each by the mind of its group."""
+
+    requires_knowledge: type[Knowledge] = GroupKnowledge
+
+    def __init__(self, groups: Groups) -> None:
+        self._groups = groups
+
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: GroupKnowledge) -> Intents:
+        """What everybody decides."""
+        groups = self._groups
+        decided = [
+            band.strategy.step(band.sensed(senses), heard, known)
+            for band, heard, known in zip(groups.bands, groups.heard(inbox), knowledge.known, strict=True)
+        ]
+        rows = [band.rows for band in groups.bands]
+        for number, one in enumerate(decided):  # what is not told to do anything rests
+            everybody = np.ones(len(one.counts), np.bool_)
+            commands = Readings.filled(groups.actuators, one.commands, everybody).named()
+            decided[number] = replace(one, commands=commands)
+        return _made(lambda name: _whole(rows, [getattr(each, name) for each in decided], groups.robots))
+
+
+def _each(intents: Intents, change: Callable[[Column], Column]) -> Intents:
+    """The same intents with all columns changed."""
+
+    def changed(value: Held) -> Held:
+        if isinstance(value, Mapping):
+            return {name: change(one) for name, one in value.items()}
+        return None if value is None else change(value)
+
+    return _made(lambda name: changed(getattr(intents, name)))
+
+
+def _made(give: Callable[[str], Held]) -> Intents:
+    """The intents of which `give` gives each field by its name."""
+    columns: dict[str, Any] = {one.name: give(one.name) for one in fields(Intents)}
+    return Intents(**columns)
+
+
+def _whole(rows: Sequence[NDArray[np.int64]], given: Sequence[Held], robots: int) -> Held:
+    """Fields of some robots each as one of all."""
+    tables = [one for one in given if isinstance(one, Mapping)]
+    if not tables:
+        return _column(rows, [None if isinstance(one, Mapping) else one for one in given], robots)
+    names = dict.fromkeys(name for one in tables for name in one)
+    columns = {
+        name: _column(rows, [one.get(name) if isinstance(one, Mapping) else None for one in given], robots)
+        for name in names
+    }
+    return {name: column for name, column in columns.items() if column is not None}
+
+
+def _column(rows: Sequence[NDArray[np.int64]], given: Sequence[Column | None], robots: int) -> Column | None:
+    """Columns of some robots each as one of all; shorter rows end with zeros, and without a column they are NaN."""
+    there = [one for one in given if one is not None]
+    if not there:
+        return None
+    tail = np.max([one.shape[1:] for one in there], axis=0).astype(int).tolist()
+    whole = np.zeros((robots, *tail), there[0].dtype)
+    for mine, one in zip(rows, given, strict=True):
+        if one is not None:
+            lacks = [(0, most - side) for most, side in zip(tail, one.shape[1:], strict=True)]
+            whole[mine] = np.pad(one, [(0, 0), *lacks])
+        elif whole.dtype.kind == "f":
+            whole[mine] = np.nan
+    return whole

@@ -1,0 +1,171 @@
+"""Messages of several kinds on one network: said side by side, told apart by a byte, and sorted again when heard."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
+
+MOST: Final = 256  # kinds, which a byte tells apart
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mixed(MessageBatch):
+    """Items of several kinds, each in the table of its kind, whose columns are the kind's own."""
+
+    kind: NDArray[np.uint8]  # (t,)
+    row: NDArray[np.int64]  # (t,): of the item in the table of its kind
+    tables: Mapping[int, MessageBatch]  # by kind
+
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+        """The kinds, then all columns of the items of each kind."""
+        kinds = np.unique(self.kind).tolist()
+        return self.kind, *(column for kind in kinds for column in self.of(kind).arrays())
+
+    def of(self, kind: int) -> MessageBatch:
+        """The items of a kind."""
+        return self.tables[kind].take(self.row[self.kind == kind])
+
+    def each(self, change: Callable[[NDArray[np.bool_], MessageBatch], MessageBatch]) -> Mixed:
+        """The same with the items of each kind changed; `change` is told which items (t,) these are."""
+        row, tables = self.row.copy(), dict[int, MessageBatch]()
+        for kind in self.tables:
+            mine: NDArray[np.bool_] = self.kind == kind
+            row[mine], tables[kind] = np.arange(np.count_nonzero(mine)), change(mine, self.of(kind))
+        return Mixed(self.kind, row, tables)
+
+    def take(self, rows: NDArray[np.generic]) -> Self:
+        """The items at these indices, or those that a mask marks."""
+        return type(self)(self.kind[rows], self.row[rows], self.tables)
+
+    @classmethod
+    def joined(cls, tables: Sequence[Self]) -> Self:
+        """The items of several tables, one after the other; at least one table."""
+        kinds = sorted({kind for one in tables for kind in one.tables})
+        rows, found = [one.row.copy() for one in tables], dict[int, MessageBatch]()
+        for kind in kinds:
+            theirs = [one.tables[kind] for one in tables if kind in one.tables]
+            first = 0
+            for one, row in zip(tables, rows, strict=True):
+                row[one.kind == kind] += first
+                first += len(one.tables.get(kind, ()))
+            found[kind] = type(theirs[0]).joined(theirs)
+        return cls(np.concatenate([one.kind for one in tables]), np.concatenate(rows), found)
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+
+class KindCodec:
+    """A byte for the kind, then the message as the codec of that kind packs it: no other codec ever unpacks it."""
+
+    def __init__(self, codecs: Mapping[int, Codec[MessageBatch]], kinds: NDArray[np.uint8]) -> None:
+        """The `codecs` are by kind; `kinds` (N,) says of which kind the messages of each robot are."""
+        self._codecs, self._kinds = codecs, kinds
+
+    def pack(self, sender: int, iteration: int, items: Mixed) -> bytes:
+        """One message. Raises ValueError for items of another kind than that of their sender."""
+        kind = int(self._kinds[sender])
+        if (items.kind != kind).any():
+            raise ValueError(f"robot {sender} says messages of the kind {kind}, not {np.unique(items.kind).tolist()}")
+        return bytes([kind]) + self._codecs[kind].pack(sender, iteration, items.of(kind))
+
+    def unpack(self, data: bytes) -> tuple[int, int, Mixed]:
+        """Its sender, iteration and items. Raises ValueError for a kind that there is not."""
+        kind = data[0]
+        if kind not in self._codecs:
+            raise ValueError(f"a message of the kind {kind}; expected one of {sorted(self._codecs)}")
+        sender, iteration, items = self._codecs[kind].unpack(data[1:])
+        return sender, iteration, Mixed(np.full(len(items), kind, np.uint8), np.arange(len(items)), {kind: items})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Roster:
+    """The groups of a swarm, and of which kind the messages of each are."""
+
+    names: tuple[str, ...]  # of the groups
+    group: NDArray[np.int64]  # (N,): the number of each robot's group
+    kinds: tuple[int, ...]  # of the messages of each group
+    kind: NDArray[np.uint8]  # (N,): of each robot's messages
+
+    @classmethod
+    def of(cls, names: tuple[str, ...], group: NDArray[np.int64], kinds: Sequence[int]) -> Self:
+        """That of these groups."""
+        return cls(names, group, tuple(kinds), np.array(kinds, np.uint8)[group])
+
+    @property
+    def several(self) -> bool:
+        """Whether there is more than one kind."""
+        return len(set(self.kinds)) > 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Share:
+    """What some of the robots say."""
+
+    rows: NDArray[np.int64]  # (r,): of these robots
+    kind: int  # of their messages
+    said: Broadcast[MessageBatch]
+
+
+def together(shares: Sequence[Share], robots: int, several: bool) -> Broadcast[MessageBatch]:
+    """What all robots say, one of `shares` each: with a byte more for each message if there are `several` kinds.
+
+    Items of one kind stay as they are.
+    """
+    counts, sizes = np.zeros(robots, np.int64), np.zeros(robots, np.int32)
+    for one in shares:
+        counts[one.rows] = one.said.ends - one.said.starts()
+        sizes[one.rows] = one.said.sizes + ((one.said.sizes > 0) & several)
+    ends = np.cumsum(counts)
+    where = [_places(one, ends - counts) for one in shares]
+    place, kind = np.concatenate(where), np.repeat([one.kind for one in shares], [len(one) for one in where])
+    order = np.argsort(place)
+    tables = {
+        kind: type(contents[0]).joined(contents)
+        for kind in sorted({one.kind for one in shares})
+        if (contents := [one.said.content for one in shares if one.kind == kind])
+    }
+    one_each = all(one.said.one_each for one in shares)
+    if not several:
+        return Broadcast(tables[shares[0].kind].take(order), ends, sizes, one_each)
+    row = np.empty(len(kind), np.int64)
+    for each, table in tables.items():
+        row[kind == each] = np.arange(len(table))
+    return Broadcast(Mixed(kind[order].astype(np.uint8), row[order], tables), ends, sizes, one_each)
+
+
+def _places(share: Share, starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where the items of a share (t,) stand among those of all robots, whose items begin at `starts` (n,)."""
+    mine = share.said.starts()
+    owner = np.repeat(np.arange(len(mine)), share.said.ends - mine)
+    return np.asarray(starts[share.rows][owner] + np.arange(len(owner)) - mine[owner])
+
+
+def sorted_out(inbox: Inbox[MessageBatch], row: NDArray[np.int64], kind: int, roster: Roster) -> Inbox[MessageBatch]:
+    """What the robots with a `row` of their own (n,), others having -1, have heard: of their own kind, and of others.
+
+    A message of a kind that its sender does not speak is nobody's: it is dropped.
+    """
+    mine: NDArray[np.bool_] = row[inbox.receivers] >= 0
+    heard = inbox.take(mine)
+    receivers, senders, content = row[heard.receivers].astype(np.int32), heard.senders, heard.content
+    if not isinstance(content, Mixed):
+        return Inbox(receivers, senders, heard.sent, content, inbox.oldest)
+    mixed, spoken = content, content.kind == roster.kind[senders]
+
+    def some(items: NDArray[np.bool_], of: int) -> Inbox[MessageBatch]:
+        columns = receivers[items], senders[items], heard.sent[items]
+        return Inbox(*columns, mixed.take(items).of(of), inbox.oldest)
+
+    others = {
+        name: some(spoken & (roster.group[senders] == number), each)
+        for number, (name, each) in enumerate(zip(roster.names, roster.kinds, strict=True))
+        if each != kind and each in mixed.tables
+    }
+    return replace(some(spoken & (mixed.kind == kind), kind), others=others)

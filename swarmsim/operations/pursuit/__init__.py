@@ -1,0 +1,1 @@
+"""Pursuit: robots of one group chase those of another."""
