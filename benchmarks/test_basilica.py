@@ -14,7 +14,7 @@ from conftest import ROOT, Figures
 from pymunk._chipmunk_cffi import lib
 
 from swarmsim.core.scenario.file import load
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 
 SCENARIO = ROOT / "scenarios" / "basilica.toml"
 TURNS = 5
@@ -30,11 +30,11 @@ CALLS = {
 }
 
 
-def opened() -> Run:
+def opened() -> BuiltRun:
     return build(load(SCENARIO), str(SCENARIO))
 
 
-def faster(run: Run, seconds: float) -> float:
+def faster(run: BuiltRun, seconds: float) -> float:
     assert run.simulation.finished
     return run.simulation.state.iteration * run.scenario.period / seconds
 

@@ -13,7 +13,7 @@ from swarmsim.core.parts import Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.engine import guard
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
 PAIRS = 15
@@ -32,12 +32,12 @@ class Wanderer:
 """
 
 
-def opened(*overrides: str) -> Run:
+def opened(*overrides: str) -> BuiltRun:
     with registry.own_code(True):
         return build(load(SCENARIO, ["stop.iterations=300", *overrides]), str(SCENARIO))
 
 
-def seconds(run: Run) -> float:
+def seconds(run: BuiltRun) -> float:
     begun = time.process_time()
     run.simulation.run()
     return time.process_time() - begun

@@ -14,7 +14,7 @@ import workload
 from conftest import ROOT, Figures
 
 from swarmsim.core.scenario.file import load
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 
 SIZES = (20, 100, 500, 1000, 2000, 5000)
 ROUNDS = 3
@@ -22,12 +22,12 @@ WORK = 100_000  # robot-steps in a round
 PEERS = {"IR-SIM 2.12": "irsim", "VMAS 1.5": "vmas"}
 
 
-def opened(folder: Path, robots: int, mapping: bool, steps: int) -> Run:
+def opened(folder: Path, robots: int, mapping: bool, steps: int) -> BuiltRun:
     path = workload.written(folder, robots, mapping, (ROUNDS + 1) * steps)
     return build(load(path), str(path))
 
 
-def rates(run: Run, steps: int) -> list[float]:
+def rates(run: BuiltRun, steps: int) -> list[float]:
     """Robot-steps per second of CPU time, round by round; the first round is not counted."""
     found = []
     simulation, count = run.simulation, run.scenario.robots.count

@@ -20,14 +20,13 @@ from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import Moment, Senses
 from swarmsim.core.streams import Streams
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
 ROOT = Path(__file__).parent.parent
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # or a busy one
 settings.load_profile("any machine")
-collect_ignore = ["plugin"]  # a distribution of its own, installed and run by a test
 
 
 @pytest.fixture(scope="session")
@@ -56,12 +55,12 @@ def setting_of(
     )
 
 
-def made(*overrides: str, scenario: str = "room") -> Run:
+def made(*overrides: str, scenario: str = "room") -> BuiltRun:
     path = ROOT / "scenarios" / f"{scenario}.toml"
     return build(load(path, overrides), str(path))
 
 
-def moments_of(run: Run) -> list[Moment]:
+def moments_of(run: BuiltRun) -> list[Moment]:
     """Every moment of a run, done to its end."""
     moments: list[Moment] = []
 
@@ -102,7 +101,7 @@ def worded(events, scenario) -> list[Worded]:
     ]
 
 
-def worded_of(moments, run: Run) -> list[Worded]:
+def worded_of(moments, run: BuiltRun) -> list[Worded]:
     """The events of moments in words, one for each robot."""
     return worded([event for moment in moments for event in moment.events], run.scenario)
 

@@ -9,7 +9,7 @@ import networkx as nx
 from conftest import ROOT
 
 PACKAGE = ROOT / "swarmsim"
-MOST_ANY = 107  # in annotations and code; what these stand for, mypy does not check
+MOST_ANY = 90  # in annotations and code; what these stand for, mypy does not check
 MOST_ASSERTS = 2  # `assert x is not None`: a better type needs none
 
 

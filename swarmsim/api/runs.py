@@ -101,7 +101,9 @@ def compare(runs: Sequence[str | Path], *, plot: str | Path | None = None) -> Co
     return compared([Path(path) for path in runs], None if plot is None else Path(plot))
 
 
-def prepared(scenario: str | Path, seed: int | None, overrides: Overrides | None, faults: Sequence[str]) -> engine.Run:
+def prepared(
+    scenario: str | Path, seed: int | None, overrides: Overrides | None, faults: Sequence[str]
+) -> engine.BuiltRun:
     """A run of a scenario file, at its start. Raises InputError, which names the option at fault."""
     asked = scenario_of(Path(scenario), seed, overrides, faults)
     try:
@@ -134,7 +136,7 @@ def told_apart(overrides: Overrides | None) -> tuple[Sequence[str], Mapping[str,
     return ([overrides] if isinstance(overrides, str) else overrides or ()), {}
 
 
-def record(made: engine.Run, folder: Path, observers: Sequence[Observer] = ()) -> Run:
+def record(made: engine.BuiltRun, folder: Path, observers: Sequence[Observer] = ()) -> Run:
     """Simulate a run to its end into a folder; one that is interrupted keeps what it has recorded, and its summary."""
     try:
         with made.recorder(folder / "recording.h5") as recorder:

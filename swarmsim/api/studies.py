@@ -96,7 +96,7 @@ class Count:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class StudyTable:
     """A table of texts, which shows itself in a notebook."""
 
     title: str
@@ -172,20 +172,22 @@ class StudyRun:
             for name, one in self.results.items()
         ]
 
-    def table(self, measure: str | None = None) -> Table:
+    def table(self, measure: str | None = None) -> StudyTable:
         """The statistics of each condition's iterations, or of a measure, in words: `swarmsim study table`.
 
         `describe` gives them as numbers. Raises InputError for an unknown measure.
         """
         if measure is None:
-            return Table(f"{self.plan.study.title}: iterations", *found.filled(found.HEAD, found.lines(self.results)))
-        return Table(f"{self.plan.study.title}: {measure}", found.MEASURED, found.measured(self.results, measure))
+            return StudyTable(
+                f"{self.plan.study.title}: iterations", *found.filled(found.HEAD, found.lines(self.results))
+            )
+        return StudyTable(f"{self.plan.study.title}: {measure}", found.MEASURED, found.measured(self.results, measure))
 
-    def compare(self, against: str) -> Table:
+    def compare(self, against: str) -> StudyTable:
         """Every other condition tested against one: `swarmsim study table --compare`. Raises InputError."""
         if against not in self.results:
             raise InputError(f"--compare {against}: no such condition; known: {', '.join(self.results)}")
-        return Table(f"against {against}", found.COMPARED, found.compared(self.results, against))
+        return StudyTable(f"against {against}", found.COMPARED, found.compared(self.results, against))
 
     def digest(self) -> str:
         """One digest over all runs, whoever did them and in whatever order."""
@@ -288,7 +290,7 @@ class StudyRun:
         return f"<StudyRun {self.plan.study.title!r}: {runs} runs of {len(self.results)} conditions>"
 
     def _repr_html_(self) -> str:
-        return Table(self.plan.study.title, found.HEAD, found.lines(self.results))._repr_html_()
+        return StudyTable(self.plan.study.title, found.HEAD, found.lines(self.results))._repr_html_()
 
 
 def run_jobs(jobs: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, progress: Progress) -> None:

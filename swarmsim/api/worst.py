@@ -29,7 +29,7 @@ def study_worst(
     allow_code: bool = False,
     progress: Callable[[int], None] = lambda timelines: None,
     tell: Callable[[str], None] = lambda words: None,
-) -> search.Answer:
+) -> search.Findings:
     """Look for the smallest timeline of faults that makes the swarm fail: `swarmsim study worst`.
 
     It fails if it is not done in `factor` times the iterations of the run without faults, with each of so many `seeds`.

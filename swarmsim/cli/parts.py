@@ -11,7 +11,7 @@ import typer
 from swarmsim.api import skeletons
 
 if TYPE_CHECKING:
-    from swarmsim.core.scenario.describe import Description
+    from swarmsim.core.scenario.describe import PartDescription
 
 
 def parts(
@@ -35,7 +35,7 @@ def parts(
             _all(each, [one for one in found if one.seam == each])
 
 
-def _all(seam: str, found: list[Description]) -> None:
+def _all(seam: str, found: list[PartDescription]) -> None:
     from rich.markup import escape
     from rich.table import Table
 
@@ -52,7 +52,7 @@ def _all(seam: str, found: list[Description]) -> None:
     VisibleConsole().print(table)
 
 
-def _one(one: Description) -> None:
+def _one(one: PartDescription) -> None:
     from rich.markup import escape
     from rich.table import Table
 

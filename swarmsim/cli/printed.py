@@ -31,7 +31,6 @@ class Printed(io.TextIOBase):
         return Printed(self._stream, str)
 
     def write(self, text: str) -> int:
-        """Print a text."""
         with _told():
             return self._stream.write(self._shown(text))
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from swarmsim.core.state import Knowledge, Moment
-    from swarmsim.engine.build import Run
+    from swarmsim.engine.build import BuiltRun
     from swarmsim.studies.engine import Job
     from swarmsim.studies.store import Store
 
@@ -87,12 +87,11 @@ class RunBar:
     Its clock starts with the first iteration done, which on a new machine includes compiling.
     """
 
-    def __init__(self, progress: Progress, task: TaskID, made: Run) -> None:
+    def __init__(self, progress: Progress, task: TaskID, made: BuiltRun) -> None:
         self._progress, self._task, self._made = progress, task, made
         self._begun: float | None = None
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Move the bar."""
         end_if_asked()
         self._begun = self._begun or time.perf_counter()
         done = moment.state.iteration + 1

@@ -16,7 +16,7 @@ from swarmsim.cli.tables import print_table
 from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
-    from swarmsim.api.studies import StudyRun, Table
+    from swarmsim.api.studies import StudyRun, StudyTable
     from swarmsim.studies.store import Store
 
 app = typer.Typer(
@@ -303,7 +303,7 @@ def _notice(sentences: Sequence[str]) -> None:
         print(f"notice: {sentence}")
 
 
-def _print(table: Table) -> None:
+def _print(table: StudyTable) -> None:
     print_table(table.title, table.head, table.rows)
 
 

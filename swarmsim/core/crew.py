@@ -26,6 +26,10 @@ class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     traction: Annotated[float, Meta(ge=1e-4, le=1e3)] = 0.6  # friction coefficient of wheel on floor
 
 
+class Kind(Body, frozen=True):
+    """What the robots of one kind are made of."""
+
+
 class Crew(Body, frozen=True, kw_only=True, eq=False):
     """The bodies of the robots that a part serves; `BuildContext.ids` and `BuildContext.swarm` say how many these are.
 
@@ -33,7 +37,7 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
     others alone.
     """
 
-    kinds: tuple[Body, ...]  # of the whole swarm, one for each group
+    kinds: tuple[Kind, ...]  # of the whole swarm, one for each group
     kind: NDArray[np.int64]  # (rows,): which of these each robot is of
     names: tuple[str, ...] = ()  # of the groups, in their order; none: there are no groups
 

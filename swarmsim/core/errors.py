@@ -37,6 +37,11 @@ class PartError(Exception):
     command line prints it alone and ends with exit code 3.
     """
 
+    def __init__(self, message: str, seam: str = "") -> None:
+        super().__init__(message)
+        #: That of the part; empty where it is not known.
+        self.seam = seam
+
 
 class StorageError(Exception):
     """A disk is full, or a file can no longer be written: the message names the file, why, and what has been kept.

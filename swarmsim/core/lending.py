@@ -89,7 +89,7 @@ def _freeze(array: NDArray[np.generic]) -> NDArray[np.generic]:
     return array
 
 
-def _anew(value: Any, change: Change) -> Any:
+def _anew(value: Any, change: Change) -> Any:  # noqa: ANN401 - of any class, and of the same again
     """Frozen dataclasses, tuples, lists and dicts anew, at any depth, with something else for each plain array."""
     kind: Any = type(value)
     if kind is np.ndarray:
@@ -122,7 +122,7 @@ _PLAIN: Final = frozenset((type(None), bool, int, float, str, bytes))
 
 
 @lru_cache(maxsize=256)
-def _fields_of(kind: Any) -> tuple[tuple[str, bool, Callable[[object, object], None]], ...]:
+def _fields_of(kind: type) -> tuple[tuple[str, bool, Callable[[object, object], None]], ...]:
     """The names of all that instances of a frozen dataclass hold, whether it is lent, and what puts it into a new one.
 
     Other classes have none.
@@ -132,7 +132,7 @@ def _fields_of(kind: Any) -> tuple[tuple[str, bool, Callable[[object, object], N
     return tuple((field.name, field.metadata.get("lent", True), _putting(kind, field.name)) for field in fields(kind))
 
 
-def _putting(kind: Any, name: str) -> Callable[[object, object], None]:
+def _putting(kind: type, name: str) -> Callable[[object, object], None]:
     slot = getattr(kind, name, None)
     if isinstance(slot, MemberDescriptorType):
         return slot.__set__

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Final, Generic, Protocol, Self, TypeVar
@@ -17,7 +18,7 @@ HEADER: Final = struct.Struct(">HI")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MessageBatch:
+class MessageBatch(ABC):
     """A table of items; every field of a subclass is an array whose first axis counts them."""
 
     __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there

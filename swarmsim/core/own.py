@@ -14,7 +14,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, SupportsFloat, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,11 +135,11 @@ def brief(value: object) -> str:
     return f"a {kind} of {value.dtype} and shape {value.shape}".replace("a array", "an array")
 
 
-def number_of(value: Any) -> float:
+def number_of(value: object) -> float:
     """A number as a float. Raises ValueError for all else: text, arrays, tables, masked values."""
     several = isinstance(value, np.ndarray) and (type(value) is not np.ndarray or value.ndim > 0)
     try:
-        if several or isinstance(value, str | bytes | bytearray | np.complexfloating):
+        if several or isinstance(value, np.complexfloating) or not isinstance(value, SupportsFloat | SupportsIndex):
             raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar, runtime_checkable
 
@@ -205,7 +206,7 @@ class Topology(Protocol):
         ...
 
 
-class Channel(Protocol):
+class NetworkChannel(Protocol):
     """Says what arrives of what was said."""
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
@@ -293,6 +294,13 @@ class Schedule:
         self._entries: list[EventSource] = []
         self._start = Tick(0, start, start, 0.0)
         self._due: list[Event] = []
+        self._held: Callable[[EventSource], EventSource] = lambda happening: happening
+
+    def holding(self, held: Callable[[EventSource], EventSource]) -> Schedule:
+        """The same calendar, in which something else stands for each of those that are entered by this way."""
+        schedule = copy(self)
+        schedule._held = held
+        return schedule
 
     def __bool__(self) -> bool:
         """Whether anything can ever happen."""
@@ -300,14 +308,16 @@ class Schedule:
 
     def enter(self, happening: EventSource) -> None:
         """Add something, and let happen what is due at the start. Raises InputError if that cannot be."""
-        self._entries.append(happening)
-        self._due += happening.advance(self._start)
+        entry = self._held(happening)
+        self._entries.append(entry)
+        self._due.extend(entry.advance(self._start))
 
     def advance(self, now: Tick) -> tuple[Event, ...]:
         """Let everything happen that is due in the iteration about to begin; gives what did."""
         for entry in self._entries if now.iteration else ():
-            self._due += entry.advance(now)
-        due, self._due = tuple(self._due), []
+            self._due.extend(entry.advance(now))
+        due = tuple(self._due)
+        self._due.clear()
         return due
 
 
@@ -321,7 +331,7 @@ class Parts:
     computation: AnyComputation
     strategy: AnyStrategy
     topology: Topology
-    channel: Channel
+    channel: NetworkChannel
     motion: Motion
     bodies: Bodies
     task: AnyTask

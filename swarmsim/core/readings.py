@@ -78,7 +78,7 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         """Whether it is red, green and blue, 0 to 255 each: pictures show it, of an actuator."""
         return (self.dtype, self.shape, self.unit) == ("u1", (3,), COLOUR)
 
-    def called(self, name: str, **changes: Any) -> Channel:
+    def called(self, name: str, **changes: str | tuple[int, int]) -> Channel:
         """The same under another name, with its table."""
         table = "" if not self.table else f"{name.rpartition(self.name)[0]}{self.table}{name.rpartition(self.name)[2]}"
         return msgspec.structs.replace(self, name=name, table=table, **changes)

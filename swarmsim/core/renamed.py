@@ -41,6 +41,7 @@ OF_MODULES: Final = {
 }
 OF_IMPORTS: Final = {
     "Calendar": "Schedule",
+    "Channel": "NetworkChannel",
     "Columns": "MessageBatch",
     "Happening": "EventSource",
     "Lasting": "StatelessEffect",

@@ -88,7 +88,7 @@ PLACED: Final = {
             function=FunctionStrategy, mind=MindStrategy,
         ),
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
-        Seam("channel", ("network", "channel"), parts.Channel, "perfect"),
+        Seam("channel", ("network", "channel"), parts.NetworkChannel, "perfect"),
         Seam("motion", ("motion",), parts.Motion, "pure-pursuit"),
         Seam("kinematics", ("kinematics",), Kinematics, "differential", of_groups=True),
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import SimpleNamespace
-from typing import Generic, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,18 +51,34 @@ class Record:
     of_robots: tuple[str, ...] = ()  # the lists whose first column is the row of a robot
 
 
-class Auditor:
-    """Checks that knowledge follows from what was sensed and heard; this one takes everything on trust."""
+class Auditor(Protocol):
+    """Checks that knowledge follows from what was sensed and heard."""
 
     def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         """What is wrong with the knowledge that a computation gives for what was sensed and heard, or None."""
-        return None
+        ...
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Robots (r,) know nothing any more."""
+        ...
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Robots (r,) know what another one does."""
+        ...
+
+
+class Trusting:
+    """Takes all knowledge on trust."""
+
+    def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
+        """Nothing is ever wrong."""
+        return None
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """There is nothing to note."""
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """There is nothing to note."""
 
 
 class Knowledge(ABC):
@@ -85,14 +101,14 @@ class Knowledge(ABC):
     @classmethod
     def auditor(cls, context: BuildContext) -> Auditor:
         """What holds a computation of somebody else's to its word in one run."""
-        return Auditor()
+        return Trusting()
 
 
 K_co = TypeVar("K_co", bound=Knowledge, covariant=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Estimates(Knowledge):
+class Estimates(Knowledge, ABC):
     """Knowledge that is a few numbers for each robot: every field of a subclass is an array (n, ...)."""
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
@@ -199,8 +215,8 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Done(Generic[K_co]):
-    """What was done in one iteration, as tasks measure it."""
+class Elapsed(ABC, Generic[K_co]):
+    """What was done in one iteration."""
 
     state: State  # at the start of the iteration, when everybody sensed
     events: tuple[Event, ...]  # what began and ended at its start, or with the run at its end
@@ -216,7 +232,12 @@ class Done(Generic[K_co]):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment(Done[K_co]):
+class Done(Elapsed[K_co]):
+    """What was done in one iteration, as tasks measure it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment(Elapsed[K_co]):
     """Everything that happened in one iteration, as probes see it: measured, never fed back."""
 
     measured: Measured = Measured({})

@@ -44,7 +44,7 @@ from swarmsim.world.source import read_world
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class BuiltRun:
     """A simulation at its start, and what its recording needs to know besides."""
 
     scenario: Scenario
@@ -115,7 +115,7 @@ def build(
     world: str | None = None,
     strict: bool = False,
     watch: Callable[[Parts], Parts] | None = None,
-) -> Run:
+) -> BuiltRun:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
     The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
@@ -132,7 +132,7 @@ def build(
         raise InputError(f"{name}: {problem}") from problem
 
 
-def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> Run:
+def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Callable[[Parts], Parts] | None) -> BuiltRun:
     stop, case, clock = scenario.stop, Case.of(world, scenario), Clock()
     ground = opened(case)
     context = _context(scenario, case)
@@ -148,7 +148,7 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     simulation = Simulation(
         parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
-    return Run(
+    return BuiltRun(
         scenario, world, ground.arena, start, simulation, context, ground.reachable, ground.notices, probes,
         code_of(scenario),
     )  # fmt: skip

@@ -75,7 +75,7 @@ def _check_arguments(seam: str, part: object, what: str) -> None:
             ) from None
 
 
-def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:
+def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:  # noqa: ANN401 - a computation or a task
     """The names under which a part will have something recorded, as far as it tells them before it is asked.
 
     With each comes what of the part tells it, in words, and the line of code that does.

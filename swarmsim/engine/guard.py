@@ -8,21 +8,21 @@ from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from swarmsim.core.adapters.minds import MindComputation, MindStrategy
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError, PartError
-from swarmsim.core.events import Event
 from swarmsim.core.lending import Lender, copied, frozen
 from swarmsim.core.own import is_failure, line_of, told
-from swarmsim.core.parts import EventSource, Parts, Schedule, Tick
+from swarmsim.core.parts import EventSource, Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.seams import SEAMS
 from swarmsim.core.state import Knowledge
 from swarmsim.engine import promises
 from swarmsim.engine.promises import Check, Checks
 
+P = TypeVar("P")
 Change = Callable[[object], object]
 
 #: The seams whose parts the tick asks by name.
@@ -45,7 +45,6 @@ class Clock:
         self.lender = Lender()
 
     def turn(self, iteration: int) -> None:
-        """An iteration begins."""
         self.iteration = iteration
         self.lender.clear()
 
@@ -74,7 +73,7 @@ class Guard:
         """
         file = getattr(sys.modules[author.__module__], "__file__", None) if registry.is_own(author) else None
         place = f"{Path(file).name}:" if file else f"{author.__module__}."
-        self._part, self._author, self._clock = part, author, clock
+        self._seam, self._part, self._author, self._clock = seam, part, author, clock
         self._name = f"{seam} {place}{author.__qualname__}{of}"
         lends = lends and not isinstance(
             part, MindComputation | MindStrategy
@@ -88,7 +87,7 @@ class Guard:
                 taken = self._known if verb == "hear" else clock.lender.taken
             setattr(self, verb, self._held(verb, check, given if lends else _same, taken if lends else _same))
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the part has
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._part, name)
@@ -113,7 +112,7 @@ class Guard:
         return ask
 
     def _failed(self, why: str) -> PartError:
-        return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}")
+        return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}", self._seam)
 
     def _known(self, found: object) -> object:
         """The knowledge, of which views that cannot be written to are the part's own, unless they are digested."""
@@ -125,17 +124,18 @@ def _same(value: object) -> object:
     return value
 
 
-def held(seam: str, part: Any, context: BuildContext, clock: Clock, is_foreign: bool = True, of: str = "") -> Any:
+def held(seam: str, part: P, context: BuildContext, clock: Clock, is_foreign: bool = True, of: str = "") -> P:
     """A part, held to its contract; `of` says whose it is, where several robots have others."""
     author, checks = registry.author_of(part), promises.CHECKS[seam](part, context)
-    guard = Guard(seam, part, author, checks, clock, is_foreign, of=of)
+    guard: Any = Guard(seam, part, author, checks, clock, is_foreign, of=of)
     if seam == "task":
         summaries = vars(guard)["summaries"]
-        judged = promises.of_summaries(part.curve, context)
+        judged = promises.of_summaries(guard.curve, context)
         vars(guard)["summaries"] = lambda: [
             Guard("task", one, registry.author_of(one), judged, clock, is_foreign) for one in summaries()
         ]
-    return guard
+    found: P = guard
+    return found
 
 
 def guarded(
@@ -146,28 +146,17 @@ def guarded(
     return replace(parts, **changed)
 
 
-class Lending(Schedule):
-    """The calendar for somebody else's fault, of whom what happens is held."""
-
-    def __init__(self, schedule: Schedule, author: Author, clock: Clock) -> None:
-        self._schedule, self._author, self._clock = schedule, author, clock
-
-    def enter(self, happening: EventSource) -> None:
-        """Add something that cannot write to what it is told."""
-        checks = {"advance": promises.nothing}
-        self._schedule.enter(Guard("fault", happening, self._author, checks, self._clock, is_foreign=True))
-
-    def advance(self, now: Tick) -> tuple[Event, ...]:
-        """Let everything happen that is due."""
-        return self._schedule.advance(now)
-
-
 def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
     """The parts with a fault in them; what somebody else's fault has put there can write to nothing either."""
     if registry.is_ours(fault):
         return install(parts)
     author = registry.author_of(fault)
-    found = install(replace(parts, schedule=Lending(parts.schedule, author, clock)))
+
+    def held(happening: EventSource) -> EventSource:
+        """What happens by somebody else's fault, which cannot write to what it is told."""
+        return Guard("fault", happening, author, {"advance": promises.nothing}, clock, is_foreign=True)
+
+    found = install(replace(parts, schedule=parts.schedule.holding(held)))
     changed: dict[str, Any] = {"schedule": parts.schedule}
     for seam in HELD:
         part = getattr(found, seam)

@@ -20,7 +20,7 @@ from swarmsim.engine.foreign import margin_of
 from swarmsim.engine.survey import Case, opened, surveyed, told_to_scale
 from swarmsim.world.arena import Arena
 from swarmsim.world.cells import rim
-from swarmsim.world.rooms import Door, Room, rooms_and_doors
+from swarmsim.world.rooms import Doorway, Room, rooms_and_doors
 from swarmsim.world.source import floor_plan
 
 BYTES: Final = 17  # of memory for each cell and robot, as measured on swarms that map
@@ -45,7 +45,7 @@ class Inspection:
     floor: NDArray[np.bool_] | None  # (rows, columns): free cells around the spawn area
     domain: NDArray[np.bool_] | None  # (rows, columns): the cells that make 100 %
     rooms: list[Room]
-    doors: list[Door]  # the narrowest first
+    doors: list[Doorway]  # the narrowest first
     pockets: list[Pocket]  # the largest first
     seats: int  # how many robots the spawn area holds, MOST_SEATS at most
     seconds: float | None  # of one iteration
@@ -77,7 +77,7 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
     arena = Arena.open(plan, scenario.grid.cell, margin + 1, scenario.world.title)
     floor = domain = seconds = problem = None
     rooms: list[Room] = []
-    doors: list[Door] = []
+    doors: list[Doorway] = []
     seats = 0
     notices = plan.notices
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import msgspec
 
@@ -38,7 +37,7 @@ def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clo
     return tuple(found)
 
 
-def _held(probe: Probe, tables: tuple[ProbeTable, ...], robots: int, clock: Clock) -> Any:
+def _held(probe: Probe, tables: tuple[ProbeTable, ...], robots: int, clock: Clock) -> Probe:
     """The probe, whose rows are of the form that it declares."""
     ours, checks = registry.is_ours(probe), {"sample": lambda found, moment: wrong(found, tables, robots)}
     return Guard("probe", probe, registry.author_of(probe), checks, clock, is_foreign=not ours, lends=not ours)

@@ -40,7 +40,6 @@ class Steered:
         self._inner, self._localisation = inner, localisation
 
     def follow(self, intents: Intents) -> None:
-        """Take up new intents."""
         self._inner.follow(intents)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
@@ -128,7 +127,7 @@ class Simulation:
             whose = self._blamed(problem) if is_failure(problem) else None
             if whose is None:
                 raise
-            raise PartError(f"iteration {self.clock.iteration}, {whose}") from problem
+            raise PartError(f"iteration {self.clock.iteration}, {whose}", whose.partition(" ")[0]) from problem
 
     def _perceive(self) -> Perceived:
         parts = self.parts

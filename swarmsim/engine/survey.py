@@ -75,7 +75,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class OpenGround:
     """A building with nothing in it besides its plan."""
 
     arena: Arena
@@ -84,7 +84,7 @@ class Ground:
 
 
 @lru_cache(maxsize=8)
-def opened(case: Case) -> Ground:
+def opened(case: Case) -> OpenGround:
     """The building as these robots can get about in it; cached for a study's other runs. Raises InputError."""
     world, robots = case.world, case.robots
     plan = floor_plan(case.text, world)
@@ -98,7 +98,7 @@ def opened(case: Case) -> Ground:
         if world.pockets == "refuse":
             beside.refuse(arena, robots.radius, spawn)
     reachable.flags.writeable = False
-    return Ground(arena, reachable, (*plan.notices, *beside.notices(arena, robots.radius)))
+    return OpenGround(arena, reachable, (*plan.notices, *beside.notices(arena, robots.radius)))
 
 
 @lru_cache(maxsize=16)

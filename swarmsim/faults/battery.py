@@ -15,7 +15,7 @@ from swarmsim.core.context import BuildContext, Gauge
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Begins, Event
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Bodies, Channel, Links, Parts, Tick
+from swarmsim.core.parts import Bodies, Links, NetworkChannel, Parts, Tick
 from swarmsim.core.state import State
 from swarmsim.faults.timeline import Mark
 
@@ -50,10 +50,10 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 raise InputError(f"robots: there is no robot {robot}; expected ids from 0 to {count - 1}")
         if self.per_metre == self.per_byte == self.idle == 0.0:
             raise InputError("idle: nothing costs energy; expected idle, per_metre or per_byte above 0")
-        return BatteryFault(self, Batteries(self, context), context)
+        return BatteryFault(self, Energy(self, context), context)
 
 
-class Batteries:
+class Energy:
     """The energy of every robot."""
 
     def __init__(self, battery: Battery, context: BuildContext) -> None:
@@ -80,11 +80,10 @@ class BatteryFault:
     """Wraps the channel, where bytes are counted, and counts everything else between two iterations."""
 
     battery: Battery
-    batteries: Batteries
+    batteries: Energy
     context: BuildContext
 
     def install(self, parts: Parts) -> Parts:
-        """The parts, wrapped."""
         channel = MeteredChannel(parts.channel, self.batteries, self.battery.per_byte)
         parts.schedule.enter(Exhaustion(parts.bodies, self))
         energy = Gauge("energy", "J", self.batteries.left.copy)
@@ -94,7 +93,7 @@ class BatteryFault:
 class MeteredChannel:
     """Channel that charges senders for what they send, whether or not it arrives."""
 
-    def __init__(self, inner: Channel, batteries: Batteries, per_byte: float) -> None:
+    def __init__(self, inner: NetworkChannel, batteries: Energy, per_byte: float) -> None:
         self._inner, self._batteries, self._per_byte = inner, batteries, per_byte
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:

@@ -25,11 +25,9 @@ class Remove(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def mark(self) -> Mark:
-        """They are gone."""
         return "removed"
 
     def build(self, context: BuildContext) -> TimedFault:
-        """The fault."""
         effect = Removal(context, self.map)
         return TimedFault(Timeline(self, context), effect, context.number)
 
@@ -45,7 +43,6 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return ""
 
     def build(self, context: BuildContext) -> TimedFault:
-        """The fault."""
         return TimedFault(Timeline(self, context), Crashing(self.map), context.number)
 
 
@@ -78,7 +75,6 @@ class Blow(StatelessEffect):
         return parts
 
     def begin(self, robots: Robots, state: State) -> None:
-        """Push them."""
         self._bodies.push(robots, self._velocity)
 
 
@@ -138,7 +134,6 @@ class Removal:
         return parts
 
     def begin(self, robots: Robots, state: State) -> None:
-        """They vanish."""
         self._bodies.remove(robots)
         if self._memory == "lost":
             self._computation.reset(robots)
@@ -206,7 +201,6 @@ class Crashing:
         return parts
 
     def begin(self, robots: Robots, state: State) -> None:
-        """They stand still."""
         self._bodies.crash(robots)
         if self._memory == "lost":
             self._computation.reset(robots)

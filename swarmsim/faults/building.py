@@ -37,7 +37,7 @@ class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def build(self, context: BuildContext) -> ChangingBuilding:
         """The fault. Raises InputError for keys that contradict each other."""
         layout = Fixed((), (("box", self.box),))
-        return ChangingBuilding(Schedule(self, again=False), layout, context)
+        return ChangingBuilding(Strikes(self, again=False), layout, context)
 
 
 class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -51,7 +51,7 @@ class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True
         before = (("box", self.box),) if self.to else ()
         after = (("to", self.to),) if self.to else (("box", self.box),)
         layout = Fixed(before, after)
-        return ChangingBuilding(Schedule(self, again=False), layout, context)
+        return ChangingBuilding(Strikes(self, again=False), layout, context)
 
 
 class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -70,10 +70,10 @@ class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
                 f"size: {least:g} to {most:g} m in a region of {right - left:g} m x {high - low:g} m; expected the "
                 "least side first, and no more than the region's sides"
             )
-        return ChangingBuilding(Schedule(self, again=True), Falling(self, context), context)
+        return ChangingBuilding(Strikes(self, again=True), Falling(self, context), context)
 
 
-class Schedule:
+class Strikes:
     """When a change is there: strikes, counted from 0, each of which lasts for a while or for good."""
 
     def __init__(self, change: Scheduled, *, again: bool) -> None:
@@ -123,7 +123,6 @@ class Fixed:
 
     @property
     def places(self) -> tuple[tuple[str, Box], ...]:
-        """All of them."""
         return self.before + self.during
 
     def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
@@ -140,7 +139,6 @@ class Falling:
 
     @property
     def places(self) -> tuple[tuple[str, Box], ...]:
-        """The region."""
         return (("region", self._rubble.region),)
 
     def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
@@ -174,7 +172,7 @@ class Falling:
 class ChangingBuilding:
     """A building in which a layout's boxes come and go on a schedule."""
 
-    schedule: Schedule
+    schedule: Strikes
     layout: Layout
     context: BuildContext
 

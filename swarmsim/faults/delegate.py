@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from swarmsim.core.parts import AnyComputation
 from swarmsim.core.state import Knowledge, Senses
 
 
-class ComputationDelegate:
+class ComputationDelegate(ABC):
     """Passes everything on."""
 
     def __init__(self, inner: AnyComputation) -> None:
@@ -28,7 +29,7 @@ class ComputationDelegate:
         """That of the computation inside."""
         return self._inner.codec
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the computation has
         """What else the computation inside offers."""
         if name.startswith("_"):
             raise AttributeError(name)
@@ -43,9 +44,7 @@ class ComputationDelegate:
         return self._inner.hear(senses, inbox)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Pass it on."""
         self._inner.reset(robots)
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Pass it on."""
         self._inner.copy_from(robots, source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -31,7 +32,7 @@ class Effect(Protocol):
         ...
 
 
-class StatelessEffect:
+class StatelessEffect(ABC):
     """An effect that needs nothing done when it begins or ends: its wrapper looks at who is affected."""
 
     def begin(self, robots: Robots, state: State) -> None:

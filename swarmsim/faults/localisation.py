@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -28,7 +29,7 @@ Offset = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Spread = Annotated[float, Meta(gt=0.0, le=1e6)]
 
 
-class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class LocalisationFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The robot errs about its pose: it maps and tells its tiles where it believes to be, and steers by that.
 
     `bias`: the estimate is wrong by `dx`, `dy` and `dyaw`. `drift`: the error grows by so much in every iteration
@@ -69,7 +70,7 @@ class Localisation(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True)
         return Drift(context, constant, spread, int(stream.integers(0, 2**64, dtype=np.uint64)))
 
 
-class Misplacement(StatelessEffect):
+class Misplacement(StatelessEffect, ABC):
     """Wraps the localisation: its estimates have an error, which is 0 until the fault begins."""
 
     def __init__(self, context: BuildContext) -> None:

@@ -28,7 +28,7 @@ REACH = 1.5  # m, of a random walk unless the scenario says otherwise
 NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1))  # row and column steps to the cells across an edge
 
 
-class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class MindFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The controller fails; the robot still senses and talks.
 
     `frozen`: goal and path stay as they were, so that the robot goes there and stands; it still learns. `random-walk`:
@@ -44,7 +44,7 @@ class Mind(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The fault; raises InputError for a key that its failure does not have."""
         if self.reach is not None and self.failure != "random-walk":
             raise InputError(f"reach: a mind that fails by {self.failure!r} has none; expected failure = 'random-walk'")
-        timed: Mind = self
+        timed: MindFault = self
         if self.failure == "reboot" and self.duration is None and self.between is None and self.duty is None:
             timed = msgspec.structs.replace(self, duration=1)
         confusion: FailureMode = Reboot()
@@ -285,7 +285,6 @@ class Reboot:
     needs, is_blank = None, True
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
-        """They know nothing."""
         computation.reset(robots)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> None:

@@ -85,7 +85,6 @@ class FailingMotion:
         self._failing = np.zeros((len(active), wheels.shape[-1]), np.bool_)
 
     def follow(self, intents: Intents) -> None:
-        """Take up new intents."""
         self._failing = (self._active & self._bodies.state().alive)[:, None] & self._wheels
         self._inner.follow(intents)
 

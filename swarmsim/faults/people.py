@@ -29,7 +29,6 @@ class People(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step until somebody thinks of another place
 
     def build(self, context: BuildContext) -> Visit:
-        """The fault."""
         return Visit(self, context)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from dataclasses import replace
 from typing import Annotated, Literal
 
@@ -15,7 +16,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.messages import Delivery, Packets
-from swarmsim.core.parts import Channel, Links, Parts
+from swarmsim.core.parts import Links, NetworkChannel, Parts
 from swarmsim.core.state import State
 from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Duration, Robots, Share, Timed, Timeline
@@ -118,7 +119,7 @@ class NetworkSchedule:
         return begins - 1, ends - 1
 
 
-class Disturbance(StatelessEffect):
+class Disturbance(StatelessEffect, ABC):
     """Wraps the channel, together with all other disturbances; this one does nothing to any message."""
 
     reason = ""  # why messages are lost
@@ -255,7 +256,7 @@ class DisturbedChannel:
     hear when it arrives is lost then, as "receiver dead" if the receiver died while it was held.
     """
 
-    def __init__(self, inner: Channel, disturbances: tuple[Disturbance, ...]) -> None:
+    def __init__(self, inner: NetworkChannel, disturbances: tuple[Disturbance, ...]) -> None:
         self.inner, self.disturbances = inner, disturbances
         self._held = np.empty((0, 4), np.int32)
         self._due = np.empty(0, np.int64)

@@ -30,7 +30,7 @@ Places = tuple[int, ...]  # of columns
 Spoil = Callable[[State, Robots, Readings, Places], Readings]
 
 
-class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class SensorFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Readings are wrong, and the robot uses and tells them as if they were right.
 
     `off`: nothing is measured. `stuck`: all cells have one `value` or, of other `channels`, readings stay what they
@@ -66,7 +66,7 @@ class Sensor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return TimedFault(Timeline(self, context), _effect(self, context), context.number)
 
 
-def _effect(fault: Sensor, context: BuildContext) -> Effect:
+def _effect(fault: SensorFault, context: BuildContext) -> Effect:
     """What the fault does to parts."""
     if fault.beams:
         return DeadBeams(fault.beams)
@@ -80,7 +80,7 @@ def _effect(fault: Sensor, context: BuildContext) -> Effect:
     return TileFailure(_spoil(fault, context))
 
 
-def _spoil(fault: Sensor, context: BuildContext) -> Spoil:
+def _spoil(fault: SensorFault, context: BuildContext) -> Spoil:
     """What the failure does to tiles."""
     if fault.failure == "stuck":
         return _filled(OCCUPIED if fault.value == "occupied" else FREE)

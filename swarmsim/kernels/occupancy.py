@@ -274,7 +274,7 @@ def recount(changes, held, holders, domain, each):
         holders[cell] = before + step
         if domain[cell]:
             each[i] += step
-            grown += (before + step > 0) - (before > 0)
+            grown += int(before + step > 0) - int(before > 0)
     return grown
 
 

@@ -20,7 +20,7 @@ from swarmsim.core.own import array_of
 from swarmsim.core.readings import Readings
 from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Intents, Knowledge, Measured, Moment
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.engine.simulation import Perceived
 from swarmsim.learning.observed import observed, spaces_of
 from swarmsim.robots.kinematics import drives_of
@@ -111,14 +111,19 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         self.agents: list[str] = []
         self._seed = self._scenario.seed
         self._fresh = self._scenario.seed
-        shape = self._tile_shape()
+        self._observation_space = self._spaces()
+        self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def _spaces(self) -> spaces.Dict:
+        """What an observation holds."""
+        shape, hears = self._tile_shape(), self._hears
         lattice = self._run.context.lattice
         right, top = lattice.x0 + lattice.columns * lattice.cell, lattice.y0 + lattice.rows * lattice.cell
         room = max(right - lattice.x0, top - lattice.y0)
         low, high = np.array([lattice.x0, lattice.y0]) - room, np.array([right, top]) + room
         self._pose = spaces.Box(np.append(low, -np.pi), np.append(high, np.pi), dtype=np.float64)
         self._offsets = spaces.Box(-4.0 * room, 4.0 * room, (hears, 2), np.float64)
-        self._observation_space = spaces.Dict(
+        return spaces.Dict(
             {
                 "tile": spaces.Box(0, 2, shape, np.uint8),
                 "pose": self._pose,
@@ -128,7 +133,6 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
                 **self._more_spaces(),
             }
         )
-        self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def _tile_shape(self) -> tuple[int, int]:
         channels = self._run.simulation.parts.sensor.channels
@@ -144,7 +148,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
             raise InputError(f"{self._name}: {problem}") from problem
 
     @property
-    def run(self) -> Run:
+    def run(self) -> BuiltRun:
         """The run that is going on; a new one after every `reset`."""
         return self._run
 

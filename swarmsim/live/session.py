@@ -11,7 +11,7 @@ from swarmsim.core.parts import Fault
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.part import Part
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import Recorder
 
@@ -82,7 +82,7 @@ class Session:
     def _start(self, struck: tuple[tuple[int, Part[Fault]], ...], iterations: int) -> None:
         """Do the run with these faults from the seed on, in a recording of its own."""
         faults = (*self._given.faults, *(fault for _, fault in struck))
-        run: Run = build(msgspec.structs.replace(self._given, faults=faults), self._name, self._world)
+        run: BuiltRun = build(msgspec.structs.replace(self._given, faults=faults), self._name, self._world)
         self._files += 1
         path = self.folder / f"recording-{self._files}.h5"
         recorder: Recorder = run.recorder(path)

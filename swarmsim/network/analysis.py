@@ -22,7 +22,7 @@ Reals = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Snapshot:
+class LinkGraph:
     """The graph of one iteration; NaN is what it does not define."""
 
     degrees: Ints  # (live robots,), by id: how many others each hears (in-degree), also senders that have died since
@@ -110,7 +110,7 @@ class Reach:
         return np.asarray(self.first_heard >= 0)
 
 
-def snapshots(links: Sequence[Links], alive: Alive) -> list[Snapshot]:
+def snapshots(links: Sequence[Links], alive: Alive) -> list[LinkGraph]:
     """The graph of each iteration in numbers.
 
     Let B be A between live robots and S = B + B^T. Reciprocity is sum(B o B^T) / sum(B) (Newman 2010). A robot's
@@ -120,7 +120,7 @@ def snapshots(links: Sequence[Links], alive: Alive) -> list[Snapshot]:
     are equal. Raises ValueError unless `links` and `alive` are of equal length, at least 1.
     """
     _check(links, alive)
-    found: list[Snapshot] = []
+    found: list[LinkGraph] = []
     before = None
     for row, pairs in enumerate(links):
         heard = _adjacency(pairs, alive.shape[1])
@@ -228,12 +228,12 @@ def _turnover(before: NDArray[np.bool_], now: NDArray[np.bool_], both: Alive) ->
     return 1.0 - float(jaccard.mean()) if len(jaccard) else np.nan
 
 
-def _snapshot(heard: NDArray[np.bool_], alive: Alive, turnover: float) -> Snapshot:
+def _snapshot(heard: NDArray[np.bool_], alive: Alive, turnover: float) -> LinkGraph:
     live: NDArray[np.bool_] = heard[np.ix_(alive, alive)]
     robots = len(live)
     weak, weak_sizes = _components(live, "weak")
     strong, strong_sizes = _components(live, "strong")
-    return Snapshot(
+    return LinkGraph(
         degrees=heard[alive].sum(axis=1),
         listeners=heard[:, alive].sum(axis=0),
         reciprocity=float((live & live.T).sum() / live.sum()) if live.any() else np.nan,

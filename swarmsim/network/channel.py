@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Delivery, Packets
-from swarmsim.core.parts import Channel, Links
+from swarmsim.core.parts import Links, NetworkChannel
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import State
 
@@ -27,7 +27,6 @@ class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return False
 
     def build(self, context: BuildContext) -> PerfectChannel:
-        """The channel."""
         return PerfectChannel()
 
 
@@ -45,14 +44,14 @@ class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     `over` is the channel below, which may lie over a further one.
     """
 
-    over: Part[Channel] = Part("channel")
+    over: Part[NetworkChannel] = Part("channel")
 
     @property
     def delays(self) -> bool:
         """Whether messages can be on their way for longer than an iteration."""
         return self.over.declares("delays", True)
 
-    def below(self, context: BuildContext) -> Channel:
+    def below(self, context: BuildContext) -> NetworkChannel:
         """The channel that this one lies over. Raises InputError, naming the path to the key, if it cannot work."""
         return self.over.build(context, "over")
 

@@ -13,11 +13,13 @@ from swarmsim.core import chance
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Packets
-from swarmsim.core.parts import Channel, Links
+from swarmsim.core.parts import Links, NetworkChannel
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost, in_order
 
 SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whole ones by rounding
+
+Income = Callable[[int], NDArray[np.float64]]  # bytes that each robot (n,) may send in an iteration
 
 
 class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -32,7 +34,6 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def delays(self) -> bool:
-        """They do."""
         return True
 
     def build(self, context: BuildContext) -> LatentChannel:
@@ -56,7 +57,7 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class LatentChannel:
     """Messages on the air, each with the iteration in which it is due."""
 
-    def __init__(self, below: Channel, delays: Callable[[Packets], NDArray[np.int64]]) -> None:
+    def __init__(self, below: NetworkChannel, delays: Callable[[Packets], NDArray[np.int64]]) -> None:
         """`delays` gives, for messages (m, 4), how many iterations each is under way."""
         self._below = below
         self._delays = delays
@@ -85,11 +86,9 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def delays(self) -> bool:
-        """They do."""
         return True
 
     def build(self, context: BuildContext) -> QueueingChannel:
-        """The channel."""
         robots = context.swarm
         income = np.full(robots, self.bytes_per_second * context.period)
         queues = TransmitQueues(robots, self.queue, self.expiry)
@@ -111,11 +110,9 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def delays(self) -> bool:
-        """They do."""
         return True
 
     def build(self, context: BuildContext) -> QueueingChannel:
-        """The channel."""
         robots, period = context.swarm, context.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
         capacity = np.inf if self.bytes is None else self.bytes
@@ -131,7 +128,9 @@ class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class QueueingChannel:
     """Robots that can send a limited number of bytes in each iteration."""
 
-    def __init__(self, below: Channel, queues: TransmitQueues, income: Callable[[int], NDArray[np.float64]]) -> None:
+    def __init__(
+        self, below: NetworkChannel, queues: TransmitQueues, income: Callable[[int], NDArray[np.float64]]
+    ) -> None:
         """`income` gives, for an iteration, how many bytes each robot (n,) may send in it."""
         self._below = below
         self._queues = queues

@@ -27,7 +27,6 @@ class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     radius: Range  # m
 
     def build(self, context: BuildContext) -> RadiusLinks:
-        """The disc graph."""
         return RadiusLinks(self.radius)
 
 
@@ -53,7 +52,6 @@ class LineOfSight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     radius: Range | None = None  # m
 
     def build(self, context: BuildContext) -> SightLinks:
-        """The visibility graph."""
         return SightLinks(math.inf if self.radius is None else self.radius, context.building)
 
 

@@ -14,7 +14,7 @@ from swarmsim.core.building import Building, Walls
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Packets
-from swarmsim.core.parts import Channel, Links
+from swarmsim.core.parts import Links, NetworkChannel
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost
 
@@ -24,7 +24,7 @@ Law = Callable[[State, Packets], NDArray[np.bool_]]  # which of the messages (m,
 class LossyChannel:
     """Loses, for one reason, those messages that a law names; asks the law in every iteration."""
 
-    def __init__(self, below: Channel, reason: str, law: Law) -> None:
+    def __init__(self, below: NetworkChannel, reason: str, law: Law) -> None:
         self._below = below
         self._reason = reason
         self._law = law
@@ -130,11 +130,11 @@ class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, context: BuildContext) -> LossyChannel:
         """The channel, which loses messages for the reason "weak"."""
-        radio = Radio(self, self.salt(context), context.building)
+        radio = Reception(self, self.salt(context), context.building)
         return LossyChannel(self.below(context), "weak", radio.lost)
 
 
-class Radio:
+class Reception:
     """The power that arrives between two robots, the same in both directions."""
 
     def __init__(self, parameters: PathLoss, salt: int, building: Building) -> None:

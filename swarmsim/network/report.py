@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.network import analysis
-from swarmsim.network.analysis import Reach, Snapshot, Spells
+from swarmsim.network.analysis import LinkGraph, Reach, Spells
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -119,7 +119,7 @@ NetworkNumbers = TypedDict(
 class Graph:
     """One graph of a run, linked or heard, in a window of iterations."""
 
-    snapshots: list[Snapshot]
+    snapshots: list[LinkGraph]
     reach: Reach
     ordered: tuple[Spells, Spells]  # contacts and times between them, receiver and sender
     unordered: tuple[Spells, Spells]  # of two robots, whichever hears

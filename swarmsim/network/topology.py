@@ -76,7 +76,6 @@ class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """No robot hears another."""
 
     def build(self, context: BuildContext) -> FixedLinks:
-        """The topology without links."""
         return FixedLinks(())
 
 
@@ -87,7 +86,6 @@ class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     def build(self, context: BuildContext) -> FixedLinks:
-        """The open chain."""
         return FixedLinks(_both_ways((i, i + 1) for i in range(context.swarm - 1)))
 
 
@@ -95,7 +93,6 @@ class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: the chain with its two ends linked. A dead robot leaves a gap: the ring opens."""
 
     def build(self, context: BuildContext) -> FixedLinks:
-        """The closed chain."""
         count = context.swarm
         return FixedLinks(_both_ways((i, (i + 1) % count) for i in range(count) if count > 1))
 
@@ -156,7 +153,6 @@ class Full(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every live robot hears every other."""
 
     def build(self, context: BuildContext) -> AllLinks:
-        """The complete topology."""
         return AllLinks()
 
 

@@ -38,7 +38,6 @@ class Delaunay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     def build(self, context: BuildContext) -> ProximityLinks:
-        """The Delaunay graph."""
         return ProximityLinks(delaunay)
 
 
@@ -50,7 +49,6 @@ class Gabriel(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     def build(self, context: BuildContext) -> ProximityLinks:
-        """The Gabriel graph."""
         return ProximityLinks(gabriel)
 
 
@@ -61,7 +59,6 @@ class RelativeNeighbourhood(Struct, frozen=True, forbid_unknown_fields=True, kw_
     """
 
     def build(self, context: BuildContext) -> ProximityLinks:
-        """The relative neighbourhood graph."""
         return ProximityLinks(relative_neighbourhood)
 
 

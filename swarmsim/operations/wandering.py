@@ -34,7 +34,6 @@ class Wander(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     bend: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.3  # rad after a second
 
     def build(self, context: BuildContext) -> Wandering:
-        """The strategy."""
         return Wandering(self, context)
 
 
@@ -90,7 +89,6 @@ class Reactive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots that compute nothing: they remember nothing, and what they say is a single byte."""
 
     def build(self, context: BuildContext) -> Reacting:
-        """The computation."""
         return Reacting(len(context.ids))
 
 
@@ -124,7 +122,6 @@ class Travelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     distance: Positive  # m
 
     def build(self, context: BuildContext) -> TravelTask:
-        """The task."""
         return TravelTask(self.distance, context)
 
 
@@ -150,5 +147,4 @@ class TravelTask:
         return Measured({"travelled": self._way}, {}, min(1.0, self._way / self._distance), self._way >= self._distance)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last value."""
         return (Last(),)

@@ -160,8 +160,8 @@ def wrong_form(name: str, row: NDArray[np.generic], rows: str, robots: int) -> s
     return f"{name!r} is {row.dtype} of shape {row.shape}; expected {np.dtype(table.kind)} of {shape}{many}"
 
 
-def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = ()) -> Any:
-    """An attribute of an HDF5 file.
+def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = ()) -> NDArray[np.generic]:
+    """An attribute of an HDF5 file, as an array.
 
     Raises ValueError unless it is there, of one of these kinds of numpy's and of this shape. Texts are of fixed length,
     since damaged ones of others can keep HDF5 busy for ever.
@@ -171,7 +171,14 @@ def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = (
     found = file.attrs.get_id(name)
     if found.dtype.kind not in kinds or found.shape != shape:
         raise ValueError(f"attribute {name!r} is {found.dtype} of shape {found.shape}")
-    return file.attrs[name]
+    return np.asarray(file.attrs[name])
+
+
+def text(file: h5py.File, name: str, default: bytes | None = None) -> bytes:
+    """An attribute that is a text. Raises ValueError, unless there is a `default` for one that is missing."""
+    if default is not None and name not in file.attrs:
+        return default
+    return bytes(attribute(file, name, "S").item())
 
 
 def tables_of(channels: Channels, seam: str) -> dict[str, Table]:
@@ -223,15 +230,22 @@ def check(
                 raise ValueError(f"table {name!r} has no row for each iteration")
         elif found.dtype.kind not in "fiub":
             raise ValueError(f"table {name!r} is of {found.dtype}, not of numbers")
+    _check_rows(file, sizes["rows"], measures, rows, declared if begun else {})
+
+
+def _check_rows(
+    file: Mapping[str, Stored], grid_rows: int, measures: list[str], rows: set[str], declared: dict[str, Table]
+) -> None:
+    """Raise ValueError unless all tables are as long as they have to be."""
     for name in ("domain", "truth"):
-        if file[name].shape[0] != sizes["rows"]:
-            raise ValueError(f"table {name!r} has {file[name].shape[0]} rows, and the lattice {sizes['rows']}")
+        if file[name].shape[0] != grid_rows:
+            raise ValueError(f"table {name!r} has {file[name].shape[0]} rows, and the lattice {grid_rows}")
     iterations = file["digests"].shape[0]
     for name in rows:
         if not file[name].shape or file[name].shape[0] < iterations:
             raise ValueError(f"table {name!r} has not a row for each of {iterations} iterations")
     for name, table in declared.items():
-        if begun and file[name].shape[0] < -(-iterations // table.every):
+        if file[name].shape[0] < -(-iterations // table.every):
             raise ValueError(f"table {name!r} has not a row for every {table.every} of {iterations} iterations")
     for name in measures:
         if file[name].shape != file[name].shape[:1]:

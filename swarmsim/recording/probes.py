@@ -39,7 +39,6 @@ class Batteries(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Name = "batteries"
 
     def build(self, context: BuildContext) -> BatteryProbe:
-        """The probe."""
         return BatteryProbe(tuple(gauge for gauge in context.gauges if gauge.name == "energy"))
 
 
@@ -63,7 +62,6 @@ class Believed(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Name = "believed_poses"
 
     def build(self, context: BuildContext) -> BelievedProbe:
-        """The probe."""
         return BelievedProbe()
 
 

@@ -109,18 +109,17 @@ class Recording:
         )
 
     def _read(self, file: h5py.File) -> None:
-        found = layout.attribute(file, FORMAT_NAME, "iu") if FORMAT_NAME in file.attrs else None
+        found = layout.attribute(file, FORMAT_NAME, "iu").item() if FORMAT_NAME in file.attrs else None
         if found != FORMAT:
             raise InputError(
                 f"{self.path}: format {found if found is not None else 'unknown'}, but this swarmsim "
                 f"{version('swarmsim-lab')} reads format {FORMAT}; run the scenario again, or read it with the "
                 f"version that wrote it"
             )
-        text: dict[str, str] = {name: layout.attribute(file, name, "S").decode() for name in layout.TEXTS}
+        text: dict[str, str] = {name: layout.text(file, name).decode() for name in layout.TEXTS}
         self.versions = msgspec.json.decode(text["versions"], type=dict[str, str])
-        code: bytes = layout.attribute(file, "code", "S") if "code" in file.attrs else b"{}"
         #: A hash of each piece of code that made it; none in recordings from before these were kept.
-        self.code = msgspec.json.decode(code, type=dict[str, str])
+        self.code = msgspec.json.decode(layout.text(file, "code", b"{}"), type=dict[str, str])
         self.scenario: Scenario = shape(in_new_words(tomllib.loads(text["scenario"])), str(self.path))
         place: list[float] = layout.attribute(file, "lattice", "f", (5,)).tolist()
         x0, y0, cell, rows, columns = place
@@ -134,16 +133,13 @@ class Recording:
         self.curve = msgspec.json.decode(text["curve"], type=Curve)
         self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
         self._names = set(file)
-        told: bytes = layout.attribute(file, "probes", "S") if "probes" in file.attrs else b"[]"
         #: What probes declare of their tables.
-        self.probes = msgspec.json.decode(told, type=list[Declared])
+        self.probes = msgspec.json.decode(layout.text(file, "probes", b"[]"), type=list[Declared])
         robots = self.scenario.robots.count
-        told = layout.attribute(file, "channels", "S") if "channels" in file.attrs else b"[]"
         #: What the robots' sensors gave; nothing in recordings that are older than declarations.
-        self.channels = declarations.read(told.decode(), robots)
-        told = layout.attribute(file, "actuators", "S") if "actuators" in file.attrs else b"[]"
+        self.channels = declarations.read(layout.text(file, "channels", b"[]").decode(), robots)
         #: What the robots' actuators are; nothing without any.
-        self.actuators = declarations.read(told.decode(), robots)
+        self.actuators = declarations.read(layout.text(file, "actuators", b"[]").decode(), robots)
         self._declared = {
             **layout.declared_by(self.probes), **layout.tables_of(self.actuators, "actuator"),
             **layout.tables_of(self.channels, "sensor"),

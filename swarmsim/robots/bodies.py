@@ -39,7 +39,6 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def walled(self) -> bool:
-        """Whether walls stop bodies."""
         return True
 
     def build(self, context: BuildContext) -> RigidDiscs:

@@ -24,7 +24,6 @@ class Bump(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     slack: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.005  # m, up to which a gap is a contact
 
     def build(self, context: BuildContext) -> BumpSensor:
-        """The sensor."""
         return BumpSensor(self, context)
 
 

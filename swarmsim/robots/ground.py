@@ -15,7 +15,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import State
 
 
-class Ground(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class GroundColour(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The value of the floor under the robot's middle, one for each of `floors`: one for grey, three for a colour.
 
     Each is a field as in `[field]`, such as {use = "picture", values = {file = "floor.png"}} or a formula. With
@@ -41,7 +41,7 @@ class Ground(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class GroundSensor:
     """Samples what lies under the robots."""
 
-    def __init__(self, parameters: Ground, floors: list[Field], context: BuildContext) -> None:
+    def __init__(self, parameters: GroundColour, floors: list[Field], context: BuildContext) -> None:
         self._floors, self._steps, self._error = floors, np.array(parameters.steps), parameters.error
         high = float(len(parameters.steps)) if parameters.steps else np.inf
         shape = (len(floors),) if len(floors) > 1 else ()

@@ -20,11 +20,10 @@ from swarmsim.robots.kinematics import drives_of
 Spread = Annotated[float, Meta(ge=0.0, le=100.0)]
 
 
-class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Exact(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every robot knows its pose exactly."""
 
     def build(self, context: BuildContext) -> PerfectLocalisation:
-        """The localisation."""
         return PerfectLocalisation()
 
 
@@ -49,7 +48,6 @@ class Noisy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sigma_yaw: Spread = 0.02  # rad
 
     def build(self, context: BuildContext) -> NoisyLocalisation:
-        """The localisation."""
         return NoisyLocalisation(self, context)
 
 
@@ -70,7 +68,6 @@ class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     tick: Spread = 0.0005  # m, a wheel's way between two ticks
 
     def build(self, context: BuildContext) -> OdometryLocalisation:
-        """The localisation."""
         return OdometryLocalisation(self, context)
 
 
@@ -107,7 +104,6 @@ class NoisyLocalisation(Erring):
         self._salt = _salt(context)
 
     def err(self, state: State) -> None:
-        """Drawn anew."""
         robots = np.arange(state.robots)[:, None]
         self.error[:] = self._spread * chance.normal(self._salt, state.iteration, robots, np.arange(3))
 

@@ -101,6 +101,11 @@ class PointBodies:
         self._iteration += 1
         return self.state()
 
+    def carry(self, by: NDArray[np.float64]) -> None:
+        """Move all live robots along by this (2,), in m."""
+        self._pose[self._alive, :2] += by
+        self._stay_on_page()
+
     def _stay_on_page(self) -> None:
         low, size = np.array(self._page[:2]), np.array(self._page[2:]) - np.array(self._page[:2])
         place = self._pose[:, :2] - low

@@ -208,11 +208,9 @@ class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def margin(self) -> int:
-        """No cell."""
         return 0
 
     def build(self, context: BuildContext) -> NullSensor:
-        """The sensor."""
         return NullSensor()
 
 

@@ -16,7 +16,7 @@ from swarmsim.core.state import State
 
 
 @runtime_checkable
-class Ring(Protocol):
+class BeamSensor(Protocol):
     """A sensor of beams that can die."""
 
     def without(self, beams: Sequence[int]) -> Sensor:
@@ -40,7 +40,7 @@ def maimed(sensor: Sensor, beams: Sequence[int], active: NDArray[np.bool_]) -> S
     """
     if isinstance(sensor, Around):
         return sensor.maimed(beams, active)
-    if isinstance(sensor, Ring):
+    if isinstance(sensor, BeamSensor):
         return DegradedRing(sensor, sensor.without(beams), active)
     raise InputError("failure: this sensor has no beams that could die; expected the sensor 'ir-ring'")
 
@@ -63,7 +63,7 @@ class DegradedRing:
 
     def without(self, beams: Sequence[int]) -> DegradedRing:
         """The same with these beams dead for everybody. Raises InputError for one not there."""
-        whole, lacking = (one.without(beams) for one in (self._whole, self._lacking) if isinstance(one, Ring))
+        whole, lacking = (one.without(beams) for one in (self._whole, self._lacking) if isinstance(one, BeamSensor))
         return DegradedRing(whole, lacking, self._active)
 
     def sense(self, state: State) -> Readings:
@@ -128,7 +128,7 @@ class Suite:
 
     def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> Suite:
         """The same with beams of the first ring among them dead. Raises InputError if there is none."""
-        ring = next((i for i, one in enumerate(self._sensors) if isinstance(one, Around | Ring)), 0)
+        ring = next((i for i, one in enumerate(self._sensors) if isinstance(one, Around | BeamSensor)), 0)
         sensors = [maimed(one, beams, active) if i == ring else one for i, one in enumerate(self._sensors)]
         return Suite(sensors, self._names)
 
@@ -218,7 +218,6 @@ class MixedSensor:
         return MixedSensor([(maimed(sensor, beams, active), robots) for sensor, robots in self._sensors])
 
     def sense(self, state: State) -> Readings:
-        """Everybody's readings."""
         found = [sensor.sense(state).columns for sensor, _ in self._sensors]
         columns: list[Column] = []
         for channel, members in self._plan:

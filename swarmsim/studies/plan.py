@@ -244,7 +244,7 @@ def label(cell: dict[str, object]) -> str:
     return ", ".join(parts) or "base"
 
 
-def shown(value: object) -> Any:
+def shown(value: object) -> object:
     """A part by its name and what else its table says, such as "k-random k=2"; anything else as it is."""
     if not isinstance(value, dict) or "use" not in value:
         return value

@@ -81,15 +81,9 @@ def best(
         leader = min(whole, key=lambda name: float(times[name].mean()))
         led.add(leader)
         alpha = (1.0 - confidence) * 6.0 / (math.pi * rounds) ** 2 / max(len(names) - 1, 1)
-        decided = True
-        for name in racing:
-            if name == leader:
-                continue
-            high = _difference(times[leader], times[name], alpha)
-            if high < 0.0:
-                dropped[name] = rounds
-            elif high > tolerance * times[leader].mean():
-                decided = False
+        highs = {name: _difference(times[leader], times[name], alpha) for name in racing if name != leader}
+        dropped |= {name: rounds for name, high in highs.items() if high < 0.0}
+        decided = not any(high > tolerance * times[leader].mean() for high in highs.values())
         seeds += MORE
     arms = tuple(
         Arm(name, tuple(times[name].tolist()), int(found[name].finished.sum()), dropped.get(name)) for name in names

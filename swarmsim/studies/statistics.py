@@ -38,7 +38,7 @@ class Description:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class Paired:
     """Two conditions compared by rank."""
 
     first: str
@@ -134,7 +134,7 @@ def ranked(times: ArrayLike, finished: ArrayLike) -> NDArray[np.float64]:
     return np.where(ended, values, np.inf)
 
 
-def compare(groups: Mapping[str, ArrayLike], against: str | None = None) -> list[Comparison]:
+def compare(groups: Mapping[str, ArrayLike], against: str | None = None) -> list[Paired]:
     """Every two conditions, or every other one with `against`, by Mann and Whitney's test (1947).
 
     Times may be infinite (`ranked`). All p-values given make one family for Holm's correction. Raises
@@ -146,7 +146,7 @@ def compare(groups: Mapping[str, ArrayLike], against: str | None = None) -> list
     pairs = list(combinations(samples, 2)) if against is None else [(n, against) for n in samples if n != against]
     tests = [_mann_whitney(samples[first], samples[second]) for first, second in pairs]
     return [
-        Comparison(first, second, test.statistic, test.p, float(adjusted), a12(samples[first], samples[second]))
+        Paired(first, second, test.statistic, test.p, float(adjusted), a12(samples[first], samples[second]))
         for (first, second), test, adjusted in zip(pairs, tests, holm([test.p for test in tests]), strict=True)
     ]
 

@@ -136,7 +136,6 @@ class Store:
             ) from problem
 
     def close(self) -> None:
-        """Close the file."""
         self._base.close()
 
     def __enter__(self) -> Store:

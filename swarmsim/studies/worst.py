@@ -85,7 +85,7 @@ class Failure:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class Findings:
     """What was found, and with what effort."""
 
     sound: tuple[int, ...]  # iterations without faults, by seed
@@ -115,7 +115,7 @@ class Search:
         self.sound: tuple[int, ...] = ()
         self.limit: tuple[int, ...] = ()
 
-    def run(self, budget: int, entries: int = 3, seed: int = 1) -> Answer:
+    def run(self, budget: int, entries: int = 3, seed: int = 1) -> Findings:
         """Search with so many timelines, of so many entries at most.
 
         Raises InputError if a sound run does not finish.
@@ -152,7 +152,7 @@ class Search:
                 if failing and (smallest is None or self._size(timeline) < (smallest.robots, smallest.size)):
                     smallest = min([self._shrunk(timeline), *([smallest] if smallest else [])], key=_order)
                     self._tell(f"smaller: {described(smallest)}")
-        return Answer(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs)
+        return Findings(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs)
 
     def _kinds(self) -> list[str]:
         known = registry.known("fault")
@@ -287,7 +287,7 @@ def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> Non
 HEAD: Final = ("fault", "the smallest that makes the swarm fail", "robots", "robot-iterations", "of all")
 
 
-def lines(answer: Answer) -> list[tuple[str, ...]]:
+def lines(answer: Findings) -> list[tuple[str, ...]]:
     """One line for each kind of fault, then the smallest of all, under HEAD."""
     found = [*answer.by_kind.items(), ("smallest of all tried", answer.smallest)]
     return [

@@ -1,21 +1,24 @@
 """What every part promises, as checks of a whole scenario, for the tests of parts: ours and other people's.
 
 ```python
-from swarmsim.testing import check_contracts
+from swarmsim.testing import parametrize_with_checks
 
-def test_my_mind_keeps_its_contracts():
-    check_contracts("my_scenario.toml", allow_code=True)
+@parametrize_with_checks("my_scenario.toml", allow_code=True)
+def test_my_mind(check):
+    check()
 ```
 
-Each check raises AssertionError, which says what was broken, or InputError for a scenario that cannot be.
+Each check raises BrokenError, an AssertionError that says what was broken, or InputError for a scenario that cannot be.
 """
 
-from swarmsim.testing.every import check_contracts
+from swarmsim.testing.broken import BrokenError
+from swarmsim.testing.every import check_contracts, parametrize_with_checks
 from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
 from swarmsim.testing.runs import ITERATIONS, check_alone, check_determinism, check_silence, check_strictly
 
 __all__ = [
     "ITERATIONS",
+    "BrokenError",
     "check_alone",
     "check_contracts",
     "check_determinism",
@@ -24,4 +27,5 @@ __all__ = [
     "check_permutation",
     "check_silence",
     "check_strictly",
+    "parametrize_with_checks",
 ]

@@ -16,8 +16,9 @@ from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.engine import minds
-from swarmsim.engine.build import Run
+from swarmsim.engine.build import BuiltRun
 from swarmsim.faults.delegate import ComputationDelegate
+from swarmsim.testing.broken import BrokenError, breaking
 from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 
@@ -47,14 +48,12 @@ class Witness(ComputationDelegate):
         self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        """What is said."""
         said = self._inner.say(senses)
         kept = replace(said, content=said.content.take(np.arange(len(said.content))))
         self._spoken.append((_copied(senses), kept))
         return said
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        """What is known."""
         self._given.append((_copied(senses), inbox))
         return self._inner.hear(senses, inbox)
 
@@ -65,7 +64,6 @@ class Witness(ComputationDelegate):
         self._changes = []
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Who forgets."""
         self._changes.append((robots.copy(), None))
         self._inner.reset(robots)
 
@@ -87,7 +85,6 @@ class WitnessedStrategy:
         return self._inner.requires_knowledge
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """What it decides."""
         intents = self._inner.step(senses, inbox, knowledge)
         self._witness.decided(senses, inbox, intents)
         return intents
@@ -97,7 +94,7 @@ class WitnessedStrategy:
 class Followed:
     """A run, and everything that its minds were given and gave before any fault changed that."""
 
-    run: Run
+    run: BuiltRun
     heard: Sequence[Heard]  # in each iteration
     codec: Codec[Any]
 
@@ -136,17 +133,24 @@ def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
 Mind = tuple[AnyComputation, AnyStrategy]
 
 
-def _mind(run: Run, context: BuildContext) -> Mind:
+def _mind(run: BuiltRun, context: BuildContext) -> Mind:
     """A new mind, as built for a run."""
     return minds.together(minds.built_for(run.scenario, context), run.scenario)
 
 
 def _repeated(
-    mind: Mind, speaks: Senses, hears: tuple[Senses, Inbox[MessageBatch]], decides: tuple[Senses, Inbox[MessageBatch]]
+    mind: Mind,
+    speaks: Senses,
+    hears: tuple[Senses, Inbox[MessageBatch]],
+    decides: tuple[Senses, Inbox[MessageBatch]],
+    where: str,
 ) -> tuple[Broadcast[MessageBatch], Intents]:
     computation, strategy = mind
-    said = computation.say(speaks)
-    return said, strategy.step(*decides, computation.hear(*hears))
+    with breaking("computation", where):
+        said = computation.say(speaks)
+        known = computation.hear(*hears)
+    with breaking("strategy", where):
+        return said, strategy.step(*decides, known)
 
 
 def check_one_robot(
@@ -194,7 +198,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
         hears, decides = (
             (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
         )
-        said, intents = _repeated(mind, speaks, hears, decides)
+        said, intents = _repeated(mind, speaks, hears, decides, f"{scenario}, iteration {speaks.iteration}, {when}")
         for row in np.flatnonzero(speaks.alive & followed).tolist():
             robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
@@ -202,9 +206,10 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
             if heard.said.sizes[robot] > 0:
                 packed = codec.pack(robot, now, said.of(row))
                 first = swarm.codec.pack(robot, now, heard.said.of(robot))
-                assert packed == first, f"{where}: sends other bytes {when}"
-            if decides[0].alive[row]:
-                assert _done(intents, row) == _done(heard.intents, robot), f"{where}: does something else {when}"
+                if packed != first:
+                    raise BrokenError(f"{where}: sends other bytes {when}", "computation")
+            if decides[0].alive[row] and _done(intents, row) != _done(heard.intents, robot):
+                raise BrokenError(f"{where}: does something else {when}", "strategy")
 
 
 def _check_said(
@@ -212,15 +217,16 @@ def _check_said(
 ) -> None:
     """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
-    assert here == there, wrong.format(f"says {here} bytes, not {there},")
+    if here != there:
+        raise BrokenError(wrong.format(f"says {here} bytes, not {there},"), "computation")
     content, whole = mine.of(row), first.of(robot)
     names, columns = type(whole).__match_args__, (content.arrays(), whole.arrays())
-    same = type(content).__match_args__ == names and len(columns[0]) == len(columns[1])
-    assert same, wrong.format("says other columns")
+    if type(content).__match_args__ != names or len(columns[0]) != len(columns[1]):
+        raise BrokenError(wrong.format("says other columns"), "computation")
     for number, (one, other) in enumerate(zip(*columns, strict=True)):
         name = names[number] if len(names) == len(columns[0]) else "items"  # those of several kinds have no names
-        same = (one.dtype, one.shape, one.tobytes()) == (other.dtype, other.shape, other.tobytes())
-        assert same, wrong.format(f"says other {name}")
+        if (one.dtype, one.shape, one.tobytes()) != (other.dtype, other.shape, other.tobytes()):
+            raise BrokenError(wrong.format(f"says other {name}"), "computation")
 
 
 def _received(inbox: Inbox[MessageBatch], ids: NDArray[np.int64], count: int) -> Inbox[MessageBatch]:
@@ -250,13 +256,13 @@ def check_locality(
                 (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))
                 for senses, inbox in (heard.hears, heard.decides)
             )
-            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides)
             where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
             when = "when others sense and hear something else"
+            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, f"{where}, {when}")
             if heard.speaks.alive[robot]:
                 _check_said(said, robot, heard.said, robot, f"{where}: {{}} {when}")
-            if heard.decides[0].alive[robot]:
-                assert _done(intents, robot) == _done(heard.intents, robot), f"{where}: does something else {when}"
+            if heard.decides[0].alive[robot] and _done(intents, robot) != _done(heard.intents, robot):
+                raise BrokenError(f"{where}: does something else {when}", "strategy")
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:

@@ -17,9 +17,10 @@ from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.toml import read_toml
 from swarmsim.core.state import Knowledge, Moment, Senses
 from swarmsim.engine import contracts
-from swarmsim.engine.build import Run, build
-from swarmsim.recording.digests import Digests
+from swarmsim.engine.build import BuiltRun, build
+from swarmsim.recording.digests import DIGESTED, Digests
 from swarmsim.robots.kinematics import drives_of
+from swarmsim.testing.broken import BrokenError
 
 ITERATIONS: Final = 25  # of a run that is checked, unless told otherwise
 SLACK: Final = 1e-9  # m/s that wheels may be too fast by rounding
@@ -31,7 +32,7 @@ def opened(
     strict: bool = False,
     allow_code: bool = False,
     watch: Callable[[Parts], Parts] | None = None,
-) -> Run:
+) -> BuiltRun:
     """The run of a scenario file with `key=value` overrides; `watch` as in `build`. Raises InputError."""
     with registry.own_code(allow_code):
         path = Path(scenario)
@@ -52,7 +53,7 @@ def check_strictly(
     of their codec as they went in. Probes are sampled as for a recording.
     """
     run = opened(scenario, limited(overrides, iterations), True, allow_code)
-    parts, problems = run.simulation.parts, []
+    parts, problems = run.simulation.parts, list[tuple[str, str]]()
     speeds = drives_of(run.context).units == "m/s"
 
     class Check:
@@ -60,21 +61,21 @@ def check_strictly(
             run.sampled(moment)
             fastest = float(np.abs(moment.state.wheels[speeds]).max(initial=0.0))
             if fastest > run.scenario.robots.speed + SLACK:
-                problems.append(f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}")
+                problems.append((f"wheels: {fastest:g} m/s; the limit is {run.scenario.robots.speed:g}", "motion"))
             if not np.isfinite(moment.state.pose).all():
-                problems.append("pose: not finite")
-            if problems:
-                raise AssertionError(f"{scenario}, iteration {moment.state.iteration}: {problems[0]}")
+                problems.append(("pose: not finite", "physics"))
+            for wrong, seam in problems:
+                raise BrokenError(f"{scenario}, iteration {moment.state.iteration}: {wrong}", seam)
 
     with _weighed(parts.computation, problems):
         try:
             run.simulation.run([Check()])
         except PartError as problem:
-            raise AssertionError(f"{scenario}: {problem}") from problem
+            raise BrokenError(f"{scenario}: {problem}", problem.seam) from problem
 
 
 @contextmanager
-def _weighed(computation: AnyComputation, problems: list[str]) -> Iterator[None]:
+def _weighed(computation: AnyComputation, problems: list[tuple[str, str]]) -> Iterator[None]:
     """For as long as this lasts, every message is packed and unpacked."""
     say = computation.say
 
@@ -82,7 +83,7 @@ def _weighed(computation: AnyComputation, problems: list[str]) -> Iterator[None]
         said = say(senses)
         wrong = contracts.message_sizes(said, computation.codec, senses.iteration)
         if wrong is not None:
-            problems.append(wrong)
+            problems.append((wrong, "computation"))
         return said
 
     computation.say = weighed  # type: ignore[method-assign]
@@ -102,7 +103,10 @@ def check_determinism(
         opened(scenario, limited(overrides, iterations), False, allow_code).simulation.run([observer])
         digests.append(observer)
     for iteration, (first, second) in enumerate(zip(digests[0].rows, digests[1].rows, strict=True)):
-        assert first == second, f"{scenario}: two runs with the same seed differ in iteration {iteration}"
+        if first != second:
+            size = len(first) // len(DIGESTED)
+            field = next(one for i, one in enumerate(DIGESTED) if first[i * size :][:size] != second[i * size :][:size])
+            raise BrokenError(f"{scenario}: two runs with the same seed differ in iteration {iteration}, in {field}")
 
 
 def check_alone(

@@ -21,7 +21,7 @@ _FEWEST: Final = 2  # symbols that say how large a drawing is
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class LayerAdvice:
     """What one layer, or group, of a drawing shows."""
 
     name: str  # empty for shapes in none
@@ -30,7 +30,7 @@ class Group:
     share: float  # of all that is drawn
 
 
-def groups(drawing: Drawing) -> list[Group]:
+def groups(drawing: Drawing) -> list[LayerAdvice]:
     """The groups of a drawing, those that show most first."""
     count: Counter[tuple[str, str]] = Counter()
     ink: defaultdict[tuple[str, str], float] = defaultdict(float)
@@ -38,11 +38,11 @@ def groups(drawing: Drawing) -> list[Group]:
         count[shape.group, shape.layer] += 1
         ink[shape.group, shape.layer] += shape.fill.area + shape.stroke.area
     whole = sum(ink.values()) or 1.0
-    found = [Group(name, layer, count[name, layer], ink[name, layer] / whole) for name, layer in count]
+    found = [LayerAdvice(name, layer, count[name, layer], ink[name, layer] / whole) for name, layer in count]
     return sorted(found, key=lambda group: -group.share)
 
 
-def decoration(drawing: Drawing) -> list[Group]:
+def decoration(drawing: Drawing) -> list[LayerAdvice]:
     """The groups outside of a drawing's layers that show much, and may hold walls."""
     if not drawing.says_solid:
         return []

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from swarmsim.core.events import Box
 from swarmsim.world.areas import joined, polygons
 from swarmsim.world.shapes import NOTHING, Line, Shape
 
@@ -50,6 +51,10 @@ class MadeDoors:
 
     doors: tuple[shapely.Polygon, ...]
     cuts: BaseGeometry  # all of them together
+
+    def boxes(self) -> tuple[Box, ...]:
+        """What encloses each of them: left, lower, right and upper edge, in m."""
+        return tuple([(left, low, right, high) for left, low, right, high in (door.bounds for door in self.doors)])
 
 
 def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.Polygon]]:

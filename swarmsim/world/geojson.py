@@ -73,31 +73,13 @@ def plan_from(
     walls where no feature has a solid layer. Raises InputError, with the feature and what would be right.
     """
     table = parsed(source, name)
-    ours, problems, points = _MARK in table, Problems(name), 0
+    ours = _MARK in table
     known: dict[str, Sequence[str]] = {one: [one] for one in (*SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER)}
     if ours:
         known[_BORDER], scale, across = [_BORDER], 1.0, None
     else:
         known.update(layers or {})
-    found: defaultdict[tuple[str, str], list[MultiPolygon]] = defaultdict(list)
-    for place, properties, geometry in _features(table, problems):
-        if geometry is None:
-            continue
-        called = list(texts(properties, _NAMES).values())
-        shape, wrong = _geometry(geometry)
-        wrong = wrong or not_a_place(shape)
-        wrong = wrong or not_an_area(shape)
-        if not wrong and shape.length == 0.0:
-            points += 1
-            continue
-        area, wrong = (MultiPolygon(), wrong) if wrong else thick(shape, properties.get("width"))
-        if wrong:
-            problems.add(f"{place}: {wrong}")
-            continue
-        layer = layer_named(called, known)
-        spawn = str(properties.get("id") or properties.get("name") or SPAWN_LAYER) if layer == SPAWN_LAYER else ""
-        found[layer, spawn].append(area)
-    problems.complain()
+    found, points = _areas(table, name, known)
     notices = []
     if points:
         notices.append(f"{points} points are passed over: a wall has an area, or is a line with a width")
@@ -117,6 +99,33 @@ def plan_from(
     openings = tuple(_box(box) for box in mark.get("openings") or ())
     boxes = tuple(box for box in openings if box is not None)
     return replace(plan, openings=boxes, guessed=mark.get("guessed") is True)
+
+
+def _areas(
+    table: dict[str, object], name: str, known: Mapping[str, Sequence[str]]
+) -> tuple[defaultdict[tuple[str, str], list[MultiPolygon]], int]:
+    """The areas of all features, by layer and spawn area, and how many points are passed over. Raises InputError."""
+    found: defaultdict[tuple[str, str], list[MultiPolygon]] = defaultdict(list)
+    problems, points = Problems(name), 0
+    for place, properties, geometry in _features(table, problems):
+        if geometry is None:
+            continue
+        called = list(texts(properties, _NAMES).values())
+        shape, wrong = _geometry(geometry)
+        wrong = wrong or not_a_place(shape)
+        wrong = wrong or not_an_area(shape)
+        if not wrong and shape.length == 0.0:
+            points += 1
+            continue
+        area, wrong = (MultiPolygon(), wrong) if wrong else thick(shape, properties.get("width"))
+        if wrong:
+            problems.add(f"{place}: {wrong}")
+            continue
+        layer = layer_named(called, known)
+        spawn = str(properties.get("id") or properties.get("name") or SPAWN_LAYER) if layer == SPAWN_LAYER else ""
+        found[layer, spawn].append(area)
+    problems.complain()
+    return found, points
 
 
 def read(source: str, name: str, world: World) -> Drawing:

@@ -17,7 +17,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.events import Box
 from swarmsim.core.scenario.file import World
 from swarmsim.world.areas import connected, joined, polygons, united
-from swarmsim.world.doors import FURNITURE, THICK, cut_by_symbols, inward, make_doors, opened
+from swarmsim.world.doors import FURNITURE, THICK, MadeDoors, cut_by_symbols, inward, make_doors, opened
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.shapes import NOTHING, Drawing, Shape
 
@@ -83,21 +83,16 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
             f"{drawing.name}: nothing in it is solid{drawing.nothing}; draw the walls as filled shapes or as strokes"
         )
     walls = united(layers.values()) if drawing.says_solid else joined(layers.values())
-    made: tuple[Box, ...] = ()
-    ground = united(painted)
+    ground, made = united(painted), MadeDoors((), MultiPolygon())
     width = world.doors if world.doors is not None else DOOR if rooms else 0.0
     if width:
         fixed = walls if layers["furniture"].is_empty else joined([layers["walls"], layers["pillars"]])
-        new = make_doors(fixed, width, ground)  # what furniture encloses is no room
-        made = tuple(tuple(map(float, door.bounds)) for door in new.doors)  # type: ignore[misc]
-        if made:
-            layers = {layer: opened(shape, new.cuts) for layer, shape in layers.items()}
-            walls = opened(walls, new.cuts)
-            doors = "1 door" if len(made) == 1 else f"{len(made)} doors"
-            notices.append(
-                f"{doors} of {width:g} m {'was' if len(made) == 1 else 'were'} made, for rooms that are drawn closed; "
-                "world.doors = 0 makes none"
-            )
+        made = make_doors(fixed, width, ground)  # what furniture encloses is no room
+    if made.doors:
+        layers = {layer: opened(shape, made.cuts) for layer, shape in layers.items()}
+        walls = opened(walls, made.cuts)
+        doors = "1 door was" if len(made.doors) == 1 else f"{len(made.doors)} doors were"
+        notices.append(f"{doors} of {width:g} m made, for rooms that are drawn closed; world.doors = 0 makes none")
     if world.unknown == "wall" and not unknown.is_empty:
         walls = joined([walls, unknown])
     spawns: dict[str, MultiPolygon] = {}
@@ -105,7 +100,7 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
         spawns[name] = united(_area(shape) for shape in by_layer[SPAWN_LAYER] if shape.spawn == name)
     told = tuple(f"{drawing.name}: {notice}" for notice in notices)
     guessed = not drawing.says_solid and not by_layer[FLOOR_LAYER]
-    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made, painted=ground, guessed=guessed)
+    return FloorPlan(walls, layers, spawns, page, unknown, told, openings=made.boxes(), painted=ground, guessed=guessed)
 
 
 def _area(shape: Shape) -> MultiPolygon:

@@ -28,7 +28,7 @@ class Room:
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class Doorway:
     """A narrow place between two rooms."""
 
     rooms: tuple[int, int]  # indices among the rooms
@@ -38,7 +38,7 @@ class Door:
 
 def rooms_and_doors(
     floor: Cells, lattice: Lattice, walls: BaseGeometry, widest: float
-) -> tuple[list[Room], list[Door]]:
+) -> tuple[list[Room], list[Doorway]]:
     """The rooms of `floor` (rows, columns), the largest first, and the doors between them, at most `widest` (m) wide.
 
     A room grows from the places in which a disc of that diameter fits, to where it meets the next one: cells belong to
@@ -85,7 +85,7 @@ def _doors(
     lattice: Lattice,
     walls: BaseGeometry,
     widest: float,
-) -> list[Door]:
+) -> list[Doorway]:
     """Where rooms meet: every piece of the border between two of them is a door."""
     rim = np.zeros(labels.shape, np.bool_)
     pairs: dict[tuple[int, int], list[NDArray[np.int64]]] = {}
@@ -98,7 +98,7 @@ def _doors(
         keys = np.column_stack([np.minimum(near, far), np.maximum(near, far)])
         for key in np.unique(keys, axis=0):
             pairs.setdefault((int(key[0]), int(key[1])), []).append(cells[(keys == key).all(axis=1)])
-    doors: list[Door] = []
+    doors: list[Doorway] = []
     pieces: NDArray[np.int32]
     pieces, _ = ndimage.label(rim, np.ones((3, 3)))
     for (one, other), found in sorted(pairs.items()):
@@ -113,7 +113,7 @@ def _doors(
             width = 2.0 * float(shapely.distance(walls, shapely.Point(x, y)))
             if len(doors) < _MOST:
                 width = _width((x, y), (one, other), labels, lattice, walls, widest, width)
-            doors.append(Door((int(rank[one]), int(rank[other])), (float(x), float(y)), width))
+            doors.append(Doorway((int(rank[one]), int(rank[other])), (float(x), float(y)), width))
     return sorted(doors, key=lambda door: door.width)
 
 

@@ -62,7 +62,7 @@ def read(source: str, name: str, world: World) -> Drawing:
     if misspelt := names.misspelt():
         raise InputError(f"{name}: {misspelt}")
     ids = {e.attributes["id"]: e for e in root.tree() if "id" in e.attributes}
-    reader = _Reader(name, Problems(name), sheet, ids, names)
+    reader = _SvgReader(name, Problems(name), sheet, ids, names)
     around = _Placed(root, "", None, "", INITIAL, 1.0, page.matrix, page, None)
     shapes = reader.without_strays([*reader.shapes(root, around)], page)
     reader.problems.complain()
@@ -99,7 +99,7 @@ _Waiting = tuple[Element, _Placed, int]  # an element, what is around it, how de
 
 
 @dataclass(slots=True)
-class _Reader:
+class _SvgReader:
     """Finds the shapes of a drawing, and what is wrong with it."""
 
     name: str

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -142,42 +145,26 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert not (tmp_path / "mine.py").exists()
 
 
-def test_a_plug_in_is_installed_found_and_passes_its_own_tests(tmp_path: Path) -> None:
-    """In a fresh environment that sees what this one has installed, and the plug-in besides."""
-    env = tmp_path / "env"
+def test_the_template_is_installed_found_and_passes_its_own_tests(tmp_path: Path) -> None:
+    """A copy of it, in a fresh environment that sees what this one has installed, by the lines of its README."""
+    copy, env = tmp_path / "weather", tmp_path / "env"
+    shutil.copytree(ROOT / "template", copy, ignore=shutil.ignore_patterns("__pycache__", ".*_cache"))
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", env], check=True)
-    python = env / "bin" / "python"
-    here = subprocess.run(
-        [sys.executable, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
-        capture_output=True, text=True, check=True,
-    ).stdout.strip()  # fmt: skip
-    there = subprocess.run(
-        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"],
-        capture_output=True, text=True, check=True,
-    ).stdout.strip()  # fmt: skip
-    (Path(there) / "these.pth").write_text(f"import site; site.addsitedir({here!r})\n")
-    install = [
-        python,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--target",
-        there,
-        str(ROOT / "tests" / "plugin"),
-    ]
-    done = subprocess.run(install, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    listed = subprocess.run(
-        [python, "-m", "swarmsim", "parts", "--json"], capture_output=True, text=True, check=True, cwd=tmp_path
+    python = [str(env / "bin" / "python"), "-m"]
+    asked = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    here, there = (
+        subprocess.run([one, "-c", asked], capture_output=True, text=True, check=True).stdout.strip()
+        for one in (sys.executable, python[0])
     )
+    (Path(there) / "these.pth").write_text(f"import site; site.addsitedir({here!r})\n")
+    offline = ["--quiet", "--no-index", "--no-build-isolation", "--no-deps"]
+    for line in "".join(re.findall(r"```sh\n(.*?)```", (copy / "README.md").read_text(), re.DOTALL)).splitlines():
+        words = shlex.split(line.removeprefix("python -m "))
+        command = [*python, *words, *offline] if words[:2] == ["pip", "install"] else [*python, *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=copy)
+        assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+    assert (copy / "runs" / "warmest.mp4").stat().st_size > 10_000
+    listed = subprocess.run([*python, "swarmsim", "parts", "--json"], capture_output=True, text=True, check=True)
     theirs = [part for part in json.loads(listed.stdout) if part["origin"].startswith("swarmsim-weather")]
     assert {part["seam"] for part in theirs} == set(SEAMS)
     assert all(part["first"] for part in theirs)
-    tests = [python, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(ROOT / "tests" / "plugin" / "tests")]
-    done = subprocess.run(
-        [*tests, "--rootdir", str(ROOT / "tests" / "plugin")], capture_output=True, text=True, check=False, cwd=tmp_path
-    )
-    assert done.returncode == 0, done.stdout
-    assert "passed" in done.stdout

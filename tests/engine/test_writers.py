@@ -35,7 +35,7 @@ from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.operations.mapping.measures.coverage import Coverage
 from swarmsim.operations.mapping.exploration.nearest import NearestFrontier
 from swarmsim.operations.mapping.sharing.policies import CurrentTile
-from swarmsim.robots.localisation import Perfect as Placed
+from swarmsim.robots.localisation import Exact as Placed
 from swarmsim.robots.motion import PurePursuit
 from swarmsim.robots.sensors import IrRing
 

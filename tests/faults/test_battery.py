@@ -14,7 +14,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Tick
 from swarmsim.core.state import Moment, State
-from swarmsim.faults.battery import Batteries, Battery, BatteryFault, Exhaustion
+from swarmsim.faults.battery import Battery, BatteryFault, Energy, Exhaustion
 
 
 def watch(*overrides: str, iterations: int = 60, scenario: str = "basilica") -> tuple[list[Moment], object]:
@@ -88,15 +88,15 @@ def test_an_empty_robot_stays_in_the_way_or_is_taken_out() -> None:
 
 def test_capacities_have_the_mean_and_spread_asked_for_and_each_robot_its_own() -> None:
     fault = Battery(capacity=50.0, spread=0.3, per_metre=1.0, per_byte=0.0, idle=0.0)
-    many = Batteries(fault, context(4000)).left
+    many = Energy(fault, context(4000)).left
     # within four standard errors, of the mean and (normal approximation) of the standard deviation
     assert many.mean() == pytest.approx(50.0, abs=4 * 15.0 / np.sqrt(4000))
     assert many.std() == pytest.approx(15.0, rel=0.08)
     assert many.min() > 0.0
-    assert_array_equal(Batteries(fault, context(7)).left, many[:7])
-    assert not np.isin(Batteries(fault, replace(context(7), number=1)).left, many[:7]).any()
-    assert not np.isin(Batteries(fault, context(7, seed=2)).left, many[:7]).any()
-    even = Batteries(Battery(capacity=50.0, per_metre=1.0, per_byte=0.0, idle=0.0, robots=[1]), context(3))
+    assert_array_equal(Energy(fault, context(7)).left, many[:7])
+    assert not np.isin(Energy(fault, replace(context(7), number=1)).left, many[:7]).any()
+    assert not np.isin(Energy(fault, context(7, seed=2)).left, many[:7]).any()
+    even = Energy(Battery(capacity=50.0, per_metre=1.0, per_byte=0.0, idle=0.0, robots=[1]), context(3))
     assert even.left.tolist() == [np.inf, 50.0, np.inf]
 
 
@@ -129,7 +129,7 @@ def test_being_carried_costs_no_more_than_driving_at_top_speed() -> None:
 
     place = context(2)
     fault = Battery(capacity=100.0, per_metre=10.0, per_byte=0.0, idle=0.0)
-    batteries = Batteries(fault, place)
+    batteries = Energy(fault, place)
     Exhaustion(Carried(), BatteryFault(fault, batteries, place)).advance(Tick(1, before, after, 0.0))
     assert_allclose(batteries.left, [100.0 - 10.0 * place.robots.speed, 99.0])
 

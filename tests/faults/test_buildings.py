@@ -16,7 +16,7 @@ from swarmsim.core.events import boxes_at
 from swarmsim.core.scenario.file import load
 from swarmsim.core.state import FREE, OCCUPIED
 from swarmsim.engine.build import build
-from swarmsim.faults.building import Door, Schedule
+from swarmsim.faults.building import Door, Strikes
 from swarmsim.operations.mapping.measures.changes import Change, ChangeMeasures
 from swarmsim.recording.digests import Digests
 from swarmsim.recording.reader import Recording
@@ -318,7 +318,7 @@ def test_boxes_that_leave_no_place_to_stand_are_refused() -> None:
 @pytest.mark.parametrize(("every", "duration"), [(None, None), (None, 4), (5, 2), (3, None), (2, 7)])
 def test_the_strikes_that_last_are_those_a_loop_finds(every, duration) -> None:
     change = Door(at=3, every=every, duration=duration, box=DOORWAY)
-    schedule = Schedule(change, again=True)
+    schedule = Strikes(change, again=True)
     for now in range(40):
         starts = [3] if every is None else range(3, 40, every)
         lasting = [k for k, s in enumerate(starts) if s <= now and (duration is None or now < s + duration)]

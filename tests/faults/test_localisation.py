@@ -15,9 +15,9 @@ from swarmsim.core.messages import Inbox
 from swarmsim.core.parts import Parts
 from swarmsim.core.state import Intents, Knowledge, Moment, Senses, State
 from swarmsim.core.streams import Streams
-from swarmsim.engine.build import Run
+from swarmsim.engine.build import BuiltRun
 from swarmsim.engine.simulation import Steered
-from swarmsim.faults.localisation import Belief, Localisation, landing_places
+from swarmsim.faults.localisation import Belief, LocalisationFault, landing_places
 from swarmsim.operations.mapping.measures.quality import MapMeasures
 from swarmsim.recording.digests import Digests
 
@@ -65,7 +65,7 @@ def biased() -> Watch:
     return Watch(f'failure="bias", dx=0.3, dy=-0.1, dyaw=0.2, {STRUCK}')
 
 
-def context(run: Run) -> BuildContext:
+def context(run: BuiltRun) -> BuildContext:
     return BuildContext.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
 
@@ -109,7 +109,7 @@ def test_motion_is_asked_at_believed_poses_and_others_rows_are_bit_equal(plain: 
             return np.zeros((len(pose), 2))
 
     parts = replace(run.simulation.parts, motion=Still())
-    fault = Localisation(failure="bias", dx=0.3, dyaw=0.5, at=0, robots=[1]).build(context(run))
+    fault = LocalisationFault(failure="bias", dx=0.3, dyaw=0.5, at=0, robots=[1]).build(context(run))
     motion = Steered(parts.motion, fault.install(parts).localisation)
     pose = np.array([[-0.0, 1.0, -0.0], [2.0, 1.0, 0.0], [3.0, 1.0, -0.0]])
     given = pose.copy()
@@ -281,7 +281,7 @@ def test_a_robot_stays_where_there_is_nowhere_to_put_it() -> None:
     nothing = np.zeros_like(parts.building.explorable)
     parts.building.found = replace(parts.building.found, explore=lambda: nothing)
     before = parts.bodies.state()
-    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
+    installed = LocalisationFault(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
     np.testing.assert_array_equal(installed.bodies.state().pose, before.pose)
     pose = installed.localisation.locate(before)
     np.testing.assert_array_equal(pose, before.pose)
@@ -300,10 +300,10 @@ def test_nobody_is_put_onto_people() -> None:
         parts.building.crowds.append(Crowd())
     # 0.15 m between centres are less than the radii's sum, so the place itself is not free either.
     before = parts.bodies.state()
-    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
+    installed = LocalisationFault(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
     np.testing.assert_array_equal(installed.bodies.state().pose, before.pose)
     Crowd.discs = Crowd.discs[np.hypot(*(Crowd.discs[:, :2] - free).T) > 0.155]
-    installed = Localisation(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
+    installed = LocalisationFault(failure="kidnap", at=0, robots=[1]).build(context(run)).install(parts)
     np.testing.assert_allclose(installed.bodies.state().pose[1, :2], free)
 
 
@@ -355,7 +355,7 @@ def test_localisation_beneath_keeps_its_own_arrays() -> None:
     readings = parts.sensor.sense(state)
     tiles = readings.tiles
     pose, origins = state.pose.copy(), tiles.origins.copy()
-    fault = Localisation(failure="bias", dx=1.0, at=0, robots=[1]).build(context(run))
+    fault = LocalisationFault(failure="bias", dx=1.0, at=0, robots=[1]).build(context(run))
     believed = fault.install(parts).localisation.locate(state)
     moved = readings.put(state.pose, believed, parts.lattice)
     assert (believed[1] != pose[1]).any()

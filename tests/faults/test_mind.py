@@ -17,7 +17,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Parts
 from swarmsim.core.state import FREE, OCCUPIED, Moment
-from swarmsim.faults.mind import FailingMind, Mind, RandomWalk
+from swarmsim.faults.mind import FailingMind, MindFault, RandomWalk
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
 
@@ -94,7 +94,7 @@ def replayed(watch: Watch, failure: str, *struck: int, begins: int = ONSET, ends
     robots = watch.run.scenario.robots
     place = watch.run.context
     active = np.zeros(robots.count, np.bool_)
-    effect = Mind(at=0, failure=failure).build(place).effect
+    effect = MindFault(at=0, failure=failure).build(place).effect
     plain = Mapper().build(place)
     parts = Parts(None, None, None, plain.computation, plain.strategy, *[None] * 8)
     parts = effect.wrap(parts, active)

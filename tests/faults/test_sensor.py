@@ -13,8 +13,8 @@ from swarmsim.core.parts import Parts
 from swarmsim.core.readings import Readings, Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment, State
 from swarmsim.core.streams import Streams
-from swarmsim.engine.build import Run
-from swarmsim.faults.sensor import Sensor
+from swarmsim.engine.build import BuiltRun
+from swarmsim.faults.sensor import SensorFault
 
 STRUCK = "at=4, duration=3, robots=[1]"
 WITH = range(4, 7)  # the iterations with the fault
@@ -37,16 +37,16 @@ def watch(*faults: str, iterations: int = ITERATIONS) -> list[Moment]:
 
 
 @pytest.fixture(scope="module")
-def plain() -> Run:
+def plain() -> BuiltRun:
     return made()
 
 
 @pytest.fixture(scope="module")
-def parts(plain: Run) -> Parts:
+def parts(plain: BuiltRun) -> Parts:
     return plain.simulation.parts
 
 
-def context(run: Run, robots: int = 3) -> BuildContext:
+def context(run: BuiltRun, robots: int = 3) -> BuildContext:
     assert run.scenario.robots.count == robots
     return BuildContext.of(run.scenario.robots, run.arena.lattice, 1.0, Streams(1), run.simulation.parts.building)
 
@@ -197,7 +197,7 @@ def test_nothing_differs_before_the_onset_and_the_events_say_when() -> None:
     assert events[:2] == [Begins(4, 0, (1,)), Ends(7, 0, (1,))]
 
 
-def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> None:
+def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: BuiltRun) -> None:
     state = parts.bodies.state()
     own = parts.sensor.sense(state).tiles
 
@@ -209,9 +209,9 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
 
     before = own.values.copy(), own.origins.copy()
     for fault in (
-        Sensor(failure="garbage", at=0),
-        Sensor(failure="offset", offset=(1, 1), at=0),
-        Sensor(failure="stuck", value="free", at=0),
+        SensorFault(failure="garbage", at=0),
+        SensorFault(failure="offset", offset=(1, 1), at=0),
+        SensorFault(failure="stuck", value="free", at=0),
     ):
         spoilt = fault.build(context(plain)).install(replace(parts, sensor=Same())).sensor.sense(state).tiles
         assert (spoilt.values != own.values).any() or (spoilt.origins != own.origins).any()
@@ -219,14 +219,14 @@ def test_the_sensor_beneath_keeps_its_own_tiles(parts: Parts, plain: Run) -> Non
     np.testing.assert_array_equal(own.origins, before[1])
 
 
-def test_a_sensor_without_beams_cannot_lose_any(parts: Parts, plain: Run) -> None:
+def test_a_sensor_without_beams_cannot_lose_any(parts: Parts, plain: BuiltRun) -> None:
     class Blind:
         channels = parts.sensor.channels
 
         def sense(self, state: State) -> Readings:
             return readings_of(Tiles(np.zeros((3, 6, 7), np.uint8), np.zeros((3, 2), np.int32)))
 
-    fault = Sensor(failure="beams", beams=[1], at=0).build(context(plain))
+    fault = SensorFault(failure="beams", beams=[1], at=0).build(context(plain))
     with pytest.raises(InputError, match=r"failure: this sensor has no beams.*ir-ring"):
         fault.install(replace(parts, sensor=Blind()))
 
@@ -252,8 +252,8 @@ def test_a_fault_that_cannot_work_is_refused(fault: str, words: str) -> None:
         watch(fault)
 
 
-def test_a_beam_that_is_not_there_is_refused_by_its_number(parts: Parts, plain: Run) -> None:
-    fault = Sensor(failure="beams", beams=[3, 72], at=0).build(context(plain))
+def test_a_beam_that_is_not_there_is_refused_by_its_number(parts: Parts, plain: BuiltRun) -> None:
+    fault = SensorFault(failure="beams", beams=[3, 72], at=0).build(context(plain))
     with pytest.raises(InputError, match="beams: there is no beam 72; expected 0 to 71"):
         fault.install(parts)
 

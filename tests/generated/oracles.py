@@ -17,7 +17,7 @@ from generated.buildings import solid_of
 from generated.scenarios import Scenario
 
 from swarmsim.core.state import Moment
-from swarmsim.engine.build import Run
+from swarmsim.engine.build import BuiltRun
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 LOOKS = 16  # robots whose beams are cast again, of all robots and iterations of a run
@@ -37,7 +37,7 @@ BELIEVED = {
 class Witness:
     """A probe that holds a run to all of it, iteration by iteration."""
 
-    def __init__(self, scenario: Scenario, run: Run) -> None:
+    def __init__(self, scenario: Scenario, run: BuiltRun) -> None:
         parts = run.simulation.parts
         self._senses, self._says = _Senses(parts), _Says(parts.computation)
         run.simulation.parts = replace(parts, sensor=self._senses, computation=self._says)
@@ -88,7 +88,7 @@ class Witness:
         assert (apart[~np.eye(len(centres), dtype=bool)] >= tight).all(), "two bodies are in one place"
 
 
-def _each(run: Run) -> list[Any]:
+def _each(run: BuiltRun) -> list[Any]:
     """What each robot is made of."""
     robots = run.scenario.robots
     return [group for group in robots.groups for _ in range(group.count)] or [robots] * robots.count
@@ -142,7 +142,7 @@ class _Matter:
 class _Truth:
     """A cell is occupied if anything solid covers any of it."""
 
-    def __init__(self, run: Run, matter: _Matter) -> None:
+    def __init__(self, run: BuiltRun, matter: _Matter) -> None:
         self._lattice, self._matter, self._version = run.arena.lattice, matter, -1
 
     def check(self, moment: Moment) -> None:
@@ -163,7 +163,7 @@ class _Truth:
 class _Beams:
     """Beams end where shapely says, and show the cells that they cross or end in, and no others."""
 
-    def __init__(self, run: Run, matter: _Matter, senses: _Senses, dice: Random) -> None:
+    def __init__(self, run: BuiltRun, matter: _Matter, senses: _Senses, dice: Random) -> None:
         scenario = run.scenario
         self._lattice, self._matter, self._senses = run.arena.lattice, matter, senses
         self._robots = _each(run)
@@ -335,7 +335,7 @@ def _crossings(place: Any, ahead: np.ndarray, low: np.ndarray, side: float) -> t
 class _Lives:
     """The live are those whom no event has taken out and none brought back since."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: BuiltRun) -> None:
         self._scenario, self._out = run.scenario, set[int]()
 
     def check(self, moment: Moment) -> None:
@@ -351,7 +351,7 @@ class _Lives:
 class _Ledger:
     """Every message said is heard or lost once, as it was said and where there was a link, or is still under way."""
 
-    def __init__(self, run: Run, says: _Says) -> None:
+    def __init__(self, run: BuiltRun, says: _Says) -> None:
         self._says, self._under_way = says, set[tuple[int, int, int, int]]()
         self._layers = list(_stack(run.scenario.network.channel.table))
         late = any(fault.declares("failure", "") == "delay" for fault in run.scenario.faults)
@@ -410,7 +410,7 @@ def _stack(channel: Any) -> Any:
 class _Count:
     """No more of the domain is covered than robots that lived have sensed, and all of it where nothing is forgotten."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: BuiltRun) -> None:
         scenario, shape = run.scenario, run.arena.lattice.shape
         self._sensed = np.zeros(shape, bool)
         self._senses = run.simulation.parts.sensor

@@ -15,7 +15,7 @@ from generated.scenarios import Scenario, scenario
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.recording.reader import Recording
 
 FINISHED, NOT_FINISHED, REFUSED = "finished", "not finished", "refused"
@@ -79,7 +79,7 @@ def _tried(scenario: Scenario, folder: Path) -> str:
     return FINISHED if finished else NOT_FINISHED
 
 
-def _is_told(run: Run, witness: Witness, recording: Recording) -> None:
+def _is_told(run: BuiltRun, witness: Witness, recording: Recording) -> None:
     """The summary tells what happened."""
     told, total = recording.summary(), witness.ledger.total
     assert told["status"] == (FINISHED if run.simulation.finished else NOT_FINISHED)

@@ -20,7 +20,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Delivery
-from swarmsim.core.parts import Channel
+from swarmsim.core.parts import NetworkChannel
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import decode, load, table_of
 from swarmsim.core.scenario.part import Part
@@ -57,7 +57,7 @@ def context(robots: int, seed: int = 1, period: float = 1.0, walls=()) -> BuildC
     return BuildContext.of(Robots(count=robots, spawn="room"), lattice, period, Streams(seed), building(walls))
 
 
-def opened(table: dict, robots: int, seed: int = 1, period: float = 1.0, walls=()) -> Channel:
+def opened(table: dict, robots: int, seed: int = 1, period: float = 1.0, walls=()) -> NetworkChannel:
     return Part("channel", table).build(context(robots, seed, period, walls))
 
 
@@ -80,7 +80,7 @@ class Turn:
     delivery: Delivery
 
 
-def life(channel: Channel, robots: int, iterations: int, extra: tuple[int, int] | None = None) -> Iterator[Turn]:
+def life(channel: NetworkChannel, robots: int, iterations: int, extra: tuple[int, int] | None = None) -> Iterator[Turn]:
     """Random links and messages of random length among robots that move, die and, one of them, come back."""
     stream = np.random.default_rng(7)
     alive = np.ones(robots, bool)
@@ -173,7 +173,7 @@ def test_a_scenario_with_any_channel_reads_back_as_itself(table: dict) -> None:
     assert decode(tomllib.loads(tomli_w.dumps(table_of(first))), "again") == first
 
 
-def many(channel: Channel, links: np.ndarray, robots: int, iterations: int) -> Iterator[tuple[int, Delivery]]:
+def many(channel: NetworkChannel, links: np.ndarray, robots: int, iterations: int) -> Iterator[tuple[int, Delivery]]:
     alive, sizes = np.ones(robots, bool), np.full(robots, 20, np.int32)
     for t in range(iterations):
         yield t, channel.deliver(state_of(t, alive), links, sizes)

@@ -21,7 +21,7 @@ from swarmsim.recording.columns import columns_of
 from swarmsim.recording.digests import hashed
 from swarmsim.recording.reader import Recording
 from swarmsim.robots.bump import Bump
-from swarmsim.robots.ground import Ground
+from swarmsim.robots.ground import GroundColour
 from swarmsim.robots.neighbours import Neighbours
 from swarmsim.robots.suites import MixedSensor, Suite
 from swarmsim.testing.locality import _chosen
@@ -89,14 +89,14 @@ def test_misses_and_errors_are_drawn_for_the_pair_and_the_iteration() -> None:
 def test_the_floor_is_told_in_steps_and_in_colours() -> None:
     formula = {"use": "formula", "formula": "x"}
     state = state_of([[0.2, 0.2, 0.0], [1.0, 0.2, 0.0], [2.0, 0.2, 0.0]], [True, True, False])
-    ground = convert({"floors": [formula], "steps": [0.5]}, Ground).build(setting_of(3)).sense(state)["ground"]
+    ground = convert({"floors": [formula], "steps": [0.5]}, GroundColour).build(setting_of(3)).sense(state)["ground"]
     np.testing.assert_array_equal(ground, [0.0, 1.0, np.nan])
-    colour = convert({"floors": [formula] * 3}, Ground).build(setting_of(3)).sense(state)["ground"]
+    colour = convert({"floors": [formula] * 3}, GroundColour).build(setting_of(3)).sense(state)["ground"]
     np.testing.assert_array_equal(colour[:2], [[0.2] * 3, [1.0] * 3])
     with pytest.raises(InputError, match=r"steps: .*expected numbers that rise"):
-        convert({"floors": [formula], "steps": [2.0, 1.0]}, Ground).build(setting_of(1))
+        convert({"floors": [formula], "steps": [2.0, 1.0]}, GroundColour).build(setting_of(1))
     with pytest.raises(InputError, match=r"floors\[0\]\.use: no field is called 'carpet'"):
-        convert({"floors": [{"use": "carpet"}]}, Ground).build(setting_of(1))
+        convert({"floors": [{"use": "carpet"}]}, GroundColour).build(setting_of(1))
 
 
 def test_contacts_are_told_by_the_side_on_which_they_are() -> None:

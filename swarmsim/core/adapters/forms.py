@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
+from abc import ABC
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, get_type_hints
+from typing import Any, cast, get_type_hints
 
 import msgspec
 import numpy as np
@@ -20,11 +21,11 @@ from swarmsim.core.parts import Curve, Links, Summary
 from swarmsim.core.readings import Readings
 from swarmsim.core.state import Done, Estimates, Intents, Knowledge, Measured, Moment, Senses, State
 
-OfFunction = Callable[[Callable[..., Any], dict[str, Any], BuildContext], object]  # from the function and its keys
+OfFunction = Callable[[Callable[..., object], dict[str, Any], BuildContext], object]  # from the function and its keys
 OfMind = Callable[[type, Callable[[], Any], BuildContext], object]  # from the class and what makes one robot's mind
 
 
-def adapted(found: Any, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
+def adapted(found: object, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
     """The parameter struct of a part in a simpler form, or None if it has none of those that its seam takes.
 
     Its keys are a function's keyword-only parameters, or those of a class's constructor.
@@ -42,10 +43,10 @@ def adapted(found: Any, function: OfFunction | None, mind: OfMind | None) -> typ
 
 
 def _struct(
-    found: Any,
-    typed: Callable[..., Any],
+    found: Callable[..., object],
+    typed: Callable[..., object],
     parameters: Sequence[inspect.Parameter],
-    make: Callable[[dict[str, Any], BuildContext], Any],
+    make: Callable[[dict[str, Any], BuildContext], object],
 ) -> type[msgspec.Struct]:
     hints = get_type_hints(typed, include_extras=True)
     fields: list[Any] = []
@@ -53,7 +54,7 @@ def _struct(
         kind = hints.get(one.name, Any)
         fields.append((one.name, kind) if one.default is one.empty else (one.name, kind, one.default))
 
-    def build(self: msgspec.Struct, context: BuildContext) -> Any:
+    def build(self: msgspec.Struct, context: BuildContext) -> object:
         return make(msgspec.structs.asdict(self), context)
 
     return msgspec.defstruct(
@@ -62,18 +63,18 @@ def _struct(
     )  # fmt: skip
 
 
-class FunctionForm:
+class FunctionForm(ABC):
     """A function and the values of its keys."""
 
-    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], context: BuildContext) -> None:
+    def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
         #: Whose contract it is to keep.
         self.written_by = function
         self._function, self._keys, self._context = function, keys, context
 
-    def _ask(self, *given: Any) -> Any:
+    def _ask(self, *given: object) -> object:
         return self._function(*given, **self._keys)
 
-    def _array(self, found: Any, *shape: int | None) -> NDArray[Any]:
+    def _array(self, found: object, *shape: int | None) -> NDArray[np.generic]:
         """What the function has given, as an array of numbers of this shape. Raises MisfitError if it is none."""
         try:
             return own.array_of(found, *shape)
@@ -120,13 +121,13 @@ class FunctionStrategy(FunctionForm):
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """What the function gives."""
-        found: Any = self._ask(Observations.of(senses, inbox, knowledge))
+        found = self._ask(Observations.of(senses, inbox, knowledge))
         if isinstance(found, Intents):
             return found
         count = len(senses.alive)
-        paired = isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], dict)
-        twists, commands = found if paired else (found, {})
+        twists, commands = found, dict[str, object]()
+        if isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], dict):
+            twists, commands = found
         intents = Intents.twisting(self._array(twists, count, 2).astype(np.float64))
         try:
             told = {name: self._context.actuators.command(name, value, count) for name, value in commands.items()}
@@ -139,9 +140,7 @@ class FunctionTopology(FunctionForm):
     """`def topology(state, *, key=default)`: links (m, 2) of receiver and sender, sorted."""
 
     def links(self, state: State) -> Links:
-        """What the function gives."""
-        found: Links = self._ask(state)
-        return found
+        return cast("Links", self._ask(state))  # checked as those of all topologies
 
 
 class FunctionLayer(FunctionForm):
@@ -181,7 +180,7 @@ class FunctionComputation(FunctionForm):
 
     knowledge_type: type[Knowledge] = Value
 
-    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], context: BuildContext) -> None:
+    def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
         super().__init__(function, keys, context)
         self._value: NDArray[np.float64] | None = None
         self._new = np.ones(len(context.ids), np.bool_)
@@ -189,7 +188,6 @@ class FunctionComputation(FunctionForm):
         self.codec = PlainCodec(Saying(np.zeros(0)))
 
     def say(self, senses: Senses) -> Broadcast[Saying]:
-        """Every robot's row."""
         value = self._begun(senses)
         return Broadcast.each(Saying(value.copy()), self.codec.size)
 
@@ -213,10 +211,10 @@ class FunctionComputation(FunctionForm):
         self._value = np.where(alive, found, before)
         return Value(_read_only(self._value))
 
-    def _values(self, found: Any, *shape: int) -> NDArray[np.float64]:
+    def _values(self, found: object, *shape: int) -> NDArray[np.float64]:
         """One row for each robot; of any length as long as that of none is known."""
-        several = self._value is None and isinstance(found, np.ndarray)
-        return self._array(found, shape[0], *(np.shape(found)[1:] if several else shape[1:])).astype(np.float64)
+        row = found.shape[1:] if self._value is None and isinstance(found, np.ndarray) else shape[1:]
+        return self._array(found, shape[0], *row).astype(np.float64)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Let robots (r,) begin again."""
@@ -242,12 +240,11 @@ class FunctionTask(FunctionForm):
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def __init__(self, function: Callable[..., Any], keys: dict[str, Any], context: BuildContext) -> None:
+    def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
         super().__init__(function, keys, context)
         self.curve = Curve(function.__name__, function.__name__.replace("_", " "), low=None)
 
     def measure(self, done: Done[Knowledge]) -> Measured:
-        """What the function gives."""
         found = self._ask(done)
         if isinstance(found, Measured):
             return found
@@ -263,7 +260,6 @@ class FunctionTask(FunctionForm):
             raise self._misfit(f"{own.brief(found)}; expected {wanted}") from None
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last value."""
         return (Last(),)
 
 

@@ -73,7 +73,7 @@ class Me:
     #: What arrived of groups of robots that say messages of another kind: as `heard`, by the name of the group.
     others: Mapping[str, Sequence[SimpleNamespace]]
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what a sensor gives
         found = {} if name == "readings" else vars(self.readings)  # which is not there while it is made
         if name not in found:
             raise AttributeError(f"'Me' object has no attribute {name!r}", name=name, obj=self)
@@ -127,7 +127,7 @@ class Me:
     _sideways: bool = False  # whether it can move to the side
 
 
-class Mind(Protocol):
+class RobotMind(Protocol):
     """One robot's mind, an instance of somebody's class; it has to `say` something if this has `message_fields`."""
 
     def say(self, me: Me) -> object:
@@ -161,7 +161,7 @@ def _number(verb: str, name: str, value: object) -> float:
 class OwnMinds(Knowledge):
     """What the minds of somebody's own class know: themselves, and what of it they show."""
 
-    minds: Sequence[Mind] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
+    minds: Sequence[RobotMind] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
     shown: Mapping[str, NDArray[np.float64]]  # (n,): the attributes that the class names in `recorded`
 
     def __getattr__(self, name: str) -> NDArray[np.float64]:
@@ -180,7 +180,7 @@ class OwnMinds(Knowledge):
         """A table for each attribute that is shown."""
         return Record(dict(self.shown))
 
-    def of(self, robot: int) -> Mind:
+    def of(self, robot: int) -> RobotMind:
         """One robot's mind."""
         return self.minds[robot]
 
@@ -192,10 +192,10 @@ _SILENCE: Final = make_dataclass(
 )
 
 
-class Swarm:
+class Minds:
     """One instance for each robot, and what each of them may know."""
 
-    def __init__(self, make: Callable[[], Mind], context: BuildContext) -> None:
+    def __init__(self, make: Callable[[], RobotMind], context: BuildContext) -> None:
         self._make, self._context = make, context
         #: The robots' numbers, by row.
         self.ids: list[int] = context.ids.tolist()
@@ -205,7 +205,7 @@ class Swarm:
     def each(
         self,
         senses: Senses,
-        ask: Callable[[Mind, Me], T],
+        ask: Callable[[RobotMind, Me], T],
         inbox: Inbox[MessageBatch] | None = None,
         knowledge: Knowledge | None = None,
     ) -> dict[int, T]:
@@ -314,12 +314,12 @@ class MindComputation:
 
     knowledge_type: type[Knowledge] = OwnMinds
 
-    def __init__(self, kind: type, make: Callable[[], Mind], context: BuildContext) -> None:
+    def __init__(self, kind: type, make: Callable[[], RobotMind], context: BuildContext) -> None:
         #: Whose contract it is to keep.
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
         self.requires = _required(kind)
-        self._swarm = Swarm(make, context)
+        self._swarm = Minds(make, context)
         self._kinds = _said(kind)
         #: The attributes of minds that are recorded.
         self.recorded = _shown(kind)
@@ -341,7 +341,7 @@ class MindComputation:
                 columns[name][robot] = value
         return list(columns.values())
 
-    def _answer(self, mind: Mind, me: Me) -> dict[str, NDArray[np.generic]]:
+    def _answer(self, mind: RobotMind, me: Me) -> dict[str, NDArray[np.generic]]:
         """What a mind says, by the names in `message_fields`. Raises MisfitError."""
         found, names = mind.say(me), list(self._kinds)
         if not isinstance(found, Mapping):
@@ -483,13 +483,13 @@ class MindStrategy:
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
-    def __init__(self, kind: type, make: Callable[[], Mind], context: BuildContext) -> None:
+    def __init__(self, kind: type, make: Callable[[], RobotMind], context: BuildContext) -> None:
         #: Whose contract it is to keep.
         self.written_by = kind
         #: The channels of sensors that it cannot do without.
         self.requires = _required(kind)
         self._kind, self._actuators = kind, context.actuators
-        self._swarm = Swarm(make, context)
+        self._swarm = Minds(make, context)
         self._ways: dict[int, bytes] = {}
         self._columns = 2 if context.sideways is None else 3
 
@@ -515,7 +515,7 @@ class MindStrategy:
                 commands[name][robot] = row
         return replace(Intents.along(from_here, count, planned), twists=twists, commands=commands)
 
-    def _intent(self, mind: Mind, me: Me) -> Intent:
+    def _intent(self, mind: RobotMind, me: Me) -> Intent:
         answer = mind.step(me)
         if answer is None:
             return Intent((0.0, 0.0, 0.0))

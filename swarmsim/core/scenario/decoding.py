@@ -26,7 +26,7 @@ class Nested(ABC):
 
     @classmethod
     @abstractmethod
-    def of_table(cls, kind: object, given: Any, take: Take | None) -> Nested:
+    def of_table(cls, kind: object, given: Nested | dict[str, Any], take: Take | None) -> Nested:
         """That of a field of this type, from a table or as it was made already, with `take` done with it.
 
         Raises InputError, which starts with the key at fault.
@@ -50,8 +50,8 @@ def convert(given: Mapping[str, Any], kind: type[T], take: Take | None = None) -
     Raises InputError that starts with the key, or all missing keys, at fault.
     """
 
-    def hook(wanted: Any, value: Any) -> Any:
-        nested = get_origin(wanted) or wanted
+    def hook(wanted: type, value: object) -> object:
+        nested: type = get_origin(wanted) or wanted
         if not issubclass(nested, Nested):
             return value
         if not isinstance(value, dict | nested):
@@ -159,5 +159,5 @@ def _infinite(value: object) -> float | None:
     return value if isinstance(value, float) and not math.isfinite(value) else None
 
 
-def _is_struct(kind: Any) -> bool:
+def _is_struct(kind: object) -> bool:
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)

@@ -31,7 +31,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Description:
+class PartDescription:
     """One part of a seam."""
 
     seam: str
@@ -43,7 +43,7 @@ class Description:
     parameters: tuple[Parameter, ...]
 
 
-def parts(which: str | None = None) -> list[Description]:
+def parts(which: str | None = None) -> list[PartDescription]:
     """The parts that scenarios can name, ours and those of other distributions, with their keys: `swarmsim parts`.
 
     `which` is a seam, such as `topology`, or one part of it, such as `topology.knn`; without it they are all, in the
@@ -61,11 +61,11 @@ def _known(seam: str) -> str:
     return seam
 
 
-def part(seam: str, name: str) -> Description:
+def part(seam: str, name: str) -> PartDescription:
     """One installed part. Raises InputError if there is none of that name."""
     kind, entry = registry.find(_known(seam), name), registry.entries(seam)[name]
     text = inspect.cleandoc(kind.__doc__ or "")
-    return Description(
+    return PartDescription(
         seam=seam,
         name=name,
         default=SEAMS[seam].default == name,
@@ -165,7 +165,7 @@ def seams_in_markdown() -> str:
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
 
-def plain(description: Description) -> dict[str, object]:
+def plain(description: PartDescription) -> dict[str, object]:
     """A description as what JSON holds."""
     found: dict[str, object] = msgspec.to_builtins(description)
     return found

@@ -25,11 +25,11 @@ from swarmsim.core.parts import (
     AnyStrategy,
     AnyTask,
     Bodies,
-    Channel,
     Fault,
     Generator,
     Localisation,
     Motion,
+    NetworkChannel,
     Probe,
     Sensor,
     Topology,
@@ -132,7 +132,7 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Who hears whom, and what arrives."""
 
     topology: Part[Topology]
-    channel: Part[Channel] = Part("channel")
+    channel: Part[NetworkChannel] = Part("channel")
 
 
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -300,7 +300,7 @@ def table_of(scenario: Scenario) -> Table:
     return table
 
 
-def _without_none(value: object) -> Any:
+def _without_none(value: object) -> Any:  # noqa: ANN401 - of the same kind
     """The same without what TOML cannot say."""
     if isinstance(value, dict):
         return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
@@ -317,7 +317,7 @@ def without_later(table: Table) -> Table:
     return {key: value for key, value in table.items() if says(key, value)}
 
 
-def _at(whole: Any, place: tuple[str, ...]) -> Any:
+def _at(whole: Scenario, place: tuple[str, ...]) -> Any:  # noqa: ANN401 - a part, or several
     """What is at these keys of a scenario."""
     return reduce(getattr, place, whole)
 
@@ -440,7 +440,7 @@ def set_key(table: Table, override: str) -> None:
         raise InputError(f"--set {_short(override)}: {problem}") from problem
 
 
-def _value(table: Table, path: str, text: str) -> Any:
+def _value(table: Table, path: str, text: str) -> object:
     """The TOML value in a text or, where the key takes text, the text itself. Raises InputError."""
     kind = _kind(table, path)
     try:

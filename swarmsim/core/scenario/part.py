@@ -24,7 +24,7 @@ _EMPTY: Final[Mapping[str, Any]] = {}
 class Buildable(Protocol[P]):
     """The parameters that a part is built from."""
 
-    def build(self, context: Any) -> P:
+    def build(self, context: Any, /) -> P:  # noqa: ANN401 - of a run or of a world
         """The part, for a run or, of a building, for a site. Raises InputError, which starts with the key at fault."""
         ...
 
@@ -49,7 +49,7 @@ class Part(Nested, Generic[P]):
         self._completed = not table  # whether its table is made of its parameters
 
     @classmethod
-    def of_table(cls, kind: object, given: Any, take: Take | None) -> Nested:
+    def of_table(cls, kind: object, given: Nested | dict[str, Any], take: Take | None) -> Nested:
         """The part in the table of a field of this type, decoded unless `take` says otherwise, or NONE if it is empty.
 
         Raises InputError, which starts with the key at fault.
@@ -58,7 +58,8 @@ class Part(Nested, Generic[P]):
             return given
         if isinstance(given, dict) and not isinstance(given.get("use", ""), str):
             raise InputError(f"use: expected `str`, got `{called(given['use'])}`")
-        part = given if isinstance(given, Part) else Part[Any](seam_of(kind), given)
+        table = given if isinstance(given, dict) else {}
+        part: Part[Any] = given if isinstance(given, Part) else Part(seam_of(kind), table)
         seam = SEAMS[part.seam]
         if not (part or seam.required or seam.many):
             return NONE

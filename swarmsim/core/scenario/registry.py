@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import lru_cache
 from importlib.metadata import EntryPoint
-from typing import Any
 
 import msgspec
 
@@ -90,7 +89,7 @@ def _own(code: Snapshot, seam: str, use: str) -> type[msgspec.Struct]:
     return part
 
 
-def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
+def _part(seam: str, use: str, found: object) -> type[msgspec.Struct]:
     """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
     if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
@@ -103,7 +102,7 @@ def _part(seam: str, use: str, found: Any) -> type[msgspec.Struct]:
     return simpler
 
 
-def author_of(part: object) -> Any:
+def author_of(part: object) -> type:
     """The class, or the function, that somebody wrote to make this part or parameter struct."""
     return part if isinstance(part, type) else getattr(part, "written_by", type(part))
 
@@ -113,6 +112,6 @@ def is_ours(part: object) -> bool:
     return str(author_of(part).__module__).split(".")[0] == "swarmsim"
 
 
-def is_own(kind: Any) -> bool:
+def is_own(kind: object) -> bool:
     """Whether a class or function stands in a file that a scenario names."""
     return str(kind.__module__).startswith(snapshot.PREFIX)

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType
 from numpy.typing import NDArray
 
-from swarmsim.core.crew import Body, Crew
+from swarmsim.core.crew import Body, Crew, Kind
 from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Sensor
 from swarmsim.core.readings import Called
@@ -67,7 +67,7 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
         """The bodies of the robots with these numbers (rows,)."""
         keys = Body.__struct_fields__
         groups = self.groups or (self,)
-        kinds = tuple(Body(**{key: getattr(group, key) for key in keys}) for group in groups)
+        kinds = tuple(Kind(**{key: getattr(group, key) for key in keys}) for group in groups)
         kind = np.repeat(np.arange(len(groups)), [group.count for group in groups])[ids]
         kind.flags.writeable = False
         return Crew(**{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind, names=self.names)

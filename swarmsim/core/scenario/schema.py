@@ -53,7 +53,7 @@ def _components(kind: type[msgspec.Struct]) -> dict[str, Any]:
     return found
 
 
-def _shown(kind: Any) -> Any:
+def _shown(kind: object) -> object:
     """A type, with tables that a seam's schema describes in the place of parts."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         fields = [(one.encode_name, _shown(one.type), *_default(one)) for one in msgspec.structs.fields(kind)]
@@ -66,7 +66,8 @@ def _shown(kind: Any) -> Any:
         seam = seam_of(kind)
         return Annotated[dict[str, Any], msgspec.Meta(extra_json_schema={"$ref": f"#/$defs/{seam}"} if seam else {})]
     if get_origin(kind) is Annotated:
-        return getitem(Annotated, (_shown(kind.__origin__), *kind.__metadata__))
+        inner, *metadata = get_args(kind)
+        return getitem(Annotated, (_shown(inner), *metadata))
     if msgspec.UnsetType in get_args(kind):
         return _shown(next(one for one in get_args(kind) if one is not msgspec.UnsetType))
     if get_origin(kind) is tuple:

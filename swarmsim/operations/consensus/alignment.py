@@ -29,7 +29,6 @@ class Alignment(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     frequency: Annotated[float, Meta(gt=0.0)] | None = None  # Hz
 
     def build(self, context: BuildContext) -> AlignmentTask:
-        """The task."""
         return AlignmentTask(self, context.period)
 
 

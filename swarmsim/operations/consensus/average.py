@@ -77,7 +77,6 @@ class AverageComputation:
         self._degree, self._known = np.zeros(count, np.int32), np.zeros(count, np.bool_)
 
     def say(self, senses: Senses) -> Broadcast[Share]:
-        """Every robot's estimate."""
         field, new = senses.readings.field, ~self._known & senses.alive
         self._measured[new] = self._given[new] if field is None or self._fixed else field[new]
         self._value[new], self._known[new] = self._measured[new], True
@@ -107,13 +106,12 @@ class AverageComputation:
         self._known[robots] = True
 
 
-class Agreement(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Agreed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Every live robot's estimate is the mean of what all robots have measured."""
 
     tolerance: Annotated[float, Meta(gt=0.0)] = 1e-6  # the largest error that finishes the run
 
     def build(self, context: BuildContext) -> AgreementTask:
-        """The task."""
         return AgreementTask(self.tolerance)
 
 
@@ -141,5 +139,4 @@ class AgreementTask:
         return Measured(values, {"errors": each}, float(np.clip(progress, 0.0, 1.0)), error <= self._tolerance)
 
     def summaries(self) -> Sequence[Summary[Values]]:
-        """The last errors."""
         return (Last(),)

@@ -25,7 +25,6 @@ class SelfPropelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     clearance: Annotated[float, Meta(ge=0.0)] = 0.3  # m; 0 avoids nothing
 
     def build(self, context: BuildContext) -> Propulsion:
-        """The strategy."""
         return Propulsion(self, context)
 
 
@@ -53,7 +52,6 @@ class Stand(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots stay where they are."""
 
     def build(self, context: BuildContext) -> Stationary:
-        """The strategy."""
         return Stationary()
 
 

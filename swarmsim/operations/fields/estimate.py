@@ -119,7 +119,6 @@ class FieldComputation:
         self._kept = 1.0 if half is None else 0.5 ** (1.0 / half)
 
     def say(self, senses: Senses) -> Broadcast[Sample]:
-        """Every robot's sample."""
         field = senses.readings["field"]
         place = senses.pose
         return Broadcast.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)

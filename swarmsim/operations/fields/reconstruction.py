@@ -58,7 +58,6 @@ class FieldTask:
         return Measured(values, {"errors": errors}, progress, finished)
 
     def summaries(self) -> Sequence[Summary[Reconstruction]]:
-        """The last errors."""
         return (ErrorMeasures(),)
 
 

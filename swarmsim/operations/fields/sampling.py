@@ -30,7 +30,6 @@ class RandomWaypoint(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     margin: Margin = 0.4  # m, from the edges of the page
 
     def build(self, context: BuildContext) -> Waypoints:
-        """The strategy."""
         return Waypoints(context, self.margin)
 
 
@@ -66,7 +65,6 @@ class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     nearness: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.5  # how much the way counts against uncertainty
 
     def build(self, context: BuildContext) -> Uncertainty:
-        """The strategy."""
         return Uncertainty(self, context)
 
 

@@ -26,7 +26,7 @@ from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 from swarmsim.operations.mapping.lies import LIES
-from swarmsim.operations.mapping.maps import Maps, TileItems
+from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 from swarmsim.operations.mapping.sharing.seam import Sharing
 
@@ -121,7 +121,7 @@ class MapComputation:
         self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
         self._rewritten = False  # whether maps have changed otherwise than by readings since then
         nobody = np.empty(0, np.int32)
-        nothing = TileItems(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
+        nothing = PlainTiles(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
         #: What all robots know, as `hear` gave it last.
         self.maps = self._maps(
             np.empty((0, 3), np.int32), np.zeros(count, np.int32), Inbox(nobody, nobody, nobody, nothing)

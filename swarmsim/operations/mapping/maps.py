@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -12,12 +13,12 @@ from numpy.typing import NDArray
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Inbox, MessageBatch
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Auditor, Knowledge, Record, Senses
+from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Knowledge, Record, Senses
 from swarmsim.kernels import checks, occupancy
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TileItems(MessageBatch):
+class TileItems(MessageBatch, ABC):
     """The tiles in messages."""
 
     PROVENANCE: ClassVar[tuple[str, ...]] = ("sources", "sensed")
@@ -28,6 +29,11 @@ class TileItems(MessageBatch):
     origins: NDArray[np.int32]  # (t, 2): row and column of each tile's lower-left cell
     sources: NDArray[np.int32]  # (t,): the robot that sensed it; -1 for a piece of the sender's map
     sensed: NDArray[np.int32]  # (t,): the iteration in which it was sensed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlainTiles(TileItems):
+    """Tiles, and nothing else."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +83,7 @@ class Maps(Knowledge):
         return MapAuditor(context)
 
 
-class MapAuditor(Auditor):
+class MapAuditor:
     """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
 
     def __init__(self, context: BuildContext) -> None:

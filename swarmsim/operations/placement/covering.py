@@ -34,7 +34,6 @@ class Lloyd(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     clearance: Clearance = 0.2  # m, from walls
 
     def build(self, context: BuildContext) -> LloydLaw:
-        """The strategy."""
         return LloydLaw(self, context)
 
 
@@ -53,7 +52,6 @@ class LloydLaw:
         self._steering = Steering(context, parameters.speed, parameters.clearance)
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
-        """Towards the centroid."""
         place = senses.pose[:, :2]
         goal = place.copy()
         starts = np.searchsorted(knowledge.receivers, np.arange(len(place) + 1))
@@ -79,7 +77,6 @@ class LocationalCost(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     tolerance: Positive = 0.15  # m
 
     def build(self, context: BuildContext) -> CoveringTask:
-        """The task."""
         return CoveringTask(self.tolerance, context)
 
 
@@ -109,5 +106,4 @@ class CoveringTask:
         return Measured(values, {}, min(1.0, self._tolerance / off) if off else 1.0, off <= self._tolerance)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last values."""
         return (Last(),)

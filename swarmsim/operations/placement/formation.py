@@ -100,5 +100,4 @@ class FormationTask:
         return Measured({"error": error, "worst": float(off.max())}, {}, progress, error <= self._tolerance)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last errors."""
         return (Last(),)

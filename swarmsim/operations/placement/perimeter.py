@@ -106,5 +106,4 @@ class PerimeterTask:
         return Measured({"gap": gap, "off": off}, {}, min(1.0, wanted.gap / gap), finished)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last values."""
         return (Last(),)

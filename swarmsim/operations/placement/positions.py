@@ -31,7 +31,6 @@ class Positions(Knowledge):
     place: NDArray[np.float64]  # (t, 2): m
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """All of it."""
         return self.receivers, self.senders, self.place
 
     def record(self) -> Record:
@@ -57,7 +56,6 @@ class TellPositions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """Each robot tells where it believes itself to be, and knows what it hears in this iteration alone."""
 
     def build(self, context: BuildContext) -> PositionComputation:
-        """The computation."""
         return PositionComputation()
 
 
@@ -70,7 +68,6 @@ class PositionComputation:
         self.codec = PlainCodec(Position(np.zeros(0), np.zeros(0)))
 
     def say(self, senses: Senses) -> Broadcast[Position]:
-        """Every robot's place."""
         pose = senses.pose
         return Broadcast.each(Position(pose[:, 0].copy(), pose[:, 1].copy()), self.codec.size)
 

@@ -37,7 +37,6 @@ class Rendezvous(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     clearance: Clearance = 0.2  # m, from walls
 
     def build(self, context: BuildContext) -> RendezvousLaw:
-        """The strategy."""
         return RendezvousLaw(self, context)
 
 
@@ -101,7 +100,6 @@ class Gathered(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     within: Positive | None = None  # m; default: that of n bodies, each with as much room again around it
 
     def build(self, context: BuildContext) -> GatheringTask:
-        """The task."""
         robots = context.robots
         return GatheringTask(self.within or 4.0 * robots.radius * float(np.sqrt(context.swarm)))
 
@@ -124,7 +122,6 @@ class GatheringTask:
         return Measured({"diameter": diameter, "off_middle": off}, {}, progress, diameter <= self._within)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last distances."""
         return (Last(),)
 
 
@@ -139,7 +136,6 @@ class Disperse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     clearance: Clearance = 0.3  # m, from walls
 
     def build(self, context: BuildContext) -> DispersionLaw:
-        """The strategy."""
         return DispersionLaw(self, context)
 
 
@@ -152,7 +148,6 @@ class DispersionLaw:
         self._apart, self._steering = parameters.apart, Steering(context, parameters.speed, parameters.clearance)
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
-        """Away."""
         push = separation(senses.pose[:, :2], knowledge, self._apart, 2.0 * self._steering.speed)
         return self._steering.intents(senses, push)
 
@@ -163,7 +158,6 @@ class Spacing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     apart: Positive = 1.0  # m, centre to centre
 
     def build(self, context: BuildContext) -> SpacingTask:
-        """The task."""
         return SpacingTask(self.apart)
 
 
@@ -189,5 +183,4 @@ class SpacingTask:
         return Measured(values, {"gaps": gaps}, min(1.0, nearest / self._wanted), nearest >= self._wanted)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
-        """The last distances."""
         return (Last(),)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FormatStrFormatter, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from swarmsim.network.analysis import Reach, Snapshot, Spells
+from swarmsim.network.analysis import LinkGraph, Reach, Spells
 from swarmsim.view.plots.fault_marks import area_key, line_key
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, COLOURS, FINEST, GREY, Line, Reals, styled
@@ -34,7 +34,7 @@ SMOOTHED: Final = 40  # a running mean is taken over this part of the window
 
 
 @styled
-def network_course(graphs: Mapping[str, Sequence[Snapshot]], first: int, title: str) -> Figure:
+def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title: str) -> Figure:
     """Eight measures of one or two graphs against the iteration: each value thin, their running mean thick.
 
     `graphs` gives the snapshots (t,) of each; `first` is the iteration of the first one. Where a measure is not
@@ -70,7 +70,7 @@ def network_course(graphs: Mapping[str, Sequence[Snapshot]], first: int, title: 
 
 
 @styled
-def degrees(graphs: Mapping[str, Sequence[Snapshot]], title: str) -> Figure:
+def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
     """How many others a robot hears, and by how many it is heard: of all live robots in all iterations, the share.
 
     `graphs` gives the snapshots of one or two graphs.
@@ -163,7 +163,7 @@ def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Fi
     return settled(figure)
 
 
-def _values(snapshots: Sequence[Snapshot], measure: str) -> Reals:
+def _values(snapshots: Sequence[LinkGraph], measure: str) -> Reals:
     return np.array([getattr(snapshot, measure) for snapshot in snapshots], dtype=np.float64)
 
 

@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from swarmsim.core.events import Box
 from swarmsim.core.scenario.file import World
-from swarmsim.world.indoor.features import Feature, Part, layer_named, not_an_area, thick
+from swarmsim.world.indoor.features import Feature, Tagged, layer_named, not_an_area, thick
 from swarmsim.world.indoor.levels import chosen, levels_of
 from swarmsim.world.indoor.projection import Projection, are_degrees
 from swarmsim.world.indoor.storey import storey
@@ -45,7 +45,7 @@ def drawn(
     roles = [_role(feature.properties, world) for feature in features]
     indoors = any(role in PLACES if tagged else role == FLOOR_LAYER for role, tagged in roles)
     parts = [
-        Part(feature, role if indoors or not tagged else "", feature.shape)
+        Tagged(feature, role if indoors or not tagged else "", feature.shape)
         for feature, (role, tagged) in zip(features, roles, strict=True)
     ]
     notices: list[str] = []
@@ -71,7 +71,7 @@ def _role(properties: Mapping[str, object], world: World) -> tuple[str, bool]:
     return layer or layer_named(list(texts(properties, _NAMES[2:]).values()), own), False
 
 
-def _on_level(parts: list[Part], name: str, world: World, notices: list[str]) -> list[Part]:
+def _on_level(parts: list[Tagged], name: str, world: World, notices: list[str]) -> list[Tagged]:
     """What lies on the level that the user means; doors and the like without a level lie on all."""
     places = [part for part in parts if not part.shape.is_empty and part.role not in _ANYWHERE]
     rooms = Counter(level for part in places for level in levels_of(part.feature.properties))
@@ -99,12 +99,12 @@ def _labels(value: object) -> list[str]:
     return [text for text in texts if isinstance(text, str)]
 
 
-def _placed(parts: Sequence[Part], indoors: bool) -> list[BaseGeometry]:
+def _placed(parts: Sequence[Tagged], indoors: bool) -> list[BaseGeometry]:
     """What says where the building is: what floor and walls are made of, or all of a plan without tags."""
     return [part.shape for part in parts if not indoors or part.role not in _ANYWHERE]
 
 
-def _in_degrees(parts: Sequence[Part], indoors: bool, page: Box | None) -> bool:
+def _in_degrees(parts: Sequence[Tagged], indoors: bool, page: Box | None) -> bool:
     """Whether the coordinates have to be degrees: all is too small for metres, and no line is thin beside that."""
     bounds = shapely.total_bounds(_placed(parts, indoors))
     if not np.isfinite(bounds).all() or not are_degrees(bounds):
@@ -116,7 +116,7 @@ def _in_degrees(parts: Sequence[Part], indoors: bool, page: Box | None) -> bool:
     return indoors or not any(width is not None and width < size for width in widths)
 
 
-def _projected(parts: Sequence[Part], indoors: bool, page: Box | None) -> tuple[list[Part], Box | None]:
+def _projected(parts: Sequence[Tagged], indoors: bool, page: Box | None) -> tuple[list[Tagged], Box | None]:
     """The same in metres from the lower left corner of the building, of all its levels."""
     left, low, right, high = (float(side) for side in shapely.total_bounds(_placed(parts, indoors)))
     plane = Projection((left + right) / 2.0, (low + high) / 2.0)
@@ -129,7 +129,7 @@ def _projected(parts: Sequence[Part], indoors: bool, page: Box | None) -> tuple[
     return moved, page
 
 
-def _plain(parts: Sequence[Part], name: str, notices: list[str]) -> list[Shape]:
+def _plain(parts: Sequence[Tagged], name: str, notices: list[str]) -> list[Shape]:
     """The shapes of a plan without tags of indoor maps, as they are drawn."""
     problems, shapes, points = Problems(name), [], 0
     for part in parts:

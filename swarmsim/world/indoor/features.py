@@ -31,7 +31,7 @@ class Feature:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class Tagged:
     """A feature, and what it is: a layer of a floor plan, a role of indoor maps, or nothing."""
 
     feature: Feature

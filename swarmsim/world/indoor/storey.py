@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from swarmsim.world.areas import polygons
 from swarmsim.world.indoor.doorways import WIDTH, Walls
-from swarmsim.world.indoor.features import WALL, Part
+from swarmsim.world.indoor.features import WALL, Tagged
 from swarmsim.world.indoor.tags import FLOORS, NO_FLOOR, OPEN, OUTLINE, ROOM, kind_of, width_of
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, LAYERS
 from swarmsim.world.shapes import Shape
@@ -23,7 +23,7 @@ _SPECK: Final = 1e-3  # m2 of such a gap
 _NAMED: Final = 12  # kinds of features in a notice
 
 
-def storey(parts: Sequence[Part], notices: list[str]) -> list[Shape]:
+def storey(parts: Sequence[Tagged], notices: list[str]) -> list[Shape]:
     """The shapes of one storey: rooms are floor, what is solid keeps its layer, and doors are openings.
 
     Where walls are drawn (wrld3d), the floor is what the building's outline holds, and rooms are names alone.
@@ -51,13 +51,13 @@ def storey(parts: Sequence[Part], notices: list[str]) -> list[Shape]:
     return [*_walled(floor, inner), *_between(floor), *solid, *doors]
 
 
-def _drawn(parts: Sequence[Part], roles: Sequence[str], layer: str) -> list[Shape]:
+def _drawn(parts: Sequence[Tagged], roles: Sequence[str], layer: str) -> list[Shape]:
     """What has one of these roles and covers anything, in a layer."""
     found = [(part, part.area()) for part in parts if part.role in roles]
     return [part.drawn(area, layer) for part, area in found if not area.is_empty]
 
 
-def _floor(parts: Sequence[Part], walled: bool) -> list[Shape]:
+def _floor(parts: Sequence[Tagged], walled: bool) -> list[Shape]:
     """Rooms, and floor that is open towards other floor in one piece where it touches, without the rooms in it."""
     rooms = _drawn(parts, (FLOOR_LAYER,) if walled else (FLOOR_LAYER, ROOM), FLOOR_LAYER)
     open_ = _drawn(parts, (OPEN, OUTLINE) if walled else (OPEN,), FLOOR_LAYER)
@@ -91,7 +91,7 @@ def _between(floor: Sequence[Shape]) -> list[Shape]:
 
 
 def _doors(
-    parts: Sequence[Part], floor: Sequence[Shape], solid: Sequence[Shape], walled: bool, notices: list[str]
+    parts: Sequence[Tagged], floor: Sequence[Shape], solid: Sequence[Shape], walled: bool, notices: list[str]
 ) -> list[Shape]:
     """Openings from room to room; a door that is drawn as an area fills its wall, and stays one if it leads outside."""
     walls = [part for part in parts if part.role == "walls"]

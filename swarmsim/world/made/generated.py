@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from swarmsim.core.context import WorldContext
 from swarmsim.core.errors import InputError
-from swarmsim.world.made.wall_grid import GeneratedPlan, Grid, cut_door, open_between, strip
+from swarmsim.world.made.wall_grid import GeneratedPlan, WallGrid, cut_door, open_between, strip
 
 Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
@@ -34,7 +34,7 @@ class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: WorldContext) -> GeneratedPlan:
         """The building. Raises InputError for sizes that contradict each other."""
-        grid = Grid(self, site)
+        grid = WallGrid(self, site)
         room, door, wall = (grid.count(key, getattr(self, key)) for key in ("room", "door", "wall"))
         if door + 2 > room:
             raise InputError(f"door: {self.door:g} m does not fit into walls of {self.room:g} m; expected it narrower")
@@ -76,7 +76,7 @@ class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: WorldContext) -> GeneratedPlan:
         """The building. Raises InputError for sizes that contradict each other."""
-        grid = Grid(self, site)
+        grid = WallGrid(self, site)
         corridor, room, door, wall = (
             grid.count(key, getattr(self, key)) for key in ("corridor", "room", "door", "wall")
         )
@@ -135,7 +135,7 @@ class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: WorldContext) -> GeneratedPlan:
         """The building. Raises InputError for a size without two passages each way."""
-        grid = Grid(self, site)
+        grid = WallGrid(self, site)
         passage, wall = (grid.count(key, getattr(self, key)) for key in ("passage", "wall"))
         pitch = passage + wall
         down, across = (grid.rows - wall) // pitch, (grid.columns - wall) // pitch
@@ -186,7 +186,7 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: WorldContext) -> GeneratedPlan:
         """The building. Raises InputError if no hall is left in it."""
-        grid = Grid(self, site)
+        grid = WallGrid(self, site)
         grain = grid.count("grain", self.grain)
         shape = -(-grid.rows // grain), -(-grid.columns // grain)
         rock = grid.random.random(shape) < self.filled
@@ -226,7 +226,7 @@ class Obstacles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, site: WorldContext) -> GeneratedPlan:
         """The building. Raises InputError for a size without two squares each way."""
-        grid = Grid(self, site)
+        grid = WallGrid(self, site)
         block, wall = (grid.count(key, getattr(self, key)) for key in ("block", "wall"))
         down, across = (grid.rows - 2 * wall) // block, (grid.columns - 2 * wall) // block
         if down < 2 or across < 2:

@@ -46,7 +46,7 @@ class GeneratedPlan:
         return geojson.written(self._plan)
 
 
-class Grid:
+class WallGrid:
     """The cells that a building is made of."""
 
     def __init__(self, size: Sized, site: WorldContext) -> None:

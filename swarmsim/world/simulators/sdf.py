@@ -47,7 +47,7 @@ def read(path: Path, world: World) -> Drawing:
     """
     root, name = parsed(path, "sdf", _EXPECTED), str(path)
     scene = next((child for child in root if child.tag == "world"), root)
-    reader = _Reader(Problems(name), {model.get("name"): model for model in scene.iterfind("state/model")})
+    reader = _SdfReader(Problems(name), {model.get("name"): model for model in scene.iterfind("state/model")})
     reader.models(scene, np.eye(4))
     reader.problems.complain()
     if not reader.shapes:
@@ -59,7 +59,7 @@ def read(path: Path, world: World) -> Drawing:
     return sheet(name, shapes, world, page, "m", reader.notices())
 
 
-class _Reader:
+class _SdfReader:
     """Walks through the models of a world."""
 
     def __init__(self, problems: Problems, states: dict[str | None, Node]) -> None:

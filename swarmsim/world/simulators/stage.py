@@ -56,7 +56,7 @@ def read(path: Path, world: World) -> Drawing:
     Stage fits the box of a bitmap's dark pixels to `size`, x and y apart, with the origin in the middle. Where robots
     stand is a spawn area. Only files in the world's folder are included. Raises InputError.
     """
-    reader = _Reader(path)
+    reader = _StageReader(path)
     reader.file(path, 0)
     solid: list[Shape] = []
     robots: list[tuple[float, float]] = []
@@ -76,7 +76,7 @@ def read(path: Path, world: World) -> Drawing:
     return sheet(str(path), shapes, world, page, "m", tuple(dict.fromkeys(reader.notices)))
 
 
-class _Reader:
+class _StageReader:
     """Reads one world and the files that it includes."""
 
     def __init__(self, path: Path) -> None:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from swarmsim.operations.mapping.sharing import codecs
-from swarmsim.operations.mapping.sharing.codecs import Reading
+from swarmsim.operations.mapping.sharing.codecs import RelayedTile
 
 checked = settings(max_examples=150, deadline=None, derandomize=True)
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
@@ -34,7 +34,7 @@ def test_a_current_tile_comes_back_as_it_was_packed(data, shape, sender, iterati
 @given(st.data(), shapes, ids, iterations, places, st.integers(0, 5))
 def test_relayed_readings_come_back_as_they_were_packed(data, shape, sender, iteration, place, count) -> None:
     readings = [
-        Reading(
+        RelayedTile(
             data.draw(ids),
             data.draw(iterations),
             data.draw(st.integers(1, 255)),

@@ -29,7 +29,7 @@ from swarmsim.operations.mapping.exploration.rules import (
     UtilityFrontier,
 )
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, _latest_tiles
-from swarmsim.operations.mapping.maps import TileItems
+from swarmsim.operations.mapping.maps import PlainTiles
 from swarmsim.operations.mapping.sharing.codecs import GOAL
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
 
@@ -150,14 +150,14 @@ def test_rules_count_their_bytes() -> None:
     """The recommended way takes 15 bytes more than the tile alone, goals take 6."""
     assert piece_bytes(6, 7) == 15
     assert GOAL.size == 6
-    tile = TileItems(np.ones((1, 6, 7), np.uint8), np.zeros((1, 2), np.int32), np.array([3]), np.array([9]))
+    tile = PlainTiles(np.ones((1, 6, 7), np.uint8), np.zeros((1, 2), np.int32), np.array([3]), np.array([9]))
     assert len(GossipCodec((6, 7)).pack(3, 9, tile)) == 21  # nothing of the map yet
 
 
 def test_of_several_tiles_of_one_robot_the_latest_counts() -> None:
     origins = np.arange(8, dtype=np.int32).reshape(4, 2)
     sources, sensed = np.array([1, -1, 1, 0], np.int32), np.array([4, 4, 5, 5], np.int32)
-    tiles = TileItems(np.zeros((4, 2, 2), np.uint8), origins, sources, sensed)
+    tiles = PlainTiles(np.zeros((4, 2, 2), np.uint8), origins, sources, sensed)
     heard = Inbox(np.array([0, 0, 0, 1]), np.array([1, 2, 1, 0]), sensed, tiles)
     latest = _latest_tiles(heard)
     assert latest.receivers.tolist() == [0, 1]

@@ -7,6 +7,7 @@ Multi-Robot Systems Operations" (2018), with each choice that it leaves open as 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Annotated, Literal
 
 import numpy as np
@@ -36,8 +37,8 @@ class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
         return FrontierStrategy(self, context)
 
 
-class FrontierStrategy:
-    """One goal and path per robot; the rules stand at `kernels.decide.decide`."""
+class PlannedStrategy(ABC):
+    """One goal and path per robot; the rules by which they are kept stand at `kernels.decide.decide`."""
 
     requires_knowledge: type[Knowledge] = Maps
 
@@ -78,26 +79,9 @@ class FrontierStrategy:
             self._tie_salts[:] = 0
         self._lattice, self._columns = lattice, lattice.columns
 
+    @abstractmethod
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
         """Choose goals and paths."""
-        plans = self._plans
-        if self._patrol.seen.size:
-            self._see(senses, maps)
-        # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
-        decide.decide(
-            senses.iteration + 1,
-            senses.pose,
-            senses.alive,
-            maps.new_cells,
-            search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
-            plans,
-            self._patrol,
-            self._rules,
-            self._salts,
-            self._tie_salts,
-            self._scratch,
-        )
-        return self._intents()
 
     def _intents(self) -> Intents:
         """The plans as they are now."""
@@ -108,6 +92,29 @@ class FrontierStrategy:
         goals = self._lattice.centres(np.stack(np.divmod(plans.goal, self._columns), axis=1))
         goals[plans.goal < 0] = np.nan
         return Intents(goals, waypoints, counts, plans.planned.copy())
+
+
+class FrontierStrategy(PlannedStrategy):
+    """Robots walk to the nearest frontier."""
+
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
+        if self._patrol.seen.size:
+            self._see(senses, maps)
+        # The iteration counts from 1 here: 0 in `barred` and `shunned` means never.
+        decide.decide(
+            senses.iteration + 1,
+            senses.pose,
+            senses.alive,
+            maps.new_cells,
+            search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned),
+            self._plans,
+            self._patrol,
+            self._rules,
+            self._salts,
+            self._tie_salts,
+            self._scratch,
+        )
+        return self._intents()
 
     def _see(self, senses: Senses, maps: Maps) -> None:
         """Note which cells were seen when."""

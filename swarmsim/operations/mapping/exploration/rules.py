@@ -30,11 +30,9 @@ class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def needs_others(self) -> bool:
-        """Nobody."""
         return False
 
     def choose(self, candidates: Candidates) -> int:
-        """Any."""
         return int(candidates.random.integers(len(candidates.own)))
 
 
@@ -48,11 +46,9 @@ class LargestFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_onl
 
     @property
     def needs_others(self) -> bool:
-        """Nobody."""
         return False
 
     def choose(self, candidates: Candidates) -> int:
-        """The largest."""
         return int(np.argmax(candidates.sizes))
 
 
@@ -70,11 +66,9 @@ class UtilityFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_onl
 
     @property
     def needs_others(self) -> bool:
-        """Nobody."""
         return False
 
     def choose(self, candidates: Candidates) -> int:
-        """The most useful."""
         return int(np.argmax(candidates.unknown - self.weight * candidates.own / max(1.0, candidates.own.max())))
 
 
@@ -206,7 +200,6 @@ class DispersedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_o
     stays: Weight = 3.0  # cells that a new goal has to be better than the present one
 
     def choose(self, candidates: Candidates) -> int:
-        """The best."""
         price = candidates.own + self.weight * np.exp(-candidates.ways[1:] / self.reach).sum(axis=0)
         if candidates.present >= 0:
             price[candidates.present] -= self.stays

@@ -16,7 +16,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, frontier_costs, search
-from swarmsim.operations.mapping.exploration.nearest import FrontierStrategy, NearestFrontier
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier, PlannedStrategy
 from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.codecs import GoalItems
 from swarmsim.operations.mapping.sharing.policies import tiles_of
@@ -90,7 +90,7 @@ class Exploring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return ExploringStrategy(self, context)
 
 
-class ExploringStrategy(FrontierStrategy):
+class ExploringStrategy(PlannedStrategy):
     """The plans of a swarm whose robots choose by one rule."""
 
     def __init__(self, rule: Exploring, context: BuildContext) -> None:
@@ -102,7 +102,6 @@ class ExploringStrategy(FrontierStrategy):
         self._ids, self._random = context.ids.tolist(), context.own_streams("explore")
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
-        """Choose goals and paths."""
         now, plans, rules = senses.iteration + 1, self._plans, self._rules
         grids = search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned)
         here, chooses, stuck, draws, before = decide.look(

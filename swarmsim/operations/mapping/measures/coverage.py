@@ -39,7 +39,6 @@ class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     provenance: bool = False  # measure the age and origin of what robots know, too; takes memory for each map
 
     def build(self, context: BuildContext) -> CoverageTask:
-        """The task."""
         return CoverageTask(self, context)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.lattice import Lattice
-from swarmsim.core.state import FREE, OCCUPIED, Done, Knowledge
+from swarmsim.core.state import FREE, OCCUPIED, Elapsed, Knowledge
 from swarmsim.kernels import occupancy
 from swarmsim.recording.measures import share_of
 
@@ -19,7 +19,7 @@ class Sightings:
         self._lattice = lattice
         self._shown = memory.zeros((2, *lattice.shape), np.bool_)  # as FREE, and as OCCUPIED
 
-    def add(self, done: Done[Knowledge]) -> None:
+    def add(self, done: Elapsed[Knowledge]) -> None:
         """Take in the tiles of one iteration; those of robots that err about their place go back where they belong."""
         tiles, state = done.readings.tiled, done.state
         origins = tiles.origins

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.state import UNKNOWN
-from swarmsim.operations.mapping.maps import TileItems
+from swarmsim.operations.mapping.maps import PlainTiles, TileItems
 
 #: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
 HEADER: Final = struct.Struct(">HIhh")
@@ -52,7 +52,7 @@ class GoalItems(TileItems):
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class RelayedTile:
     """A tile on its way through the network."""
 
     source: int  # the robot that sensed it
@@ -109,7 +109,7 @@ def unpack(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.in
 
 
 def pack_relay(
-    sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8], relayed: Sequence[Reading]
+    sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8], relayed: Sequence[RelayedTile]
 ) -> bytes:
     """One robot's current tile (rows, columns), then the readings of others that it relays, tiles of the same shape."""
     pieces = [pack(sender, iteration, origin, tile)]
@@ -122,7 +122,7 @@ def pack_relay(
 
 def unpack_relay(
     data: bytes, shape: tuple[int, int]
-) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8], list[Reading]]:
+) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8], list[RelayedTile]]:
     """The sender, iteration, origin (2,), tile of `shape` and relayed readings that `pack_relay` packed."""
     own = current_tile_bytes(*shape)
     relayed = []
@@ -130,7 +130,7 @@ def unpack_relay(
         numbers: tuple[int, ...] = RELAYED.unpack_from(data, start)
         source, sensed, row, column, hops = numbers
         tile = unpack_cells(data[start + RELAYED.size : start + relayed_tile_bytes(*shape)], shape)
-        relayed.append(Reading(source, sensed, hops, np.array([row, column], np.int32), tile))
+        relayed.append(RelayedTile(source, sensed, hops, np.array([row, column], np.int32), tile))
     return *unpack(data[:own], shape), relayed
 
 
@@ -165,7 +165,7 @@ class TileCodec:
     def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
         """Its sender, iteration and tile."""
         sender, iteration, origin, tile = unpack(data, self._shape)
-        return sender, iteration, TileItems(tile[None], origin[None], _ints(sender), _ints(iteration))
+        return sender, iteration, PlainTiles(tile[None], origin[None], _ints(sender), _ints(iteration))
 
 
 class GoalCodec:
@@ -196,13 +196,13 @@ class RelayCodec:
     def pack(self, sender: int, iteration: int, items: RelayedItems) -> bytes:
         """The message; its first item is the sender's own."""
         columns = zip(items.sources, items.sensed, items.hops, items.origins, items.values, strict=True)
-        readings = [Reading(int(source), int(sensed), int(hops), o, v) for source, sensed, hops, o, v in columns]
+        readings = [RelayedTile(int(source), int(sensed), int(hops), o, v) for source, sensed, hops, o, v in columns]
         return pack_relay(sender, iteration, items.origins[0], items.values[0], readings[1:])
 
     def unpack(self, data: bytes) -> tuple[int, int, RelayedItems]:
         """Its sender, iteration and tiles."""
         sender, iteration, origin, tile, relayed = unpack_relay(data, self._shape)
-        readings = [Reading(sender, iteration, 0, origin, tile), *relayed]
+        readings = [RelayedTile(sender, iteration, 0, origin, tile), *relayed]
         return (
             sender,
             iteration,
@@ -232,7 +232,7 @@ class MapCodec:
         sender, iteration, cells = unpack_map(data, self._grid)
         _, origins, values = pieces(cells[None], self._shape)
         nobody, now = np.full(len(values), -1, np.int32), np.full(len(values), iteration, np.int32)
-        return sender, iteration, TileItems(values, origins, nobody, now)
+        return sender, iteration, PlainTiles(values, origins, nobody, now)
 
 
 def _ints(value: int) -> NDArray[np.int32]:

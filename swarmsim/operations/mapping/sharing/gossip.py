@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import Final, Generic
+from typing import Final
 
 import numpy as np
 from msgspec import Struct
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
-from swarmsim.core.messages import Broadcast, Codec, Inbox
+from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.state import FREE, OCCUPIED, Senses
-from swarmsim.operations.mapping.maps import Maps, TileItems
+from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.codecs import (
     current_tile_bytes,
     pack,
@@ -23,7 +23,6 @@ from swarmsim.operations.mapping.sharing.codecs import (
     unpack_cells,
 )
 from swarmsim.operations.mapping.sharing.policies import tile_shape, tiles_of
-from swarmsim.operations.mapping.sharing.seam import I
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -42,16 +41,15 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     knows so spreads through the network like a rumour (Demers et al. 1987), in messages of constant length.
     """
 
-    def build(self, context: BuildContext) -> GossipSharing[TileItems]:
-        """The policy."""
-        return GossipSharing(context, GossipCodec(tile_shape(context)))
+    def build(self, context: BuildContext) -> GossipSharing:
+        return GossipSharing(context)
 
 
-class GossipSharing(Generic[I]):
+class GossipSharing:
     """A tile and a piece of map a message."""
 
-    def __init__(self, context: BuildContext, codec: Codec[I]) -> None:
-        self.codec = codec
+    def __init__(self, context: BuildContext) -> None:
+        self.codec = GossipCodec(tile_shape(context))
         self._ids = context.ids.astype(np.int32)
         self._robots = np.arange(len(self._ids), dtype=np.int32)  # their rows
         self._grid, self._tile = context.lattice.shape, tile_shape(context)
@@ -70,7 +68,7 @@ class GossipSharing(Generic[I]):
         corners = np.stack(np.divmod(pieces, self._across), axis=1) * np.array(self._tile)
         speakers = np.concatenate([self._robots[alive], tellers])
         order = np.argsort(speakers, kind="stable")
-        items = TileItems(
+        items = PlainTiles(
             np.concatenate([tiles.values[alive], self._cells(maps, tellers, corners)])[order],
             np.concatenate([tiles.origins[alive], corners.astype(np.int32)])[order],
             np.concatenate([self._ids[alive], np.full(len(tellers), -1, np.int32)])[order],
@@ -99,8 +97,7 @@ class GossipSharing(Generic[I]):
         states = np.where(maps.log_odds[at] > 0.0, np.uint8(OCCUPIED), np.uint8(FREE))
         return np.asarray(states * (maps.observed[at] & inside), np.uint8)
 
-    def accepted(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
-        """All of it."""
+    def accepted(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
         return inbox
 
 
@@ -127,4 +124,4 @@ class GossipCodec:
             values.append(unpack_cells(data[own + PIECE.size :], self._shape))
             sources.append(-1)
         sensed = np.full(len(values), iteration, np.int32)
-        return sender, iteration, TileItems(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)
+        return sender, iteration, PlainTiles(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)

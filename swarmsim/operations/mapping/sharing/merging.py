@@ -21,7 +21,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.state import OCCUPIED, UNKNOWN, Moment, Senses
-from swarmsim.operations.mapping.maps import Frames, Maps, TileItems
+from swarmsim.operations.mapping.maps import Frames, Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.codecs import MapCodec, assembled, current_tile_bytes, map_bytes, pieces
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, GossipSharing, piece_bytes
 from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
@@ -89,16 +89,17 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return True
 
     def build(self, context: BuildContext) -> MergeSharing:
-        """The policy."""
         return MergeSharing(self, context)
 
 
-class MergeSharing(GossipSharing[MergeItems]):
+class MergeSharing:
     """Gossip among robots that have found each other's frames."""
 
     def __init__(self, parameters: Merge, context: BuildContext) -> None:
-        super().__init__(context, MergeCodec(tile_shape(context), context.lattice.shape))
         lattice, count = context.lattice, len(context.ids)
+        self._gossip, self._tile = GossipSharing(context), tile_shape(context)
+        self.codec = MergeCodec(self._tile, lattice.shape)
+        self._ids, self._robots = context.ids.astype(np.int32), np.arange(count, dtype=np.int32)  # and their rows
         pairs = count, context.swarm  # by each robot's row and another one's number
         self._parameters, self._lattice = parameters, lattice
         self._frames = [_into_own_frame(pose, lattice) for pose in context.starts]  # by number
@@ -118,7 +119,7 @@ class MergeSharing(GossipSharing[MergeItems]):
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[MergeItems]:
         """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
-        said = super().say(senses, maps)
+        said = self._gossip.say(senses, maps)
         self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
         mark_sensed(self._sensed, senses.alive, tiles_of(senses))
         speakers = [np.repeat(robots, np.diff(said.ends, prepend=0))]
@@ -210,7 +211,7 @@ class MergeSharing(GossipSharing[MergeItems]):
                 continue
             self._tried[hearer, teller] = senses.iteration
             rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
-            told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._grid)
+            told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._lattice.shape)
             found = self._compared(cells[hearer], told, self._frames[teller], met)
             if found is not None:
                 self._learn(hearer, teller, self._own[hearer].after(found[0]), min(found[1], MOST))
@@ -385,9 +386,9 @@ def _cells_at(pose: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64
 def _tiles(values: NDArray[np.uint8], origins: NDArray[np.int32], now: int) -> TileItems:
     """Cells that nobody in particular has sensed."""
     nobody, sensed = np.full(len(values), -1, np.int32), np.full(len(values), now, np.int32)
-    return TileItems(values, origins, nobody, sensed)
+    return PlainTiles(values, origins, nobody, sensed)
 
 
 def _only(items: MergeItems, rows: NDArray[np.int64]) -> TileItems:
     """Some of the items as the tiles that they are."""
-    return TileItems(items.values[rows], items.origins[rows], items.sources[rows], items.sensed[rows])
+    return PlainTiles(items.values[rows], items.origins[rows], items.sources[rows], items.sensed[rows])

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Generic
-
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Broadcast, Codec, Inbox
+from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses
 from swarmsim.kernels import occupancy
-from swarmsim.operations.mapping.maps import Maps, TileItems
+from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.codecs import (
     GOAL,
     GoalCodec,
@@ -25,23 +23,21 @@ from swarmsim.operations.mapping.sharing.codecs import (
     map_bytes,
     pieces,
 )
-from swarmsim.operations.mapping.sharing.seam import I
 
 
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells the tile it senses now and nothing else: no history, no relaying, no map."""
 
-    def build(self, context: BuildContext) -> CurrentTileSharing[TileItems]:
-        """The policy."""
-        return CurrentTileSharing(context, TileCodec(tile_shape(context)))
+    def build(self, context: BuildContext) -> CurrentTileSharing:
+        return CurrentTileSharing(context)
 
 
-class CurrentTileSharing(Generic[I]):
+class CurrentTileSharing:
     """One tile a message."""
 
-    def __init__(self, context: BuildContext, codec: Codec[I]) -> None:
+    def __init__(self, context: BuildContext) -> None:
         tile = tile_shape(context)
-        self.codec = codec
+        self.codec = TileCodec(tile)
         self._ids = context.ids.astype(np.int32)
         self._ends = np.arange(1, len(self._ids) + 1, dtype=np.int64)
         self._sizes = np.full(len(self._ids), current_tile_bytes(*tile), np.int32)
@@ -50,11 +46,10 @@ class CurrentTileSharing(Generic[I]):
         """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
         tiles = tiles_of(senses)
         sensed = np.full(len(self._ids), senses.iteration, np.int32)
-        items = TileItems(tiles.values, tiles.origins, self._ids, sensed)
+        items = PlainTiles(tiles.values, tiles.origins, self._ids, sensed)
         return Broadcast(items, self._ends, self._sizes, one_each=True)
 
-    def accepted(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
-        """All of it."""
+    def accepted(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
         return inbox
 
 
@@ -62,7 +57,6 @@ class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells all that it knows: its map as it stands before it takes in what it senses and hears now."""
 
     def build(self, context: BuildContext) -> WholeMapSharing:
-        """The policy."""
         return WholeMapSharing(context)
 
 
@@ -84,10 +78,9 @@ class WholeMapSharing:
         owners, origins, values = pieces(known, self._tile)
         nobody, now = np.full(len(owners), -1, np.int32), np.full(len(owners), senses.iteration, np.int32)
         ends = np.searchsorted(owners, np.arange(len(known)), side="right")
-        return Broadcast(TileItems(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
+        return Broadcast(PlainTiles(values, origins, nobody, now), ends, map_bytes(enclosing_cells(known)))
 
     def accepted(self, senses: Senses, inbox: Inbox[TileItems]) -> Inbox[TileItems]:
-        """All of it."""
         return inbox
 
 
@@ -98,27 +91,28 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     """
 
     def build(self, context: BuildContext) -> TileAndGoalSharing:
-        """The policy."""
         return TileAndGoalSharing(context)
 
 
-class TileAndGoalSharing(CurrentTileSharing[GoalItems]):
+class TileAndGoalSharing:
     """One tile and one goal a message."""
 
     def __init__(self, context: BuildContext) -> None:
-        super().__init__(context, GoalCodec(tile_shape(context)))
+        self._tiles, self.codec = CurrentTileSharing(context), GoalCodec(tile_shape(context))
         self._lattice = context.lattice
-        self._sizes += np.int32(GOAL.size)
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[GoalItems]:
         """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
-        said = super().say(senses, maps)
-        count, decided = len(self._ids), senses.decided
+        said = self._tiles.say(senses, maps)
+        count, decided = len(said.sizes), senses.decided
         none = np.full((count, 2), np.nan)
         goals = self._lattice.cells_within(none if decided is None else decided.goals)
         left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
         items = GoalItems.of(said.content, goals, left)
-        return Broadcast(items, self._ends, self._sizes, one_each=True)
+        return Broadcast(items, said.ends, said.sizes + np.int32(GOAL.size), one_each=True)
+
+    def accepted(self, senses: Senses, inbox: Inbox[GoalItems]) -> Inbox[GoalItems]:
+        return inbox
 
 
 def tile_shape(context: BuildContext) -> tuple[int, int]:

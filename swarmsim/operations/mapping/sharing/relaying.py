@@ -26,7 +26,6 @@ class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     hops: Annotated[int, Meta(ge=1, le=255)] = 2  # links that a tile travels at most
 
     def build(self, context: BuildContext) -> RelaySharing:
-        """The policy."""
         return RelaySharing(context, self.hops)
 
 

@@ -13,7 +13,9 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve
 from swarmsim.core.state import Done, Estimates, Intents, Measured, Senses
+from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.policies import CurrentTile
+from swarmsim.operations.mapping.sharing.seam import Sharing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +39,6 @@ class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot keeps, and tells, the warmest place that it has felt or heard of: the consensus of the maximum."""
 
     def build(self, context: BuildContext) -> HottestComputation:
-        """The computation."""
         return HottestComputation(len(context.ids))
 
 
@@ -45,6 +46,7 @@ class HottestComputation:
     """One temperature and one place a robot."""
 
     knowledge_type = Warmest
+    requires = ("field",)  # of the sensors' channels
 
     def __init__(self, count: int) -> None:
         self.codec = PlainCodec(Felt(np.zeros(0), np.zeros(0), np.zeros(0)))
@@ -52,7 +54,7 @@ class HottestComputation:
 
     def say(self, senses: Senses) -> Broadcast[Felt]:
         """The warmest so far, which may be here and now."""
-        felt = senses.readings.field
+        felt = senses.readings["field"]
         better = senses.alive & (felt > self._warmth)
         self._warmth[better], self._place[better] = felt[better], senses.pose[better, :2]
         return Broadcast.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
@@ -82,31 +84,22 @@ class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     every: int = 2  # iterations
 
     def build(self, context: BuildContext) -> Sometimes:
-        """The policy."""
         return Sometimes(CurrentTile().build(context), self.every)
 
 
 class Sometimes:
     """The current tile, sometimes."""
 
-    def __init__(self, inner, every: int) -> None:
+    def __init__(self, inner: Sharing[TileItems], every: int) -> None:
         self._inner, self._every = inner, every
+        self.codec, self.accepted = inner.codec, inner.accepted
 
-    @property
-    def codec(self):
-        """That of the current tile."""
-        return self._inner.codec
-
-    def say(self, senses: Senses, maps) -> Broadcast:
+    def say(self, senses: Senses, maps: Maps) -> Broadcast[TileItems]:
         """Tiles, or nothing worth knowing."""
         if senses.iteration % self._every:
             blank = np.zeros_like(senses.readings["tiles.values"])
             senses = replace(senses, readings=senses.readings.having({"tiles.values": blank}))
         return self._inner.say(senses, maps)
-
-    def accepted(self, senses: Senses, inbox: Inbox):
-        """All that is heard."""
-        return self._inner.accepted(senses, inbox)
 
 
 class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -115,7 +108,6 @@ class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     speed: float = 0.08  # m/s
 
     def build(self, context: BuildContext) -> Seeker:
-        """The strategy."""
         return Seeker(self.speed)
 
 
@@ -127,7 +119,7 @@ class Seeker:
     def __init__(self, speed: float) -> None:
         self._speed = speed
 
-    def step(self, senses: Senses, inbox: Inbox, knowledge: Warmest) -> Intents:
+    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Warmest) -> Intents:
         """Turn to the place, and go."""
         way = knowledge.place - senses.pose[:, :2]
         turn = np.arctan2(way[:, 1], way[:, 0]) - senses.pose[:, 2]
@@ -143,7 +135,6 @@ class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     within: float = 0.01  # degrees
 
     def build(self, context: BuildContext) -> WarmthTask:
-        """The task."""
         return WarmthTask(self.within)
 
 
@@ -162,6 +153,5 @@ class WarmthTask:
         spread = float(np.ptp(warmth)) if len(warmth) else 0.0
         return Measured({"spread": spread}, {}, float(spread <= self._within), spread <= self._within)
 
-    def summaries(self):
-        """The last value."""
+    def summaries(self) -> tuple[Last]:
         return (Last(),)

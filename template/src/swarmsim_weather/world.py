@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.drawing import Circles, Mark, Shown
 from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Motion, Sensor
 from swarmsim.core.probes import ProbeTable, Sampled
 from swarmsim.core.readings import Channel, Channels, Readings
-from swarmsim.core.state import Moment, State
+from swarmsim.core.state import Knowledge, Moment, State
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
 
@@ -22,11 +23,9 @@ class Greenhouse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     side: float = 4.0  # m
 
     def build(self, site: WorldContext) -> Greenhouse:
-        """The building."""
         return self
 
     def draw(self) -> str:
-        """Its floor plan."""
         side, inner = self.side, self.side - 0.2
         return (
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {side} {side}"><g id="walls">'
@@ -41,22 +40,27 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     direction: float = 0.0  # rad, counter-clockwise from the x axis
 
     def build(self, context: BuildContext) -> Blown:
-        """The bodies."""
-        return Blown(self, context)
+        carried = context.period * self.speed * np.array([np.cos(self.direction), np.sin(self.direction)])
+        return Blown(Particles(substeps=4).build(context), carried)
 
 
-class Blown(PointBodies):
+class Blown:
     """Particles, moved a little further in every iteration."""
 
-    def __init__(self, wind: Wind, context: BuildContext) -> None:
-        super().__init__(Particles(substeps=4), context)
-        self._carried = context.period * wind.speed * np.array([np.cos(wind.direction), np.sin(wind.direction)])
+    def __init__(self, inner: PointBodies, carried: NDArray[np.float64]) -> None:
+        self._inner, self._carried = inner, carried
+        self.state, self.place, self.push = inner.state, inner.place, inner.push
+        self.remove, self.crash, self.retire = inner.remove, inner.crash, inner.retire
 
-    def drive(self, motion, period: float) -> State:
+    @property
+    def solid(self) -> NDArray[np.bool_]:
+        """Whose bodies are in the world: those of the particles."""
+        return self._inner.solid
+
+    def drive(self, motion: Motion, period: float) -> State:
         """As particles do, and then downwind."""
-        super().drive(motion, period)
-        self._pose[self._alive, :2] += self._carried
-        self._stay_on_page()
+        self._inner.drive(motion, period)
+        self._inner.carry(self._carried)
         return self.state()
 
 
@@ -67,14 +71,13 @@ class Fog(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     reach: float = 1.0  # m, of the beams
 
     def build(self, context: BuildContext) -> Foggy:
-        """The sensor."""
         return Foggy(IrRing(reach=self.reach).build(context), self.x)
 
 
 class Foggy:
     """A sensor that is blind in places."""
 
-    def __init__(self, inner, x: float) -> None:
+    def __init__(self, inner: Sensor, x: float) -> None:
         self._inner, self._x, self.channels = inner, x, inner.channels
 
     def sense(self, state: State) -> Readings:
@@ -118,7 +121,9 @@ class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The temperatures (k,) at a time (s) and points (k, 2)."""
-        return self.warmest - self.gradient * points[:, 0] - 5.0 * (1.0 - np.cos(2.0 * np.pi * time / self.length))
+        lower = 5.0 * (1.0 - np.cos(2.0 * np.pi * time / self.length))
+        warmth: NDArray[np.float64] = self.warmest - self.gradient * points[:, 0] - lower
+        return warmth
 
 
 class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -131,7 +136,6 @@ class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return self
 
     def locate(self, state: State) -> NDArray[np.float64]:
-        """The poses, rounded."""
         pose = state.pose.copy()
         pose[:, :2] = np.round(pose[:, :2] / self.to) * self.to
         return pose
@@ -143,7 +147,6 @@ class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     name: str = "warmth"
 
     def build(self, context: BuildContext) -> Thermometer:
-        """The probe."""
         if context.scalar_field is None:
             raise InputError("use: 'thermometers' measures a field; expected one, such as field.use = 'day'")
         return Thermometer(context.scalar_field, context.period)
@@ -160,7 +163,7 @@ class Thermometer:
     def __init__(self, field: Field, period: float) -> None:
         self._field, self._period = field, period
 
-    def sample(self, moment: Moment) -> dict[str, object]:
+    def sample(self, moment: Moment[Knowledge]) -> dict[str, object]:
         """The field's values where robots are at the start of the iteration."""
         there = self._field.value(moment.state.iteration * self._period, moment.state.pose[:, :2])
         return {"there": there, "mean": there.mean()}

@@ -18,6 +18,8 @@ from swarmsim.core.state import State
 from swarmsim.robots.kinematics import Differential
 from swarmsim.robots.motion import PurePursuit, WaypointFollower
 
+Floats = NDArray[np.float64]
+
 
 class NextAlive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A ring that closes over the dead: each live robot hears the next live one."""
@@ -29,8 +31,8 @@ class NextAlive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def links(self, state: State) -> Links:
         """One link for each live robot, if there are two."""
         live = np.flatnonzero(state.alive)
-        links = np.stack([live, np.roll(live, -1)], axis=1)
-        return links[links[:, 0] != links[:, 1]].astype(np.int32)
+        links: Links = np.stack([live, np.roll(live, -1)], axis=1).astype(np.int32)
+        return links if len(live) > 1 else links[:0]
 
 
 class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -39,7 +41,6 @@ class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     chance: float = 0.3  # probability of rain in an iteration
 
     def build(self, context: BuildContext) -> RainyChannel:
-        """The channel."""
         salt = int(context.streams.open("showers").integers(0, 2**63))
         return RainyChannel(self.chance, salt)
 
@@ -65,7 +66,6 @@ class AgainstIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     share: float = 0.5  # of the speed
 
     def build(self, context: BuildContext) -> Careful:
-        """The motion."""
         return Careful(PurePursuit().build(context), self.share)
 
 
@@ -97,7 +97,7 @@ class Skidding:
         self._inner, self._grip = inner, grip
         self.columns, self.command, self.approach = inner.columns, inner.command, inner.approach
 
-    def forces(self, moving, wheels, wanted, dt: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def forces(self, moving: Floats, wheels: Floats, wanted: Floats, dt: float) -> tuple[Floats, Floats]:
         """What wheels do, and what is left of their push."""
         wheels, push = self._inner.forces(moving, wheels, wanted, dt)
         return wheels, self._grip * push
@@ -109,7 +109,6 @@ class Lightning(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     at: int = 10  # iteration
 
     def build(self, context: BuildContext) -> Storm:
-        """The fault."""
         return Storm(self.at, context.number)
 
 
@@ -120,7 +119,6 @@ class Storm:
         self._at, self._number = at, number
 
     def install(self, parts: Parts) -> Parts:
-        """Enter the calendar."""
         self._bodies = parts.bodies
         parts.schedule.enter(self)
         return parts
