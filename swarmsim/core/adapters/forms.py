@@ -153,8 +153,7 @@ class FunctionLayer(FunctionForm):
 
     def draw(self, shown: Shown) -> Sequence[Mark]:
         """What the function gives."""
-        found: Sequence[Mark] = self._ask(shown)
-        return found
+        return cast(Sequence[Mark], self._ask(shown))  # it is checked where it is drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
