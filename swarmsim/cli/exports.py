@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from swarmsim.cli.options import AllowCode
 from swarmsim.cli.progress import Counted, progress_bar
 
 
@@ -22,6 +23,7 @@ def export(
         int | None, typer.Option(metavar="I", help="The robot whose map it is; by default the union of all.")
     ] = None,
     at: Annotated[int | None, typer.Option(metavar="N", help="The map's iteration; by default the last.")] = None,
+    allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Write a run for other programs: what was mapped for ROS, or all of it for a robotics viewer.
@@ -31,8 +33,11 @@ def export(
     For Foxglove: swarmsim export runs/basilica-1 --mcap basilica.mcap
     """
     from swarmsim.api.runs import open as open_run
+    from swarmsim.view.layers.own import left_out
 
     run = open_run(recording)
+    if (mcap or rerun) and not quiet and (notice := left_out(run.recording.scenario)):
+        print(notice)
     with progress_bar(quiet or (mcap is None and rerun is None)) as progress:
         told = Counted(progress, "writing")
         written = run.export(map_=map_, mcap=mcap, rerun=rerun, robot=robot, at=at, progress=told)

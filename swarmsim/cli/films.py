@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swarmsim.cli.interruption import told_if_interrupted
+from swarmsim.cli.options import AllowCode
 from swarmsim.cli.progress import Counted, progress_bar
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from swarmsim.api.recorded import Run
     from swarmsim.view.video import Film
 
-DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel")  # layers of pictures, as view.look has them
+DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel", "own")  # as view.style has them
 
 
 def video(
@@ -43,6 +44,7 @@ def video(
         bool, typer.Option("--frames", help="Show how robots that share by merge find each other's frames.")
     ] = False,
     cards: Annotated[bool, typer.Option(help="Begin with the scenario and end with the result.")] = True,
+    allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
     """Make a film from a recording.
@@ -69,9 +71,12 @@ def film(
 ) -> None:
     """Write a film with a progress bar, and say where it is."""
     from swarmsim.api.films import filmed
+    from swarmsim.view.layers.own import left_out
     from swarmsim.view.video import Film
 
     other = None if beside is None else beside.recording
+    if notice := left_out(run.recording.scenario):
+        progress.console.print(notice)
     told = Counted(progress, "filming", "frame {} of {}")
     filmed(run.recording, str(run.path), out, how or Film(), other, frames, told)
     progress.console.print(f"film: {out}")

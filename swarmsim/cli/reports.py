@@ -31,10 +31,14 @@ def report(
     from swarmsim.api.runs import open as open_run
     from swarmsim.api.studies import open_study
     from swarmsim.core.errors import InputError
+    from swarmsim.view.layers.own import left_out
 
     check_page(out)
     if what.suffix != ".toml":
-        page = open_run(what).report(out, beside=None if beside is None else open_run(beside))
+        run = open_run(what)
+        if notice := left_out(run.recording.scenario):
+            print(notice)
+        page = run.report(out, beside=None if beside is None else open_run(beside))
         print(f"{page}: {page.stat().st_size / 1e6:.1f} MB; open it in any browser")
         return
     if beside is not None:

@@ -15,6 +15,7 @@ from typing import Final
 from swarmsim.core import parts
 from swarmsim.core.adapters.forms import (
     FunctionComputation,
+    FunctionLayer,
     FunctionStrategy,
     FunctionTask,
     FunctionTopology,
@@ -25,6 +26,7 @@ from swarmsim.core.adapters.minds import MindComputation, MindStrategy
 from swarmsim.core.capabilities import lacking, verbs_of
 from swarmsim.core.code import distributions
 from swarmsim.core.context import BuildContext, Field, WorldContext
+from swarmsim.core.drawing import Layer, Shown
 from swarmsim.core.errors import InputError
 from swarmsim.core.kinematics import Kinematics
 
@@ -92,6 +94,7 @@ PLACED: Final = {
         Seam("task", ("task",), parts.Task, "coverage", function=FunctionTask),
         Seam("fault", ("faults",), parts.Fault, many=True),
         Seam("probe", ("probes",), parts.Probe, many=True),
+        Seam("layer", ("layers",), Layer, many=True, given=Shown, function=FunctionLayer),
     )
 }  # fmt: skip
 

@@ -125,5 +125,6 @@ WITHOUT: Final = {
     "generator": "it draws before there is a run, and its text is read as any floor plan is",
     "physics": "it gives the state by which all others are judged; the end of a run looks for bodies in walls",
     "fault": "it may break what other parts promise; swarmsim/engine/guard.py keeps it from writing to what they get",
+    "layer": "it is asked when a recording is looked at; swarmsim/view/layers/own.py checks what it draws",
     "probe": "each declares tables of its own, to which swarmsim/engine/probing.py holds it",
 }

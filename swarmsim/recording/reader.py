@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core import declarations
-from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
+from swarmsim.core.errors import InputError, StorageError, is_of_the_machine, nearest
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
@@ -213,6 +213,14 @@ class Recording:
         if name not in self._names or name not in self._rows or self[name].shape[1:] != shape:
             raise self._damaged(ValueError(f"no table {name!r} with rows of shape {shape}"))
         return self[name]
+
+    def row(self, name: str, iteration: int) -> Column:
+        """The row of a table for an iteration: of a probe's, the latest. Raises InputError for a table without rows."""
+        if name not in self._rows and name not in self._declared:
+            known = dict.fromkeys([*self._rows, *self._declared])
+            raise InputError(f"no table {name!r} with a row for each iteration is recorded; {nearest(name, known)}")
+        row: Column = self[name][iteration // (self._declared[name].every if name in self._declared else 1)]
+        return row
 
     def __contains__(self, name: str) -> bool:
         """Whether the file has a table of this name."""

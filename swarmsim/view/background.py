@@ -1,141 +1,89 @@
-"""What robots move on: the building, and what is known of it."""
+"""The lowest shapes of a picture, kept from one moment to the next: what stands still, and the cells over it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
+from itertools import takewhile
 
 import numpy as np
 import pygame
-import shapely
 from numpy.typing import NDArray
 
-from swarmsim.core.state import OCCUPIED, UNKNOWN
-from swarmsim.view.camera import Camera
-from swarmsim.view.scene import Scene
-from swarmsim.view.style import Style
-from swarmsim.view.symbols import Pixel, opaque
-from swarmsim.view.theme import Colour
+from swarmsim.core.drawing import Mark, Raster
+from swarmsim.view.painter import Painter, opaque
 
 FINEST = 5760  # pixels, the greatest width at which what stands still is drawn before it is reduced
-#: What is known of a cell: how many robots know it, or one of these.
-NOTHING, SEEN, OF_OTHERS = 0, -1, -2
 
 
 class Background:
     """A picture of the building, kept up with the map of one moment after the other."""
 
-    def __init__(
-        self, scene: Scene, look: Style, camera: Camera, size: tuple[int, int], line: int, finest: int = FINEST
-    ) -> None:
-        """`size`, the width of a `line` and what still life is drawn at, `finest`, are in pixels."""
-        self._scene, self._look, self._theme, self._camera = scene, look, look.colours, camera
-        still, self._edges = self._building(size, line, min(3, max(1, finest // size[0])))
-        lattice = scene.lattice
-        lines = lattice.centres(np.arange(max(lattice.shape) + 1)[:, None].repeat(2, axis=1)) - 0.5 * lattice.cell
-        # Whole pixels, so that neighbouring cells neither overlap nor leave a gap.
-        self._columns, self._rows = np.rint(camera.pixels(lines)).astype(int).T.tolist()
-        self._still, self._plain = still, still.copy()
-        self.surface = still.copy()  # what is to be seen; overwritten by `show`
-        self._levels = np.full(lattice.shape, NOTHING, np.int32)
-        self._row = -1
+    def __init__(self, painter: Painter, size: tuple[int, int], finest: int = FINEST) -> None:
+        """`size` and the width that what stands still is drawn at, `finest`, are in pixels."""
+        self.camera = painter.camera
+        self._painter, self._finer = painter, min(3, max(1, finest // size[0]))
+        self._still = opaque(size)
+        self._still.fill(painter.theme.background)
+        self._plain, self.surface = self._still.copy(), self._still.copy()  # with cells; with what is over them
+        self._over = pygame.Surface(size, pygame.SRCALPHA, 32)
+        self._of: list[tuple[object, ...]] = []  # what the surfaces are of
+        self._values: list[NDArray[np.uint8]] = []
 
-    def show(self, row: int) -> None:
-        """Bring the surface to what is known in a row of the recording, under the edges of what is solid."""
-        if row == self._row:
+    def show(self, marks: Sequence[Mark]) -> Sequence[Mark]:
+        """Bring the surface to the lowest of these shapes, as far as they last; gives those that are left."""
+        below = list(takewhile(lambda mark: mark.still and not isinstance(mark, Raster), marks))
+        rest = marks[len(below) :]
+        cells = [mark for mark in takewhile(lambda mark: isinstance(mark, Raster), rest) if isinstance(mark, Raster)]
+        cells = [one for one in cells if _place(one) == _place(cells[0])]
+        over = list(takewhile(lambda mark: mark.still and not isinstance(mark, Raster), rest[len(cells) :]))
+        of: list[tuple[object, ...]] = [(type(mark), mark.name, mark.z) for mark in (*below, *over)]
+        of += [(*_place(one), one.palette) for one in cells]
+        if of != self._of:
+            self._begin(below, cells, over)
+            self._of = of
+        if cells:
+            self._fill(cells)
+        return rest[len(cells) + len(over) :]
+
+    def _begin(self, below: Sequence[Mark], cells: Sequence[Raster], over: Sequence[Mark]) -> None:
+        """Draw what stands still."""
+        size = self._still.get_size()
+        self._still.fill(self._painter.theme.background)
+        self._over.fill((0, 0, 0, 0))
+        for sheet, marks in ((self._still, below), (self._over, over)):
+            for mark in marks:
+                sheet.blit(self._painter.sheet(mark, size, self._finer), (0, 0))
+        self._plain.blit(self._still, (0, 0))
+        self.surface.blit(self._still, (0, 0))
+        self.surface.blit(self._over, (0, 0))
+        self._values = [np.zeros_like(one.values) for one in cells]
+        self._colours = [self._painter.theme.shades(one.palette) for one in cells]
+        if cells:
+            self._x, self._y = self._painter.areas_of(cells[0])
+
+    def _fill(self, cells: Sequence[Raster]) -> None:
+        """Colour the cells that have changed, under what is over them."""
+        differ: NDArray[np.bool_] = np.logical_or.reduce(
+            [one.values != values for one, values in zip(cells, self._values, strict=True)]
+        )
+        places = np.argwhere(differ)
+        if not len(places):
             return
-        if row < self._row:
-            self._plain, self._levels = self._still.copy(), np.full(self._scene.lattice.shape, NOTHING, np.int32)
-        changed = pygame.Rect(0, 0, 0, 0)
-        if self._scene.has_maps:
-            levels = self._known(row)
-            places = np.argwhere(levels != self._levels)
-            # Few cells change at a time, so filling them is faster than scaling the whole map.
-            new = levels[tuple(places.T)]
-            for (r, c), level, colour in zip(places.tolist(), new.tolist(), self._colours(new).tolist(), strict=True):
-                area = self._area(r, c)
-                if level == NOTHING:
-                    self._plain.blit(self._still, area, area)
-                else:
-                    self._plain.fill(colour, area)
-                changed = changed.union(area) if changed.width else area
-            self._levels = levels
-        if self._row < 0 or row < self._row or self._scene.has_field:
-            changed = self.surface.get_rect()
-        if changed.width:
-            self.surface.blit(self._plain, changed, changed)
-            shares = self._scene.estimate(row)
-            if shares is not None:
-                self._field(shares)
-            self.surface.blit(self._edges, changed, changed)
-        self._row = row
-
-    def _area(self, r: int, c: int) -> pygame.Rect:
-        x, y = self._columns[c], self._rows[r + 1]
-        return pygame.Rect(x, y, self._columns[c + 1] - x, self._rows[r] - y)
-
-    def _known(self, row: int) -> NDArray[np.int32]:
-        """What is known of each cell (rows, columns), as NOTHING and the others say."""
-        scene, focus = self._scene, self._look.focus
-        cells, known = scene.cells(row), scene.known(row)
-        if focus is None:
-            return np.where(cells == OCCUPIED, np.int32(SEEN), known)
-        own = scene.own_cells(focus, row)
-        levels = np.where(own == OCCUPIED, np.int32(SEEN), np.int32(scene.robots))
-        return np.where(own == UNKNOWN, np.where(cells == UNKNOWN, np.int32(NOTHING), np.int32(OF_OTHERS)), levels)
-
-    def _colours(self, levels: NDArray[np.int32]) -> NDArray[np.uint8]:
-        theme, most = self._theme, max(self._scene.robots - 1, 1)
-        colours = theme.known(np.clip((levels - 1) / most, 0.0, 1.0))
-        for level, colour in (
-            (SEEN, theme.seen),
-            (OF_OTHERS, _mixed(theme.unexplored, theme.few)),
-        ):
-            colours[levels == level] = colour
-        return colours
-
-    def _field(self, shares: NDArray[np.float64]) -> None:
-        """Colour the floor by what robots make of the field."""
-        colours = self._theme.heat(np.nan_to_num(shares))
-        for r, c in np.argwhere(np.isfinite(shares)).tolist():
-            self.surface.fill(colours[r, c].tolist(), self._area(r, c))
-
-    def _building(self, size: tuple[int, int], line: int, finer: int) -> tuple[pygame.Surface, pygame.Surface]:
-        """What stands still, under the map and over it: drawn `finer` times too large, then reduced."""
-        theme, all_layers = self._theme, self._scene.layers
-        large = (size[0] * finer, size[1] * finer)
-        still = opaque(size)
-        still.fill(theme.background)
-        solids = [part for layer in all_layers.values() for part in layer.geoms]
-        floor = theme.unexplored if self._scene.has_maps else theme.floor
-        layers: list[tuple[Iterable[shapely.Polygon], Colour]] = [(self._scene.footprint, floor)]
-        layers += [(all_layers[name].geoms, colour) for name, colour in theme.solids.items()]
-        for polygons, colour in layers:
-            sheet = _sheet(large, colour)
-            for part in sorted(polygons, key=lambda part: -shapely.Polygon(part.exterior).area):
-                # A hole is cut before what stands inside it is drawn, because that is smaller.
-                pygame.draw.polygon(sheet, colour, self._corners(part.exterior, finer))
-                for hole in part.interiors:
-                    pygame.draw.polygon(sheet, (*colour, 0), self._corners(hole, finer))
-            still.blit(pygame.transform.smoothscale(sheet, size), (0, 0))
-        sheet = _sheet(large, theme.edge)
-        for part in solids:
-            for ring in (part.exterior, *part.interiors):
-                pygame.draw.lines(sheet, theme.edge, True, self._corners(ring, finer), finer * line)
-        return still, pygame.transform.smoothscale(sheet, size)
-
-    def _corners(self, ring: shapely.LinearRing, finer: int) -> list[Pixel]:
-        corners: list[Pixel] = (finer * self._camera.pixels(shapely.get_coordinates(ring))).tolist()
-        return corners
+        # Few cells change at a time, so filling them is faster than scaling the whole map.
+        colours, clear = np.zeros((len(places), 3), np.uint8), np.ones(len(places), np.bool_)
+        for one, shades in zip(cells, self._colours, strict=True):
+            values = one.values[tuple(places.T)]
+            colours[values > 0] = shades[values[values > 0]]
+            clear &= values == 0
+        x, y, changed = self._x, self._y, pygame.Rect(0, 0, 0, 0)
+        for (r, c), colour, empty in zip(places.tolist(), colours.tolist(), clear.tolist(), strict=True):
+            area = pygame.Rect(x[c], y[r + 1], x[c + 1] - x[c], y[r] - y[r + 1])
+            self._plain.blit(self._still, area, area) if empty else self._plain.fill(colour, area)
+            changed = changed.union(area) if changed.width else area
+        self.surface.blit(self._plain, changed, changed)
+        self.surface.blit(self._over, changed, changed)
+        self._values = [one.values.copy() for one in cells]
 
 
-def _mixed(one: Colour, other: Colour) -> Colour:
-    """The colour half way between two."""
-    red, green, blue = ((a + b) // 2 for a, b in zip(one, other, strict=True))
-    return red, green, blue
-
-
-def _sheet(size: tuple[int, int], colour: Colour) -> pygame.Surface:
-    """A clear surface of the colour that will be drawn on it, so that reducing it leaves no dark fringe."""
-    sheet = pygame.Surface(size, pygame.SRCALPHA, 32)
-    sheet.fill((*colour, 0))
-    return sheet
+def _place(raster: Raster) -> tuple[object, ...]:
+    return raster.corner, raster.cell, raster.values.shape

@@ -15,8 +15,6 @@ from swarmsim.robots.sensors import IrRing
 from swarmsim.world.arena import Arena
 from swarmsim.world.plan import FloorPlan
 
-NOTHING: NDArray[np.float64] = np.empty((0, 2))
-
 
 class BeamReplay:
     """The beams of infra-red rings without their errors, as far as walls, boxes and people let them go."""
@@ -31,24 +29,22 @@ class BeamReplay:
         self._boxes: tuple[Box, ...] = ()
         self._walls = self._arena.segments
 
-    def ends(
+    def lengths(
         self, robot: int, pose: NDArray[np.float64], boxes: tuple[Box, ...], discs: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Where the beams of a robot at `pose` (3,) end (b, 2), in m; none without a ring.
+        """How far the beams (b,) of a robot at `pose` (3,) go, in m; none without a ring.
 
         `discs` (p, 3) are people: x, y, radius in m.
         """
         ring = self._rings[robot]
         if ring is None:
-            return NOTHING
+            return np.empty(0)
         if boxes != self._boxes:
             self._boxes = boxes
             self._walls = self._arena.with_boxes(boxes).segments if boxes else self._arena.segments
-        angles, reach = ring.angles() + pose[2], self.reach(robot)
-        distance, _ = rays.cast(pose[:2], angles, reach, self._walls, discs)
-        return np.asarray(
-            pose[:2] + np.minimum(distance, reach)[:, None] * np.stack([np.cos(angles), np.sin(angles)], 1)
-        )
+        reach = self.reach(robot)
+        distance, _ = rays.cast(pose[:2], ring.angles() + pose[2], reach, self._walls, discs)
+        return np.asarray(np.minimum(distance, reach))
 
     def bearings(self, robot: int) -> list[float]:
         """The bearings of a robot's beams in rad; none without a ring."""

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 import pygame
 from numpy.typing import NDArray
 
+from swarmsim.core.drawing import Mark
 from swarmsim.view.background import FINEST, Background
 from swarmsim.view.camera import Camera
-from swarmsim.view.foreground import Foreground
+from swarmsim.view.discs import Discs
+from swarmsim.view.layers import Layers
 from swarmsim.view.lettering import Lettering
+from swarmsim.view.painter import Painter, opaque
 from swarmsim.view.panel import Panel
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.style import Style
-from swarmsim.view.symbols import Pen, opaque
 
 LENS = 0.12  # of the picture's height: the radius of the magnifier
 WHOLE = 4000  # pixels, the greatest side of the ground under the magnifier
@@ -44,18 +47,18 @@ class Canvas:
         unit = min(size[0] / 1280, size[1] / 720) if wide else min(size[0] / 640, size[1] / 720)
         pad, head = round(18 * unit), max(20, round(46 * unit))
         self.area, panel = _arranged(size, wide, pad, head, unit, "panel" in self._look.layers)
-        self._line, self._unit = max(1, round(1.5 * unit)), unit
+        self._unit = unit
         self._small = max(12, round(18 * unit))
         self._letters = letters = Lettering()
         strip = pygame.Rect(self.area.left, self.area.bottom - 2 * self._small, self.area.width, 2 * self._small)
         room = pygame.Rect(self.area.left, self.area.top, self.area.width, self.area.height - strip.height)
         self._zoomed = camera is not None
         self.camera = camera or Camera.fitting(scene.bounds, (room.left, room.top, room.width, room.height))
-        self._pen = Pen(theme)
         self._kept = 0  # the corner that the magnifier is in
-        self._actors = Foreground(scene, self._look, self.camera, max(8.0 * unit, 5.0), self._line, letters)
-        self.radius = self._actors.radius
-        self._ground = Background(scene, self._look, self.camera, size, max(1, round(2 * unit)), finest)
+        self._layers, self._painter = Layers(scene), Painter(theme, self.camera, unit, letters)
+        self.discs = Discs(scene, self.camera.scale, max(8.0 * unit, 5.0))
+        self.radius = self.discs.radius
+        self._ground = Background(self._painter, size, finest)
         self._overlay = self._headline(size[0] - 2 * pad if not wide else panel.left - 2 * pad)
         self._room, self._columns = panel, 1 if wide else 2
         self.renew()
@@ -69,23 +72,26 @@ class Canvas:
         """Draw the panel for all that has been recorded by now."""
         self._shown = self._scene.iterations
         self._panel = (
-            Panel(self._scene, self._look, self._room, self._unit, self._letters, self._actors.enlarged, self._columns)
+            Panel(self._scene, self._look, self._room, self._unit, self._letters, self.discs.enlarged, self._columns)
             if self._room.width
             else None
         )
 
     def draw(self, iteration: float) -> pygame.Surface:
         """The picture after so many iterations; the surface is overwritten by the next call."""
-        shot = self._scene.at(iteration)
-        self._ground.show(shot.row)
+        shot = self._scene.at(iteration, self._look.focus, self._look.chosen)
+        marks = self._layers.draw(shot, self._look)
+        rest = self._ground.show(marks)
         if self._zoomed:
             self._surface.fill(self._look.colours.background)
             self._surface.set_clip(self.area)
         self._surface.blit(self._ground.surface, (0, 0))
-        self._actors.draw(self._surface, shot)
+        radii = self.discs.radii(shot)
+        for mark in rest:
+            self._painter.paint(self._surface, mark, radii)
         self._surface.set_clip(None)
         if self._look.focus is not None:
-            self._magnify(shot, self._look.focus)
+            self._magnify(shot, marks, self._look.focus)
         for sheet, at in self._overlay:
             self._surface.blit(sheet, at)
         if "events" in self._look.layers:
@@ -129,10 +135,15 @@ class Canvas:
         bottom, left = self.area.bottom, self._captions_from
         for text in shot.captions[::-1]:
             drawn = self._letters.fitted(text, self._small, self._look.colours.text, self.area.right - left - 16)
-            bottom = self._pen.caption(self._surface, drawn, left, bottom) - 2
+            ground = pygame.Surface((drawn.get_width() + 16, drawn.get_height() + 8), pygame.SRCALPHA, 32)
+            ground.fill((*self._look.colours.background, 215))
+            ground.fill(self._look.colours.mark, (0, 0, 4, ground.get_height()))
+            ground.blit(drawn, (10, 4))
+            self._surface.blit(ground, (left, bottom - ground.get_height()))
+            bottom -= ground.get_height() + 2
 
     @cached_property
-    def _lens(self) -> tuple[Camera, Background, int, pygame.Surface]:
+    def _lens(self) -> tuple[Background, int, pygame.Surface]:
         """A larger picture of the whole building, of which the magnifier shows a part."""
         left, right, low, high = self._scene.bounds
         wanted = MAGNIFIED * self._unit / self._scene.radius
@@ -140,15 +151,15 @@ class Canvas:
         size = (round(scale * (right - left)), round(scale * (high - low)))
         camera = Camera(scale, -scale * left, scale * high)
         reach = round(LENS * self._surface.get_height())
-        ground = Background(self._scene, self._look, camera, size, 2 * self._line)
+        ground = Background(Painter(self._look.colours, camera, 2.0 * self._unit, self._letters), size)
         mask = pygame.Surface((2 * reach, 2 * reach), pygame.SRCALPHA, 32)
         pygame.draw.aacircle(mask, (255, 255, 255, 255), (reach, reach), reach)
-        return camera, ground, reach, mask
+        return ground, reach, mask
 
-    def _magnify(self, shot: Frame, focus: int) -> None:
+    def _magnify(self, shot: Frame, marks: Sequence[Mark], focus: int) -> None:
         """Show the surroundings of the robot that is looked at in a circle in a corner."""
-        camera, ground, reach, mask = self._lens
-        ground.show(shot.row)
+        ground, reach, mask = self._lens
+        rest, camera = ground.show(marks), ground.camera
         x, y = camera.pixels(shot.pose[focus, :2]).tolist()
         around = pygame.Rect(round(x) - reach, round(y) - reach, 2 * reach, 2 * reach)
         sheet = pygame.Surface(around.size, pygame.SRCALPHA, 32)
@@ -157,7 +168,9 @@ class Canvas:
             ground.surface, (-around.left, -around.top)
         )
         moved = camera.moved(-around.left, -around.top)
-        Foreground(self._scene, self._look, moved, 0.0, self._line, self._letters).draw(sheet, shot)
+        painter, radii = Painter(self._look.colours, moved, self._unit, self._letters), moved.scale * self._scene.radii
+        for mark in rest:
+            painter.paint(sheet, mark, radii)
         sheet.blit(mask, (0, 0), special_flags=pygame.BLEND_RGBA_MIN)
         place = self.pixels(shot.pose[focus, :2])
         corners = [

@@ -11,15 +11,17 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
+from swarmsim.core.drawing import Texts
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
 from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.sharing.policies import cells_of, mark_sensed
 from swarmsim.operations.mapping.sharing.registration import Transform
 from swarmsim.view.camera import Camera
+from swarmsim.view.layers.robots import bodies
 from swarmsim.view.lettering import Lettering
+from swarmsim.view.painter import Painter, opaque
 from swarmsim.view.scene import Bounds, Scene
-from swarmsim.view.symbols import Pen, opaque
-from swarmsim.view.theme import Colour, Theme, colour_of, ink_on
+from swarmsim.view.theme import Colour, Theme, colour_of
 from swarmsim.view.video import HOLD, Film
 
 ROOM: Final = 0.1  # of the building's width and height, on each side
@@ -46,11 +48,8 @@ class Gathering:
         self._left = round(width * (1.0 - PANEL))
         margin = height // 30
         area = (margin, margin, self._left - 2 * margin, height - 2 * margin)
-        self._camera, self._letters, self._pen = (
-            Camera.fitting(_wider(scene.bounds), area),
-            Lettering(),
-            Pen(self._theme),
-        )
+        self._camera, self._letters = Camera.fitting(_wider(scene.bounds), area), Lettering()
+        self._painter = Painter(self._theme, self._camera, height / 720, self._letters)
         self._surface = opaque(film.size)
         self._ground = self._building(opaque(film.size))
         self._sensed = np.zeros((len(start), *scene.lattice.shape), np.bool_)
@@ -158,11 +157,14 @@ class Gathering:
         part[found == OCCUPIED] = colour
 
     def _draw_robot(self, robot: int, pose: NDArray[np.float64]) -> None:
-        at = self._pixels(self._transform(robot).apply(self._cells(pose[None, :2])))[0]
-        colour, size = colour_of(int(self._roots[robot])), max(9, self._film.size[1] // 60)
-        label = self._letters.render(str(robot), round(1.6 * size), ink_on(colour))
-        yaw = float(pose[2] + self._turn[robot])
-        self._pen.robot(self._surface, (float(at[0]), float(at[1])), yaw, size, colour, label)
+        row, column = self._transform(robot).apply(self._cells(pose[None, :2]))[0].tolist()
+        lattice, root, one = self._scene.lattice, int(self._roots[robot]), np.zeros(1, np.int64)
+        placed = np.array(
+            [(column * lattice.cell + lattice.x0, row * lattice.cell + lattice.y0, pose[2] + self._turn[robot])]
+        )
+        label = Texts(placed[:, :2], [str(robot)], 1.6, f"on robot {root}", "body", one)
+        for mark in (*bodies(placed, one, f"robot {root}"), label):
+            self._painter.paint(self._surface, mark, np.full(1, max(9.0, self._film.size[1] / 60)))
 
     def _tell(self, moment: Moment[Maps]) -> None:
         """The column at the right: what is shown, and whose frame each robot is in."""

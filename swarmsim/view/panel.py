@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from swarmsim.view.legend import draw_sign, signs
 from swarmsim.view.lettering import Lettering
+from swarmsim.view.painter import opaque, polygon
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.style import Style
-from swarmsim.view.symbols import Pen, opaque, polygon
 from swarmsim.view.theme import Colour, colour_of
 
 Reals = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Panel:
         `unit` is the size of things against those of a picture 720 pixels high; robots are drawn `enlarged` times.
         """
         self._scene, self._look, self._area, self._letters, self._unit = scene, look, area, letters, unit
-        self._theme, self._pen = look.colours, Pen(look.colours)
+        self._theme = look.colours
         self._small, self._large = max(12, round(18 * unit)), max(24, round(50 * unit))
         self._line = round(1.25 * self._small)
         self._still = opaque(area.size)
@@ -72,11 +72,11 @@ class Panel:
             below = pygame.Rect(second.left, 0, width, strip)
             legend = (second.left, len(strips) * strip + row // 2)
         self._done_strips = [self._strip(one, below.move(0, place * strip)) for place, one in enumerate(strips)]
-        for place, (kind, text) in enumerate(kinds):
+        for place, sign in enumerate(kinds):
             middle = legend[1] + place * row + row // 2
-            draw_sign(self._still, self._pen, kind, (legend[0] + round(12 * unit) + 3, middle), unit)
+            draw_sign(self._still, self._theme, letters, sign, (legend[0] + round(12 * unit) + 3, middle), unit)
             self._write(
-                text, (legend[0] + round(32 * unit) + 4, middle), self._theme.text, width - round(32 * unit) - 4
+                sign.means, (legend[0] + round(32 * unit) + 4, middle), self._theme.text, width - round(32 * unit) - 4
             )
 
     def draw(self, surface: pygame.Surface, shot: Frame) -> None:

@@ -64,7 +64,22 @@ class Frame:
     messages: int  # heard so far
     believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
     people: NDArray[np.float64]  # (p, 3): x, y, radius in m
-    lights: NDArray[np.uint8] | None = None  # (n, 3): the colour in which each robot shines, black for none
+    lights: NDArray[np.uint8] | None  # (n, 3): the colour in which each robot shines, black for none
+    radii: NDArray[np.float64]  # (n,): m
+    focus: int | None  # who is looked at
+    chosen: tuple[int, ...]  # whose own things are drawn; none: everybody's, but no beams
+    recording: Recording
+
+    def holds(self, name: str) -> bool:
+        """Whether the recording has a table of this name."""
+        return name in self.recording
+
+    def recorded(self, name: str, back: int = 0) -> NDArray[np.generic]:
+        """A table's row of this moment, or of so many iterations before, but not before the first.
+
+        Raises InputError if there is no such table, or if it has no row for each iteration.
+        """
+        return self.recording.row(name, max(self.row - back, 0))
 
 
 class Told(NamedTuple):
@@ -95,7 +110,7 @@ class Scene:
         if not recording.iterations:
             raise InputError(f"{recording.path}: no whole iteration was recorded; there is nothing to show")
         self._recording = recording
-        scenario = recording.scenario
+        self.scenario = scenario = recording.scenario
         self._plan = plan = floor_plan(recording.world, scenario.world)
         beyond = [plan.border, *([plan.unknown] if scenario.world.unknown == "wall" else [])]
         #: What is solid, by layer; what nobody knows, and what closes an open building, besides.
@@ -158,18 +173,14 @@ class Scene:
     def _beams(self) -> BeamReplay:
         return BeamReplay(self._recording, self._plan)
 
-    def beams(self, robot: int, shot: Frame) -> Points:
-        """Where the beams of a robot end (b, 2), in m, at the pose that a shot shows; none without a ring."""
-        return self._beams.ends(robot, shot.pose[robot], shot.boxes, shot.people)
+    def beams(self, robot: int, shot: Frame) -> NDArray[np.float64]:
+        """How far the beams (b,) of a robot go, in m, at the pose that a shot shows; none without a ring."""
+        return self._beams.lengths(robot, shot.pose[robot], shot.boxes, shot.people)
 
     @cached_property
     def bearings(self) -> list[list[float]]:
         """The bearings of each robot's beams in rad, counter-clockwise from straight ahead; none without a ring."""
         return [self._beams.bearings(robot) for robot in range(self.robots)]
-
-    def beam_reach(self, robot: int) -> float:
-        """How far beams of a robot are drawn at most, in m."""
-        return self._beams.reach(robot)
 
     def marks_at(self, row: int) -> list[Mark]:
         """What is wrong with each robot in an iteration."""
@@ -195,8 +206,11 @@ class Scene:
         """The recording's row for a moment from 0, the start, to `iterations`, the end of the last one."""
         return min(int(iteration), self.iterations - 1)
 
-    def at(self, iteration: float) -> Frame:
-        """The moment after so many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed."""
+    def at(self, iteration: float, focus: int | None = None, chosen: tuple[int, ...] = ()) -> Frame:
+        """The moment after so many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed.
+
+        `focus` is the robot that is looked at, `chosen` those whose own things are drawn.
+        """
         recording, row = self._recording, self.row(iteration)
         ends = recording["pose"][row], recording["pose"][self.row(row + 1)]
         pose = _between(*ends, min(iteration - row, 1.0), self._around)
@@ -226,6 +240,10 @@ class Scene:
             messages=int(self._messages[row]),
             believed=recording["believed"][row][:, :2] if self.has_beliefs else None,
             people=self._people(row, min(iteration - row, 1.0)),
+            radii=self.radii,
+            focus=focus,
+            chosen=chosen,
+            recording=recording,
             lights=None if (shining := lights(recording)) is None else shining[row],
         )
 

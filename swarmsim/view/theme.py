@@ -9,6 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.drawing import Ink
+
 Colour = tuple[int, int, int]  # red, green, blue
 
 #: Okabe and Ito's colours without black (Okabe and Ito 2008, Color Universal Design).
@@ -43,18 +45,39 @@ class Theme:
     dead: Colour
     person: Colour
 
-    def known(self, shares: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The colours (..., 3) of floor that shares (0 to 1) of all robots know."""
-        return _between(self.few, self.all, shares)
+    @property
+    def others(self) -> Colour:
+        """Floor that is known to others than the robot that is looked at: half way to that of one robot."""
+        red, green, blue = ((a + b) // 2 for a, b in zip(self.unexplored, self.few, strict=True))
+        return red, green, blue
 
-    def heat(self, shares: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The colours (..., 3) of shares from 0 to 1 of a field: one hue."""
-        return _between(self.floor, self.hot, shares)
+    @property
+    def halo(self) -> Colour:
+        """Around links."""
+        return self.edge if sum(self.link) > 384 else self.background
 
+    def ink(self, name: Ink) -> Colour:
+        """The colour that an ink of `core.drawing` stands for."""
+        if name.startswith("on "):
+            return ink_on(self.ink(name[3:]))
+        if name.startswith("robot "):
+            return colour_of(int(name[6:]))
+        if name.startswith("#"):
+            return int(name[1:3], 16), int(name[3:5], 16), int(name[5:], 16)
+        colour: Colour = self.solids[name] if name in self.solids else getattr(self, name)
+        return colour
 
-def _between(low: Colour, high: Colour, shares: NDArray[np.float64]) -> NDArray[np.uint8]:
-    start, end = np.array(low, np.float64), np.array(high, np.float64)
-    return np.rint(start + np.asarray(shares)[..., None] * (end - start)).astype(np.uint8)
+    def between(self, low: Ink, high: Ink, shares: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """The colours (..., 3) so far (0 to 1) on the way from one ink to another."""
+        start, end = np.array(self.ink(low), np.float64), np.array(self.ink(high), np.float64)
+        return np.rint(start + np.asarray(shares)[..., None] * (end - start)).astype(np.uint8)
+
+    def shades(self, palette: Sequence[tuple[int, int, Ink, Ink]]) -> NDArray[np.uint8]:
+        """The colours (256, 3) of a raster's values."""
+        found = np.zeros((256, 3), np.uint8)
+        for first, last, low, high in palette:
+            found[first : last + 1] = self.between(low, high, np.arange(last - first + 1) / max(last - first, 1))
+        return found
 
 
 def colour_of(robot: int) -> Colour:

@@ -24,9 +24,9 @@ from swarmsim.core.errors import OF_THE_MACHINE, InputError, StorageError, unwri
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.lettering import Lettering
+from swarmsim.view.painter import opaque
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import Style
-from swarmsim.view.symbols import opaque
 from swarmsim.view.title_cards import draw_card, first_lines, last_lines
 
 HOLD = 2.0  # s of film, how long the end and each card stay

@@ -61,7 +61,7 @@ def test_a_picture_shows_the_measure_of_the_task_and_no_map(recording: Recording
     assert (scene.curves.mean, scene.curves.worst) == (None, None)
     assert scene.limits == (0.0, 0.6000000000000001)  # above 0.50, and a quarter of it is round
     assert (scene.cells(3) == UNKNOWN).all()
-    assert not {"free", "seen", "unexplored", "aim"} & {kind for kind, _ in signs(scene, Style(), 1.0)}
+    assert not {"free", "seen", "unexplored", "aim"} & {kind for kind, *_ in signs(scene, Style(), 1.0)}
     assert Canvas(scene, SIZE)._panel._worded(0.1234) == "0.123 m"
     ways = [len(way) for way in shot.ways]
     assert ways == [0] * scene.robots
@@ -78,7 +78,7 @@ def test_the_floor_without_a_map_is_bright_and_a_line_shows_the_estimated_headin
     column, row = np.rint(ahead).astype(int)
     around = picture[row - 2 : row + 3, column - 2 : column + 3].astype(int)
     assert np.abs(around - DARK.curve).sum(axis=2).min() < 60
-    assert "heading" in {kind for kind, _ in signs(scene, Style(), 1.0)}
+    assert "heading" in {kind for kind, *_ in signs(scene, Style(), 1.0)}
 
 
 def test_a_comparison_leaves_out_what_only_maps_have(recording: Recording, room: Path, tmp_path: Path) -> None:

@@ -228,7 +228,7 @@ def test_a_film_shows_the_field_as_robots_estimate_it(tmp_path: Path) -> None:
     x, y = np.rint(canvas.pixels(recording.lattice.centres(np.array([row, column])))).astype(int)
     seen = np.array([surface.get_at((int(x) + dx, int(y) + dy))[:3] for dx in (-1, 0, 1) for dy in (-1, 0, 1)])
     assert (np.abs(seen - DARK.hot).max(axis=1) < 12).any()
-    assert DARK.heat(np.array([0.0, 1.0])).tolist() == [list(DARK.floor), list(DARK.hot)]
+    assert DARK.between("floor", "hot", np.array([0.0, 1.0])).tolist() == [list(DARK.floor), list(DARK.hot)]
     assert not Scene(_room(tmp_path)).has_field
 
 

@@ -92,8 +92,8 @@ def test_marks_on_the_curve_are_named_by_what_begins(scene: Scene) -> None:
 
 def test_the_legend_explains_what_is_shown_and_nothing_else(scene: Scene, room: Path) -> None:
     rare = {"fault", "dead", "removed", "box", "mark"}
-    assert rare <= {kind for kind, _ in signs(scene, Style(), 1.0)}
-    assert not rare & {kind for kind, _ in signs(Scene(Recording(room)), Style(), 1.0)}
+    assert rare <= {kind for kind, *_ in signs(scene, Style(), 1.0)}
+    assert not rare & {kind for kind, *_ in signs(Scene(Recording(room)), Style(), 1.0)}
 
 
 def colours(recording: Recording, iteration: int, points: np.ndarray) -> list[tuple[int, ...]]:

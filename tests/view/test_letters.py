@@ -121,7 +121,7 @@ def shown(recording: Recording, monkeypatch: pytest.MonkeyPatch, value: float, m
     """From now on every moment of a scene is that of so much coverage and so many messages."""
     at = Scene.at
     monkeypatch.setattr(
-        Scene, "at", lambda self, when: replace(at(self, when), value=value, messages=messages, groups=2)
+        Scene, "at", lambda self, when, *how: replace(at(self, when, *how), value=value, messages=messages, groups=2)
     )
 
 

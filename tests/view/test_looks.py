@@ -14,7 +14,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
-from swarmsim.view.foreground import LEAST
+from swarmsim.view.discs import LEAST
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import LAYERS, Style, look
 from swarmsim.view.theme import DARK, THEMES, Theme
@@ -61,7 +61,7 @@ def test_floor_is_coloured_by_how_many_robots_know_it(recording: Recording, them
     off_walls = recording["domain"] & (cells == FREE)
     for count in range(1, scene.robots + 1):
         places = np.argwhere(off_walls & (known == count))
-        wanted = theme.known(np.array((count - 1) / (scene.robots - 1)))
+        wanted = theme.between("few", "all", np.array((count - 1) / (scene.robots - 1)))
         got = colours(picture, canvas, places, scene)
         assert len(places) > 3
         assert (np.abs(got.astype(int) - wanted).max(axis=1) <= 2).mean() > 0.9  # a robot may stand on a cell
@@ -112,11 +112,11 @@ def test_discs_never_overlap_more_than_the_bodies_do(tmp_path: Path) -> None:
         run.simulation.run([recorder])
     scene = Scene(Recording(tmp_path / "r.h5"))
     canvas = Canvas(scene, (480, 270))
-    actors = canvas._actors
-    assert actors.enlarged > 1.5
+    discs = canvas.discs
+    assert discs.enlarged > 1.5
     for iteration in range(0, 30, 3):
         shot = scene.at(iteration)
-        radii, places = actors.radii(shot), canvas.pixels(shot.pose[:, :2])
+        radii, places = discs.radii(shot), canvas.pixels(shot.pose[:, :2])
         apart = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
         touching = radii[:, None] + radii[None]
         least = np.maximum(2.0 * LEAST, 2.0 * canvas.camera.scale * scene.radius)
@@ -161,9 +161,10 @@ def test_groups_are_those_that_hear_each_other(busy: Recording) -> None:
 def test_beams_end_where_the_sensor_met_walls_and_people(busy: Recording) -> None:
     scene = Scene(busy)
     shot = scene.at(20)
-    ends = scene.beams(0, shot)
-    assert ends.shape == (72, 2)
-    length = np.hypot(*(ends - shot.pose[0, :2]).T)
+    length = scene.beams(0, shot)
+    assert length.shape == (72,)
+    angles = shot.pose[0, 2] + np.array(scene.bearings[0])
+    ends = shot.pose[0, :2] + length[:, None] * np.stack([np.cos(angles), np.sin(angles)], 1)
     reach = 0.15 * np.hypot(3.5, 4.0)
     assert length.max() <= reach + 1e-9
     cells = scene.lattice.cells(ends - 1e-6 * (ends - shot.pose[0, :2]))
@@ -174,7 +175,7 @@ def test_beams_end_where_the_sensor_met_walls_and_people(busy: Recording) -> Non
 def test_layers_can_be_shown_and_hidden(busy: Recording) -> None:
     full, bare = frame(busy, 20, SIZE), frame(busy, 20, SIZE, BARE)
     assert (full[:, 960:] != bare[:, 960:]).any()
-    for layer in LAYERS.keys() - {"beams"}:
+    for layer in LAYERS.keys() - {"beams", "own"}:
         assert not np.array_equal(frame(busy, 20, SIZE, Style(layers=frozenset(LAYERS) - {layer})), full), layer
     one = Style(robots=(1,))
     assert not np.array_equal(frame(busy, 20, SIZE, one), full)

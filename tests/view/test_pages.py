@@ -18,6 +18,7 @@ from conftest import ROOT, called, made
 
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
+from swarmsim.view.layers.known import SEEN
 from swarmsim.view.page.document import replay_page, study_page
 from swarmsim.view.scene import Scene
 
@@ -152,10 +153,16 @@ def test_what_the_page_shows_is_what_was_recorded(browser: Any, recording: Recor
         for robot in (0, 3):
             own = np.array(view.evaluate(f"Array.from(swarmsim.runs[0].mapOf({robot}))"), np.uint8)
             assert np.array_equal(own.reshape(recording.lattice.shape), replay.maps[robot])
-        known = np.array(view.evaluate("Array.from(swarmsim.runs[0].known)"))
-        assert np.array_equal(known.reshape(recording.lattice.shape), replay.known)
-        letters = np.array(view.evaluate(f"swarmsim.runs[0].letters({row})")).reshape(-1, 3)
-        assert np.array_equal(letters, recording.letters(row)[:, [0, 1, 4]])
+        known = np.array(view.evaluate("Array.from(swarmsim.runs[0].raster('known').values)"))
+        expected = np.where(replay.held_occupied > 0, SEEN, replay.known)
+        assert np.array_equal(known.reshape(recording.lattice.shape), expected)
+        heard = [
+            (robot, other)
+            for robot in range(5)
+            for other in view.evaluate(f"swarmsim.runs[0].pairs({row}, {robot}).hears")
+        ]
+        letters = recording.letters(row)
+        assert sorted(heard) == sorted(set(map(tuple, letters[letters[:, 4] == 0, :2].tolist())))
         marks = view.evaluate(f"Array.from({{length: 5}}, (_, i) => swarmsim.runs[0].mark({row}, i))")
         assert marks == scene.marks_at(row)
     view.evaluate("swarmsim.seek(20)")  # back: maps are undone as exactly as they are made

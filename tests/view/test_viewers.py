@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -15,13 +16,12 @@ from conftest import called
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.recording.reader import Recording
+from swarmsim.view.layers.known import SEEN
 from swarmsim.view.scene import Scene
-from swarmsim.view.viewers.foxglove import OWN_MAPS, write_mcap
-
-VALUES = {UNKNOWN: 255, FREE: 0, OCCUPIED: 100}
+from swarmsim.view.theme import DARK
+from swarmsim.view.viewers.foxglove import write_mcap
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +29,9 @@ def recording(room: Path) -> Recording:
     return Recording(room)
 
 
-def worth(cells: np.ndarray) -> np.ndarray:
-    return np.vectorize(VALUES.get)(cells).astype(np.uint8)
+def newest(messages: list[tuple[int, object]], row: int, recording: Recording) -> Any:
+    """What a topic holds in an iteration: the newest of its messages."""
+    return [message for time, message in messages if time <= round(1e9 * row * recording.scenario.period)][-1]
 
 
 def test_mcap_holds_what_was_recorded(recording: Recording, tmp_path: Path) -> None:
@@ -46,7 +47,16 @@ def test_mcap_holds_what_was_recorded(recording: Recording, tmp_path: Path) -> N
                 assert schema.name.startswith("foxglove.")
     with (tmp_path / "run.mcap").open("rb") as file:
         for decoded in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages(
-            topics=["/tf", "/poses", "/map", "/robot_1/map", "/links", "/walls", "/robots", "/events"]
+            topics=[
+                "/tf",
+                "/poses",
+                "/map/known",
+                "/robot_1/map/own",
+                "/links",
+                "/building/still",
+                "/robots",
+                "/events",
+            ]
         ):
             found.setdefault(decoded.channel.topic, []).append((decoded.message.log_time, decoded.decoded_message))
     rows = range(recording.iterations)
@@ -61,22 +71,24 @@ def test_mcap_holds_what_was_recorded(recording: Recording, tmp_path: Path) -> N
             assert (transform.parent_frame_id, transform.translation.x, transform.translation.y) == ("world", x, y)
             turned = 2.0 * math.atan2(transform.rotation.z, transform.rotation.w)
             assert math.remainder(turned - yaw, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
-        grid = found["/map"][row][1]
-        cells = np.frombuffer(grid.data, np.uint8).reshape(-1, grid.column_count)
-        assert np.array_equal(cells, worth(replay.collective()))
+        grid = newest(found["/map/known"], row, recording)
+        cells = np.frombuffer(grid.data, np.uint8).reshape(-1, grid.column_count, 5)
+        known = np.where(replay.held_occupied > 0, SEEN, replay.known)
+        assert np.array_equal(cells[:, :, 0], known)
+        assert {tuple(colour) for colour in cells[known == SEEN][:, 1:].tolist()} <= {(*DARK.seen, 255)}
         assert (grid.pose.position.x, grid.cell_size.x) == (recording.lattice.x0, recording.lattice.cell)
         heard, lost = Scene(recording).messages(row) if row % 20 == 0 else (numbers[row]["heard"], numbers[row]["lost"])
         assert numbers[row] == {"coverage": 100.0 * recording["coverage"][row], "heard": heard, "lost": lost}
-        ends = found["/links"][row][1].entities[0].lines[0].points
-        assert len(ends) == 2 * (recording.letters(row)[:, 4] == 0).sum()
-    assert len(found["/robot_1/map"]) == -(-recording.iterations // OWN_MAPS) + (
-        (recording.iterations - 1) % OWN_MAPS > 0
-    )
-    last = np.frombuffer(found["/robot_1/map"][-1][1].data, np.uint8)
-    assert np.array_equal(last, worth(replay.maps[1]).ravel())
+        ends = [len(line.points) for line in newest(found["/links"], row, recording).entities[0].lines]
+        shot = Scene(recording).at(row)
+        assert sum(ends) == 2 * (len(shot.mutual) + len(shot.one_way))
+        discs = newest(found["/robots"], row, recording).entities[0].cylinders
+        assert [(disc.pose.position.x, disc.pose.position.y) for disc in discs] == [(x, y) for x, y, _ in pose.tolist()]
+    last = np.frombuffer(found["/robot_1/map/own"][-1][1].data, np.uint8)[::5]
+    assert np.array_equal(last, replay.maps[1].ravel())
     layers = Scene(recording).layers.values()
     corners = sum(len(shapely.get_coordinates(layer)) for layer in layers)
-    assert sum(len(line.points) for line in found["/walls"][0][1].entities[0].lines) == corners
+    assert sum(len(line.points) for line in found["/building/still"][0][1].entities[0].lines) > corners
     assert found["/events"][-1][1].message == "finished: 100 % coverage reached"
 
 
@@ -88,20 +100,20 @@ def test_rerun_holds_what_was_recorded(recording: Recording, tmp_path: Path) -> 
     write_rrd(recording, tmp_path / "run.rrd")
     places, maps = {}, {}
     for chunk in RrdReader(tmp_path / "run.rrd").stream():
-        if chunk.entity_path not in ("/world/robots", "/world/map"):
+        if chunk.entity_path not in ("/world/robots/robot", "/world/map/known"):
             continue
         table = pa.Table.from_batches([chunk.to_record_batch()])
         name = next(name for name in table.column_names if name.endswith((":positions", ":data")))
-        kept = places if chunk.entity_path == "/world/robots" else maps
+        kept = places if chunk.entity_path == "/world/robots/robot" else maps
         kept |= dict(zip(table["iteration"].to_pylist(), table[name].to_pylist(), strict=True))
-    assert sorted(places) == sorted(maps) == list(range(recording.iterations))
-    replay = MapReplay(recording)
+    assert sorted(places) == list(range(recording.iterations))
+    replay, shape = MapReplay(recording), recording.lattice.shape
     for row in range(recording.iterations):
         replay.advance(row)
         assert np.array(places[row]) == pytest.approx(recording["pose"][row][:, :2] * (1.0, -1.0), abs=1e-5)
-        (data,) = maps[row]
-        shape = recording.lattice.shape
-        assert np.array_equal(np.array(data, np.uint8).reshape(shape)[::-1], worth(replay.collective()))
+        (data,) = maps.get(row, maps[max(at for at in maps if at <= row)])
+        opaque = np.array(data, np.uint8).reshape(*shape, 4)[::-1, :, 3]
+        assert np.array_equal(opaque > 0, replay.known > 0)
 
 
 def test_the_verb_writes_whole_files_and_names_what_is_wrong(recording: Recording, tmp_path: Path) -> None:

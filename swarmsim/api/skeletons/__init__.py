@@ -17,6 +17,7 @@ _HERE: Final = Path(__file__).parent
 #: Why there is nothing to start from for some seams.
 WITHOUT: Final = {
     "generator": "a building is made before there is a run to test it in; start from swarmsim/world/made/generated.py",
+    "layer": "it is a function of a moment; start from the one in docs/own.md",
     "localisation": "start from Noisy in swarmsim/robots/localisation.py",
     "physics": "bodies take eight verbs; start from swarmsim/robots/particles.py",
 }

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import own
 from swarmsim.core.context import BuildContext
+from swarmsim.core.drawing import Mark, Shown
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.own import MisfitError
 from swarmsim.core.parts import Curve, Links, Summary
@@ -140,6 +141,19 @@ class FunctionTopology(FunctionForm):
 
     def links(self, state: State) -> Links:
         return cast("Links", self._ask(state))  # checked as those of all topologies
+
+
+class FunctionLayer(FunctionForm):
+    """`def layer(shown, *, key=default)`: what is drawn of a moment."""
+
+    @property
+    def name(self) -> str:
+        """That of the function."""
+        return self._function.__name__
+
+    def draw(self, shown: Shown) -> Sequence[Mark]:
+        """What the function gives."""
+        return cast(Sequence[Mark], self._ask(shown))  # it is checked where it is drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,6 +16,7 @@ from msgspec import inspect as types
 
 from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
+from swarmsim.core.drawing import Layer
 from swarmsim.core.errors import InputError
 from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import (
@@ -173,6 +174,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     task: Part[AnyTask] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
     probes: tuple[Part[Probe], ...] = ()
+    layers: tuple[Part[Layer], ...] = ()  # what pictures show besides
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
 
@@ -183,7 +185,7 @@ HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys that are not written out where there is nothing at them, or what older scenarios had without a key.
 LATER: Final[Mapping[str, object]] = {
-    "actuators": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
+    "actuators": (), "layers": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
 }  # fmt: skip
 #: Keys of older scenarios, with what stands in their place.
 MOVED: Final = {

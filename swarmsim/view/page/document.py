@@ -13,10 +13,8 @@ from typing import Final
 from swarmsim.recording.reader import Recording
 from swarmsim.view.page.payload import payload
 
-LAYERS: Final = (
-    ("map", "map", True), ("links", "links", True), ("ways", "ways and goals", True), ("tiles", "tiles", True),
-    ("beams", "beams", False), ("faults", "faults", True),
-)  # fmt: skip
+ALWAYS: Final = ("building", "robots")  # layers that cannot be hidden
+HIDDEN: Final = ("beams",)  # layers that are not shown at first
 CANVAS: Final = "The building with its robots; numbers are beside it"
 THEME: Final = (
     'document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"'
@@ -61,7 +59,7 @@ def replay_page(recording: Recording, beside: Recording | None = None) -> str:
 <dl id="numbers"></dl>
 <p><label>look at <select id="robot"><option value="-1">all robots</option></select></label></p>
 <dl id="about"></dl>
-<fieldset id="layers"><legend>show</legend>{_boxes()}</fieldset>
+<fieldset id="layers"><legend>show</legend>{_boxes([json.loads(one["words"]) for one in packed])}</fieldset>
 <p class="hint">Space plays; arrows step; Home and End; click a robot to see its map; Escape shows all.
 Robots are drawn larger than they are where there is room.</p>
 </div></div>
@@ -129,10 +127,13 @@ def _speeds() -> str:
     )
 
 
-def _boxes() -> str:
+def _boxes(runs: Sequence[dict[str, list[dict[str, str]]]]) -> str:
+    """A box to tick for each layer of which something is drawn."""
+    names = [track["layer"] for words in runs for track in words["tracks"]]
     return "".join(
-        f'<label><input type="checkbox" name="{name}"{" checked" if on else ""}>{text}</label>'
-        for name, text, on in LAYERS
+        f'<label><input type="checkbox" name="{name}"{"" if name in HIDDEN else " checked"}>{name}</label>'
+        for name in dict.fromkeys(map(html.escape, names))
+        if name not in ALWAYS
     )
 
 

@@ -1,10 +1,8 @@
 "use strict";
 // Replays recorded runs. Every number shown is the recording's; poses alone are interpolated between iterations.
-const UNKNOWN = 0, FREE = 1, OCCUPIED = 2;
 const TYPES = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i2: Int16Array, i4: Int32Array, f4: Float32Array };
 const css = (c, alpha) => alpha === undefined ? `rgb(${c})` : `rgba(${c}, ${alpha})`;
 const mixed = (a, b, share) => a.map((v, i) => Math.round(v + share * (b[i] - v)));
-const ink = c => 0.299 * c[0] + 0.587 * c[1] + 0.114 * c[2] > 120 ? "#000" : "#fff";
 
 class Run {
   static async open(words, numbers) {
@@ -24,42 +22,12 @@ class Run {
     const pose = this.data.pose, row = 3 * this.robots;
     for (let k = row; k < pose.length; k++) pose[k] += pose[k - row];
     [this.x0, this.y0, this.cell, this.rows, this.columns] = this.lattice;
-    this.cells = this.rows * this.columns;
-    this.hasMaps = "changes_end" in this.data;
-    this.reset();
-    if (this.hasMaps) this.keepWhatWas();
-    this.indexPaths();
+    this.tracks = words.tracks.map(words => new Track(words, this.data));
+    this.hasMaps = this.tracks.some(track => track.name === "known");
   }
-  reset() {
-    this.row = -1;  // the last iteration that the maps hold
-    this.maps = new Uint8Array(this.hasMaps ? this.robots * this.cells : 0);
-    this.known = new Uint16Array(this.cells);
-    this.occupied = new Uint16Array(this.cells);
-  }
-  keepWhatWas() {  // so that maps can be moved back as well
-    const { changed_robot: robot, changed_cell: cell, changed_state: state } = this.data;
-    this.before = new Uint8Array(state.length);
-    for (let k = 0; k < state.length; k++) {
-      const place = robot[k] * this.cells + cell[k];
-      this.before[k] = this.maps[place];
-      this.maps[place] = state[k];
-    }
-    this.reset();
-  }
-  set(k, state) {
-    const place = this.data.changed_robot[k] * this.cells + this.data.changed_cell[k], cell = this.data.changed_cell[k];
-    const was = this.maps[place];
-    this.known[cell] += (state !== UNKNOWN) - (was !== UNKNOWN);
-    this.occupied[cell] += (state === OCCUPIED) - (was === OCCUPIED);
-    this.maps[place] = state;
-  }
-  seek(row) {
-    if (!this.hasMaps) { this.row = row; return; }
-    const end = this.data.changes_end, begin = t => t > 0 ? end[t - 1] : 0;
-    for (; this.row < row; this.row++) for (let k = begin(this.row + 1); k < end[this.row + 1]; k++) this.set(k, this.data.changed_state[k]);
-    for (; this.row > row; this.row--) for (let k = end[this.row] - 1; k >= begin(this.row); k--) this.set(k, this.before[k]);
-  }
-  mapOf(robot) { return this.maps.subarray(robot * this.cells, (robot + 1) * this.cells); }
+  seek(row) { for (const track of this.tracks) track.seek(row); }
+  raster(name, robot = null) { return this.tracks.find(track => track.kind === "Raster" && track.name === name && track.robot === robot); }
+  mapOf(robot) { return this.raster("own", robot)?.values; }
   rowAt(time) { return Math.min(Math.floor(time), this.iterations - 1); }
   poseAt(time, robot) {
     const row = this.rowAt(time), next = this.rowAt(row + 1), part = Math.min(time - row, 1), pose = this.data.pose;
@@ -71,37 +39,67 @@ class Run {
   }
   alive(row, robot) { return this.data.alive[row * this.robots + robot] === 1; }
   mark(row, robot) { return this.marks[this.data.marks[row * this.robots + robot]]; }
-  letters(row) {
-    const end = this.data.letters_end, all = this.data.letters, found = [];
-    for (let k = row ? end[row - 1] : 0; k < end[row]; k++) found.push([all[3 * k], all[3 * k + 1], all[3 * k + 2]]);
+  pairs(row, robot) {  // who is heard, who hears, and whose message was lost
+    const found = { hears: [], heard: [], lost: [] };
+    for (const track of this.tracks) if (track.layer === "links" && track.name !== "waiting") {
+      track.seek(row);
+      const on = track.count ? track.column("on") : [];
+      for (let k = 0; k < on.length; k += 2) for (const [sender, receiver] of track.name === "mutual" ? [[on[k], on[k + 1]], [on[k + 1], on[k]]] : [[on[k], on[k + 1]]]) {
+        if (track.name === "lost") { if (receiver === robot) found.lost.push(sender); continue; }
+        if (receiver === robot) found.hears.push(sender);
+        if (sender === robot) found.heard.push(receiver);
+      }
+    }
     return found;
   }
   value(row) { return this.curve.scale * this.data.curve[row]; }
   own(row, robot) { return this.data.each ? this.curve.scale * this.data.each[row * this.robots + robot] : null; }
   worded(value) { return `${value.toFixed(this.curve.digits)} ${this.curve.unit}`.trim(); }
-  indexPaths() {
-    this.newest = Array.from({ length: this.robots }, () => []);
-    const rows = this.data.paths;
-    for (let k = 0; 3 * k < rows.length; k++) this.newest[rows[3 * k + 1]].push([rows[3 * k], k ? rows[3 * k - 1] : 0, rows[3 * k + 2]]);
-  }
-  goal(row, robot) {
-    const at = 2 * (row * this.robots + robot), [x, y] = [this.data.goals[at], this.data.goals[at + 1]];
-    return Number.isNaN(x) || !this.alive(row, robot) ? null : [x, y];
-  }
-  way(row, robot, from) {
-    const paths = this.newest[robot];
-    let low = 0, high = paths.length;
-    while (low < high) { const mid = (low + high) >> 1; paths[mid][0] <= row ? low = mid + 1 : high = mid; }
-    if (!low || !this.goal(row, robot)) return [];
-    const [, begin, end] = paths[low - 1], points = [];
-    let nearest = begin, least = Infinity;
-    for (let k = begin; k < end; k++) {
-      const d = Math.hypot(this.data.waypoints[2 * k] - from[0], this.data.waypoints[2 * k + 1] - from[1]);
-      if (d < least) { least = d; nearest = k; }
+}
+
+// One kind of shapes of a layer: words that hold for the whole run, and columns of which each row has the newest state.
+class Track {
+  constructor(words, data) {
+    Object.assign(this, words);
+    this.parts = {};
+    for (const [name, column] of Object.entries(words.columns)) {
+      if (name === "values") { this.keepCells(column.map(part => data[part])); continue; }
+      const [starts, ends, values, delta] = [data[column[0]], data[column[1]], data[column[2]], column[3]];
+      const all = delta ? Int32Array.from(values) : values, size = ends[0];
+      if (delta) for (let k = size; k < all.length; k++) all[k] += all[k - size];
+      this.parts[name] = { starts, ends, all, at: 0 };
     }
-    for (let k = nearest; k < end; k++) points.push([this.data.waypoints[2 * k], this.data.waypoints[2 * k + 1]]);
-    return [from, ...points];
+    this.row = -1;
   }
+  keepCells([starts, ends, steps, to]) {  // with what was there before, so that cells can be moved back as well
+    const [cells, before] = [new Uint32Array(to.length), new Uint8Array(to.length)];
+    this.values = new Uint8Array(this.shape[0] * this.shape[1]);
+    for (let moment = 0, k = 0; moment < ends.length; moment++) for (let cell = 0; k < ends[moment]; k++) {
+      cells[k] = cell += steps[k];
+      before[k] = this.values[cell];
+      this.values[cell] = to[k];
+    }
+    this.values.fill(0);
+    this.moments = { starts, ends, cells, before, to, done: 0 };
+  }
+  seek(row) {
+    this.row = row;
+    const kept = this.moments;
+    if (!kept) return;
+    const begin = moment => moment ? kept.ends[moment - 1] : 0;
+    for (; kept.done < kept.starts.length && kept.starts[kept.done] <= row; kept.done++)
+      for (let k = begin(kept.done); k < kept.ends[kept.done]; k++) this.values[kept.cells[k]] = kept.to[k];
+    for (; kept.done && kept.starts[kept.done - 1] > row; kept.done--)
+      for (let k = kept.ends[kept.done - 1] - 1; k >= begin(kept.done - 1); k--) this.values[kept.cells[k]] = kept.before[k];
+  }
+  column(name) {  // its state in the row that was sought; null if these shapes have no such column
+    const part = this.parts[name];
+    if (!part) return null;
+    let low = 0, high = part.starts.length;
+    while (low < high) { const mid = (low + high) >> 1; part.starts[mid] <= this.row ? low = mid + 1 : high = mid; }
+    return low ? part.all.subarray(low > 1 ? part.ends[low - 2] : 0, part.ends[low - 1]) : part.all.subarray(0, 0);
+  }
+  get count() { const found = this.column("count"); return found.length ? found[0] : 0; }
 }
 
 class View {
@@ -110,10 +108,6 @@ class View {
     this.canvas = place.querySelector("canvas");
     this.tip = place.querySelector(".tip");
     this.sheet = document.createElement("canvas");
-    [this.sheet.width, this.sheet.height] = [run.columns, run.rows];
-    this.picture = this.sheet.getContext("2d").createImageData(run.columns, run.rows);
-    this.paths = Object.fromEntries(Object.entries(run.layers).map(([name, parts]) => [name, outline(parts.flat())]));
-    this.floor = outline(run.floor);
     this.canvas.addEventListener("pointermove", event => this.hover(event));
     this.canvas.addEventListener("pointerleave", () => this.tip.textContent = "");
     this.canvas.addEventListener("click", event => { const robot = this.under(event); if (robot !== null || state.robot >= 0) pick(robot ?? -1); });
@@ -146,8 +140,8 @@ class View {
     const run = this.run, [x, y] = this.metres(event), robot = this.under(event), row = run.rowAt(state.time);
     const c = Math.floor((x - run.x0) / run.cell), r = Math.floor((y - run.y0) / run.cell), lines = [`x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`];
     if (run.hasMaps && r >= 0 && r < run.rows && c >= 0 && c < run.columns) {
-      const cell = r * run.columns + c, known = run.known[cell];
-      lines.push(known ? `known to ${known} of ${run.robots}${run.occupied[cell] ? `, occupied to ${run.occupied[cell]}` : ""}` : "known to nobody");
+      const known = run.raster("known").values[r * run.columns + c], most = Math.min(run.robots, 250);
+      lines.push(known === 254 ? "occupied, in some map" : known ? `known to ${Math.round(known * run.robots / most)} of ${run.robots}` : "known to nobody");
     }
     if (robot !== null) lines.push(`robot ${robot}: ${stateOf(run, row, robot)}`, ...(run.own(row, robot) === null ? [] : [`${run.curve.name} ${run.worded(run.own(row, robot))}`]));
     this.tip.textContent = lines.join("\n");
@@ -157,112 +151,119 @@ class View {
     this.tip.style.top = `${event.clientY - box.top + this.canvas.offsetTop + 14}px`;
   }
   draw() {
-    const run = this.run, c = this.canvas.getContext("2d"), theme = run.themes[state.theme], row = run.rowAt(state.time), thin = this.ratio;
+    const run = this.run, c = this.canvas.getContext("2d"), row = run.rowAt(state.time);
     this.row = row;
+    this.inks = run.inks[state.theme];
     run.seek(row);
-    c.setTransform(1, 0, 0, 1, 0, 0);
-    c.fillStyle = css(theme.background);
+    c.fillStyle = css(run.themes[state.theme].background);
     c.fillRect(0, 0, this.canvas.width, this.canvas.height);
-    c.setTransform(this.scale, 0, 0, -this.scale, this.left, this.low);
-    c.fillStyle = css(run.hasMaps ? theme.unexplored : theme.floor);
-    c.fill(this.floor, "evenodd");
-    for (const [name, colour] of Object.entries(theme.solids)) { c.fillStyle = css(colour); c.fill(this.paths[name], "evenodd"); }
-    if (run.hasMaps && state.show.map) this.map(c, theme);
-    c.strokeStyle = css(theme.edge);
-    c.lineWidth = 1.5 * thin / this.scale;
-    for (const name of Object.keys(theme.solids)) c.stroke(this.paths[name]);
-    c.setTransform(1, 0, 0, 1, 0, 0);
-    for (const [[left, low, right, high], from, to] of run.boxes) {
-      if (row < from || row >= to) continue;
-      const [x, y] = this.at(left, high);
-      c.fillStyle = css(theme.solids.walls); c.strokeStyle = css(theme.mark); c.lineWidth = 1.5 * thin;
-      c.fillRect(x, y, Math.max(this.scale * (right - left), 3), Math.max(this.scale * (high - low), 3));
-      c.strokeRect(x, y, Math.max(this.scale * (right - left), 3), Math.max(this.scale * (high - low), 3));
+    this.poses = Array.from({ length: run.robots }, (_, robot) => run.poseAt(state.time, robot));
+    this.spots = this.poses.map(([x, y]) => this.at(x, y));
+    this.discs = this.radii(this.spots, row);
+    this.picked = state.robot >= 0 && state.robot < run.robots ? state.robot : null;
+    for (const track of run.tracks) {
+      if (state.show[track.layer] === false || (track.each ? this.picked !== null : track.robot !== null && track.robot !== this.picked)) continue;
+      if (track.count) this[track.kind](c, track);
     }
-    this.actors(c, theme, row, thin);
+    if (this.picked !== null) ring(c, this.spots[this.picked], 2.5 * this.discs[this.picked], css(run.themes[state.theme].text), 2 * this.ratio);
   }
-  map(c, theme) {
-    const run = this.run, pixels = this.picture.data, own = state.robot >= 0 && state.robot < run.robots ? run.mapOf(state.robot) : null;
-    const shades = Array.from({ length: run.robots + 1 }, (_, k) => mixed(theme.few, theme.all, Math.max(k - 1, 0) / Math.max(run.robots - 1, 1)));
-    const others = mixed(theme.unexplored, theme.few, 0.5);
-    for (let r = 0; r < run.rows; r++) for (let col = 0; col < run.columns; col++) {
-      const cell = r * run.columns + col, at = 4 * ((run.rows - 1 - r) * run.columns + col);
-      let colour = null;
-      if (own && own[cell]) colour = own[cell] === OCCUPIED ? theme.seen : theme.all;
-      else if (own) colour = run.known[cell] ? others : null;
-      else if (run.known[cell]) colour = run.occupied[cell] ? theme.seen : shades[run.known[cell]];
-      if (colour) { pixels[at] = colour[0]; pixels[at + 1] = colour[1]; pixels[at + 2] = colour[2]; }
-      pixels[at + 3] = colour ? 255 : 0;
-    }
-    this.sheet.getContext("2d").putImageData(this.picture, 0, 0);
-    c.imageSmoothingEnabled = false;
-    c.save();
-    c.transform(1, 0, 0, -1, run.x0, run.y0 + run.rows * run.cell);
-    c.drawImage(this.sheet, 0, 0, run.columns * run.cell, run.rows * run.cell);
-    c.restore();
+  shown(track, of, k) { return this.picked === null || track.rides || !of || of[k] === this.picked; }  // what moves with robots are these themselves
+  ink(track, name, k, opacity = 1) {
+    const column = track.column(name), found = column ? column[k] : track[name];
+    return found === null || found === undefined ? null : css(this.inks[found], opacity);
   }
-  actors(c, theme, row, thin) {
-    const run = this.run, chosen = state.robot >= 0 && state.robot < run.robots ? [state.robot] : null, show = state.show;
-    const poses = Array.from({ length: run.robots }, (_, robot) => run.poseAt(state.time, robot));
-    const spots = poses.map(([x, y]) => this.at(x, y)), colour = robot => run.colours[robot % run.colours.length];
-    const live = poses.map((_, robot) => robot).filter(robot => run.alive(row, robot)), looked = chosen ? chosen.filter(robot => run.alive(row, robot)) : live;
-    const radii = this.radii(spots, live, row);
-    if (show.tiles && run.tile[0] && run.data.origins) for (const robot of looked) {
-      const at = 2 * (row * run.robots + robot), r = run.data.origins[at], col = run.data.origins[at + 1];
-      const [x, y] = this.at(run.x0 + col * run.cell, run.y0 + (r + run.tile[0]) * run.cell), size = this.scale * run.cell;
-      c.fillStyle = css(colour(robot), 0.15); c.strokeStyle = css(colour(robot), 0.7); c.lineWidth = thin;
-      c.fillRect(x, y, run.tile[1] * size, run.tile[0] * size); c.strokeRect(x, y, run.tile[1] * size, run.tile[0] * size);
+  scaleOf(track, of, k) { return track.unit === "body" ? this.discs[of[k]] : this.scale; }
+  Circles(c, track) {
+    const of = track.column("of"), centre = track.column("centre"), radius = track.column("radius"), thin = this.ratio;
+    for (let k = 0; k < track.count; k++) if (this.shown(track, of, k)) {
+      const scale = this.scaleOf(track, of, k), spot = track.rides ? this.spots[of[k]] : this.at(centre[2 * k] / 1000, centre[2 * k + 1] / 1000);
+      let size = scale * (radius ? radius[k] / 1000 : track.radius);
+      c.globalAlpha = track.opacity;
+      if (track.stroke) {
+        const width = Math.max(track.stroke * scale, 2 * thin), edge = this.ink(track, "edge", k);
+        if (edge) ring(c, spot, size - width / 2, edge, width + 2.6 * thin);
+        ring(c, spot, size - width / 2, this.ink(track, "ink", k), width);
+      } else disc(c, spot, track.unit === "m" && track.edge !== null ? Math.max(size, 3 * thin) : size, this.ink(track, "ink", k), this.ink(track, "edge", k), thin);
+      c.globalAlpha = 1;
     }
-    if (show.beams && run.data.beams) for (const robot of looked) {
-      const count = run.bearings[robot].length, at = count * (row * run.robots + robot);
-      c.strokeStyle = css(theme.mark, 0.7); c.lineWidth = 0.7 * thin; c.beginPath();
-      run.bearings[robot].forEach((bearing, k) => {
-        const length = this.scale * run.reaches[robot] * run.data.beams[at + k] / 255, angle = poses[robot][2] + bearing;
-        c.moveTo(...spots[robot]); c.lineTo(spots[robot][0] + length * Math.cos(angle), spots[robot][1] - length * Math.sin(angle));
+  }
+  Polygons(c, track) {
+    const of = track.column("of"), at = track.column("at"), yaw = track.column("yaw"), points = track.column("points"), ends = track.column("ends"), holes = track.column("holes");
+    const placed = at || track.rides;
+    if (holes) c.beginPath();
+    for (let k = 0, from = 0; k < track.count; from += ends[k++]) {
+      if (!this.shown(track, of, k)) continue;
+      const [x, y] = !placed ? [0, 0] : track.rides ? this.spots[of[k]] : this.at(at[2 * k] / 1000, at[2 * k + 1] / 1000);
+      const turn = track.turns ? this.poses[of[k]][2] : yaw ? yaw[k] / 1000 : 0, scale = this.scaleOf(track, of, k) / 1000, [cos, sin] = [scale * Math.cos(turn), scale * Math.sin(turn)];
+      const corners = Array.from({ length: ends[k] }, (_, i) => {
+        const [px, py] = [points[2 * (from + i)], points[2 * (from + i) + 1]];
+        return placed ? [x + px * cos - py * sin, y - px * sin - py * cos] : this.at(px / 1000, py / 1000);
       });
+      if (holes) { trace(c, corners); continue; }
+      c.beginPath();
+      trace(c, corners);
+      const [ink, edge] = [this.ink(track, "ink", k, track.opacity[0]), this.ink(track, "edge", k, track.opacity[1])];
+      if (edge && ink && track.opacity[0] === 1) { c.strokeStyle = edge; c.lineWidth = 2 * track.width * this.ratio; c.stroke(); }
+      if (ink) { c.fillStyle = ink; c.fill(); }
+      if (edge && (!ink || track.opacity[0] < 1)) { c.strokeStyle = edge; c.lineWidth = track.width * this.ratio; c.stroke(); }
+    }
+    if (holes) { c.fillStyle = this.ink(track, "ink", 0, track.opacity[0]); c.fill("evenodd"); }
+  }
+  Lines(c, track) {
+    const of = track.column("of"), on = track.column("on"), points = track.column("points"), ends = track.column("ends"), thin = this.ratio, width = 0.9 * track.width * thin;
+    const casing = this.ink(track, "casing", 0), dash = { whole: [], dashed: [6 * thin, 6 * thin], dotted: [2 * thin, 2 * thin] }[track.dash];
+    c.globalAlpha = track.opacity;
+    for (let k = 0, from = 0; k < track.count; from += ends[k++]) {
+      const riders = on && !of ? on.subarray(from, from + ends[k]) : [];
+      if (!this.shown(track, of, k) || (this.picked !== null && riders.length && riders.every(robot => robot >= 0 && robot !== this.picked))) continue;
+      const corners = Array.from({ length: ends[k] }, (_, i) => on && on[from + i] >= 0 ? this.spots[on[from + i]] : this.at(points[2 * (from + i)] / 1000, points[2 * (from + i) + 1] / 1000));
+      const ink = this.ink(track, "ink", k), last = on ? on[from + ends[k] - 1] : -1;
+      c.setLineDash(dash);
+      if (casing) line(c, corners, casing, width + 2 * thin);
+      line(c, corners, ink, width);
+      c.setLineDash([]);
+      if (track.arrow && corners.length > 1) head(c, ...corners.slice(-2), last >= 0 ? this.discs[last] : 0, ink, casing ?? ink, thin);
+    }
+    c.globalAlpha = 1;
+  }
+  Rays(c, track) {
+    const of = track.column("of"), bearings = track.column("bearings"), length = track.column("length"), count = bearings.length;
+    for (let k = 0; k < track.count; k++) if (this.picked === null || of[k] === this.picked) {
+      const [x, y] = this.spots[of[k]], yaw = this.poses[of[k]][2];
+      c.strokeStyle = this.ink(track, "ink", k, 0.7 * track.opacity); c.lineWidth = 0.7 * track.width * this.ratio; c.beginPath();
+      for (let b = 0; b < count; b++) {
+        const reach = this.scale * length[count * k + b] / 100, angle = yaw + bearings[b] / 1000;
+        c.moveTo(x, y); c.lineTo(x + reach * Math.cos(angle), y - reach * Math.sin(angle));
+      }
       c.stroke();
     }
-    if (show.ways && run.data.goals) for (const robot of looked) {
-      const way = run.way(row, robot, poses[robot].slice(0, 2)).map(([x, y]) => this.at(x, y));
-      line(c, way, css(theme.edge), 3.5 * thin); line(c, way, css(colour(robot)), 1.5 * thin);
-      const goal = run.goal(row, robot);
-      if (goal) diamond(c, this.at(...goal), 0.6 * radii[robot], css(colour(robot)), css(theme.edge), thin);
-    }
-    if (show.links) for (const [receiver, sender, fate] of run.letters(row)) {
-      if (chosen && receiver !== chosen[0] && sender !== chosen[0]) continue;
-      arrow(c, spots[sender], spots[receiver], radii[receiver], css(fate ? theme.lost : theme.link), css(ink(fate ? theme.lost : theme.link) === "#000" ? theme.edge : theme.background), thin, fate ? [7 * thin, 6 * thin] : []);
-    }
-    if (run.data.people) for (let k = 0, count = run.data.people.length / run.iterations; k < count; k += 3) {
-      const [x, y, radius] = run.data.people.subarray(row * count + k, row * count + k + 3);
-      disc(c, this.at(x, y), this.scale * radius, css(theme.person), css(theme.edge), thin);
-    }
-    for (let robot = 0; robot < run.robots; robot++) {
-      const mark = run.mark(row, robot), spot = spots[robot], radius = radii[robot];
-      if (!run.alive(row, robot)) {
-        if (mark === "late" || !show.faults) continue;
-        if (mark === "removed") { ring(c, spot, radius, css(theme.edge), 4 * thin); ring(c, spot, radius, css(theme.dead), 2 * thin); continue; }
-        disc(c, spot, radius, css(theme.dead), css(theme.edge), thin);
-        for (const way of [1, -1]) line(c, [[spot[0] - 0.6 * radius, spot[1] - way * 0.6 * radius], [spot[0] + 0.6 * radius, spot[1] + way * 0.6 * radius]], css(theme.edge), 2 * thin);
-        continue;
-      }
-      if (run.data.believed) {
-        const at = 3 * (row * run.robots + robot), there = this.at(run.data.believed[at], run.data.believed[at + 1]);
-        line(c, [spot, there], css(colour(robot)), thin); ring(c, there, 0.75 * radius, css(colour(robot)), 1.5 * thin);
-      }
-      if (show.faults && (mark === "fault" || mark === "joined")) ring(c, spot, 1.8 * radius, css(mark === "fault" ? theme.mark : theme.joined), 2.5 * thin);
-      if (robot === state.robot) ring(c, spot, 2.5 * radius, css(theme.text), 2 * thin);
-      const yaw = run.data.heading && isFinite(run.data.heading[row * run.robots + robot]) ? run.data.heading[row * run.robots + robot] : null;
-      if (yaw !== null) line(c, [spot, [spot[0] + 4 * radius * Math.cos(yaw), spot[1] - 4 * radius * Math.sin(yaw)]], css(theme.curve), 2 * thin);
-      const lit = run.data.lights ? run.data.lights.subarray(3 * (row * run.robots + robot), 3 * (row * run.robots + robot) + 3) : [];
-      if (lit.some(part => part)) disc(c, spot, 1.6 * radius, css(lit), css(theme.edge), thin);
-      nose(c, spot, radius, poses[robot][2], css(colour(robot)), css(theme.edge), thin);
-      disc(c, spot, radius, css(colour(robot)), css(theme.edge), thin);
-      if (radius < 6 * thin) continue;
-      c.fillStyle = ink(colour(robot)); c.font = `600 ${Math.min(1.25 * radius, 2.2 * radius / String(run.robots - 1).length)}px system-ui, sans-serif`;
-      c.textAlign = "center"; c.textBaseline = "middle"; c.fillText(robot, spot[0], spot[1] + 0.05 * radius);
+  }
+  Texts(c, track) {
+    const of = track.column("of"), at = track.column("at"), texts = track.column("texts"), body = track.unit === "body";
+    const widest = Math.max(...Array.from(texts, text => this.run.texts[text].length));
+    c.textAlign = "center"; c.textBaseline = "middle";
+    for (let k = 0; k < track.count; k++) if (this.shown(track, of, k)) {
+      const radius = body ? this.discs[of[k]] : 0, [x, y] = track.rides ? this.spots[of[k]] : this.at(at[2 * k] / 1000, at[2 * k + 1] / 1000);
+      if (body && radius < 6 * this.ratio) continue;
+      c.font = `600 ${body ? Math.min(0.66 * track.size * radius, 2.2 * radius / widest) : 0.7 * track.size * this.ratio}px system-ui, sans-serif`;
+      c.fillStyle = this.ink(track, "ink", k);
+      c.fillText(this.run.texts[texts[k]], x, y + 0.05 * radius);
     }
   }
-  radii(spots, live, row) {  // as large as can be read, but smaller where discs would overlap
+  Raster(c, track) {
+    const [rows, columns] = track.shape, shades = Array(256).fill(null), [x, y] = this.at(...track.corner), side = this.scale * track.cell;
+    for (const [first, last, low, high] of track.palette) for (let k = first; k <= last; k++) shades[k] = mixed(this.inks[low], this.inks[high], (k - first) / Math.max(last - first, 1));
+    [this.sheet.width, this.sheet.height] = [columns, rows];
+    const sheet = this.sheet.getContext("2d"), picture = sheet.createImageData(columns, rows), pixels = picture.data;
+    for (let cell = 0; cell < rows * columns; cell++) {
+      const colour = shades[track.values[cell]], at = 4 * ((rows - 1 - Math.floor(cell / columns)) * columns + cell % columns);
+      if (colour) { pixels[at] = colour[0]; pixels[at + 1] = colour[1]; pixels[at + 2] = colour[2]; pixels[at + 3] = 255; }
+    }
+    sheet.putImageData(picture, 0, 0);
+    c.imageSmoothingEnabled = false;
+    c.drawImage(this.sheet, x, y - rows * side, columns * side, rows * side);
+  }
+  radii(spots, row) {  // as large as can be read, but smaller where discs would overlap
     const there = spots.map((_, robot) => robot).filter(robot => this.run.alive(row, robot) || this.run.mark(row, robot) === "");
     return spots.map((spot, robot) => {
       const real = this.scale * this.run.radii[robot];
@@ -273,33 +274,22 @@ class View {
   }
 }
 
-function outline(rings) {
-  const path = new Path2D();
-  for (const ring of rings) {
-    for (let k = 0; k < ring.length; k += 2) k ? path.lineTo(ring[k], ring[k + 1]) : path.moveTo(ring[0], ring[1]);
-    path.closePath();
-  }
-  return path;
-}
+function trace(c, points) { points.forEach((point, k) => k ? c.lineTo(...point) : c.moveTo(...point)); c.closePath(); }
 function line(c, points, colour, width) {
   if (points.length < 2) return;
   c.strokeStyle = colour; c.lineWidth = width; c.lineJoin = "round"; c.beginPath();
   points.forEach((point, k) => k ? c.lineTo(...point) : c.moveTo(...point)); c.stroke();
 }
-function disc(c, [x, y], radius, fill, edge, width) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.fillStyle = fill; c.fill(); c.strokeStyle = edge; c.lineWidth = width; c.stroke(); }
+function disc(c, [x, y], radius, fill, edge, width) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.fillStyle = fill; c.fill(); if (edge) { c.strokeStyle = edge; c.lineWidth = width; c.stroke(); } }
 function ring(c, [x, y], radius, colour, width) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.strokeStyle = colour; c.lineWidth = width; c.stroke(); }
-function shape(c, points, fill, edge, width) { c.beginPath(); points.forEach((p, k) => k ? c.lineTo(...p) : c.moveTo(...p)); c.closePath(); c.fillStyle = fill; c.fill(); c.strokeStyle = edge; c.lineWidth = width; c.stroke(); }
-function diamond(c, [x, y], r, fill, edge, width) { shape(c, [[x + r, y], [x, y + r], [x - r, y], [x, y - r]], fill, edge, width); }
-function nose(c, [x, y], r, yaw, fill, edge, width) {
-  shape(c, [[0.9, 0.75], [1.75, 0], [0.9, -0.75]].map(([reach, turn]) => [x + reach * r * Math.cos(yaw + turn), y - reach * r * Math.sin(yaw + turn)]), fill, edge, width);
-}
-function arrow(c, from, to, gap, colour, edge, thin, dash) {
-  const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
+function head(c, from, to, gap, colour, edge, thin) {  // of an arrow, so many pixels before its end
+  const length = Math.hypot(to[0] - from[0], to[1] - from[1]), size = 6 * thin;
   if (length < gap + 4) return;
-  const [ux, uy] = [(to[0] - from[0]) / length, (to[1] - from[1]) / length], tip = [to[0] - gap * ux, to[1] - gap * uy], head = 6 * thin;
-  const back = [tip[0] - head * ux, tip[1] - head * uy];
-  c.setLineDash(dash); line(c, [from, back], edge, 3 * thin); line(c, [from, back], colour, 1.4 * thin); c.setLineDash([]);
-  shape(c, [tip, [back[0] - 0.5 * head * uy, back[1] + 0.5 * head * ux], [back[0] + 0.5 * head * uy, back[1] - 0.5 * head * ux]], colour, edge, 0.7 * thin);
+  const [ux, uy] = [(to[0] - from[0]) / length, (to[1] - from[1]) / length], tip = [to[0] - gap * ux, to[1] - gap * uy];
+  const back = [tip[0] - size * ux, tip[1] - size * uy];
+  c.beginPath();
+  trace(c, [tip, [back[0] - 0.5 * size * uy, back[1] + 0.5 * size * ux], [back[0] + 0.5 * size * uy, back[1] - 0.5 * size * ux]]);
+  c.fillStyle = colour; c.fill(); c.strokeStyle = edge; c.lineWidth = 0.7 * thin; c.stroke();
 }
 function stateOf(run, row, robot) {
   const mark = run.mark(row, robot);
@@ -350,7 +340,7 @@ function drawScrubber() {
   c.fillStyle = style.getPropertyValue("--field"); c.fillRect(0, 0, w, h);
   runs.forEach((run, which) => {
     const [low, high] = run.curve.limits, y = v => h - 4 * ratio - (h - 10 * ratio) * Math.max(0, Math.min(1, (v - low) / (high - low)));
-    if (state.show.faults) for (const [at] of run.notes) line(c, [[x(at), 0], [x(at), h]], css(theme.mark, 0.6), ratio);
+    if (state.show.faults !== false) for (const [at] of run.notes) line(c, [[x(at), 0], [x(at), h]], css(theme.mark, 0.6), ratio);
     const trace = (value, colour, width) => {
       const step = Math.max(1, Math.floor(run.iterations / w)), points = [];
       for (let t = 0; t < run.iterations; t += step) points.push([x(t), y(value(t))]);
@@ -372,23 +362,21 @@ function tell() {
   $("scrubber").setAttribute("aria-valuetext", `iteration ${whole}, ${run.curve.name} ${runs.map(one => one.worded(one.value(one.rowAt(state.time)))).join(" and ")}`);
   const numbers = [["iteration", `${whole} of ${longest}`], ["simulated", `${(state.time * run.period).toFixed(0)} s`]];
   runs.forEach((one, which) => {
-    const row = one.rowAt(state.time), told = one.letters(row), name = runs.length > 1 ? ` ${"AB"[which]}` : "";
+    const row = one.rowAt(state.time), name = runs.length > 1 ? ` ${"AB"[which]}` : "";
     const living = Array.from({ length: one.robots }, (_, robot) => one.alive(row, robot)).filter(Boolean).length;
     numbers.push([`alive${name}`, `${living} of ${one.robots}`]);
-    numbers.push([`messages${name}`, `${told.filter(l => !l[2]).length} heard, ${told.filter(l => l[2]).length} lost`]);
+    numbers.push([`messages${name}`, `${one.data.told[2 * row]} heard, ${one.data.told[2 * row + 1]} lost`]);
   });
   list($("numbers"), numbers);
   const about = [];
   if (state.robot >= 0) runs.forEach((one, which) => {
     if (state.robot >= one.robots) return;
-    const row = one.rowAt(state.time), told = one.letters(row), name = runs.length > 1 ? ` ${"AB"[which]}` : "", [x, y] = one.poseAt(state.time, state.robot);
+    const row = one.rowAt(state.time), told = one.pairs(row, state.robot), name = runs.length > 1 ? ` ${"AB"[which]}` : "", [x, y] = one.poseAt(state.time, state.robot);
     const ids = found => found.length ? [...new Set(found)].sort((a, b) => a - b).join(", ") : "nobody";
     about.push([`state${name}`, stateOf(one, row, state.robot)], [`place${name}`, `${x.toFixed(2)} m, ${y.toFixed(2)} m`]);
     if (one.own(row, state.robot) !== null) about.push([`own ${one.curve.name}${name}`, one.worded(one.own(row, state.robot))]);
-    about.push([`hears${name}`, ids(told.filter(l => l[0] === state.robot && !l[2]).map(l => l[1]))]);
-    about.push([`is heard by${name}`, ids(told.filter(l => l[1] === state.robot && !l[2]).map(l => l[0]))]);
-    const lost = told.filter(l => l[0] === state.robot && l[2]);
-    if (lost.length) about.push([`lost from${name}`, ids(lost.map(l => l[1]))]);
+    about.push([`hears${name}`, ids(told.hears)], [`is heard by${name}`, ids(told.heard)]);
+    if (told.lost.length) about.push([`lost from${name}`, ids(told.lost)]);
   });
   list($("about"), about);
   $("note").textContent = runs.flatMap(one => one.notes.filter(([at]) => at <= whole && whole - at < 60).map(([at, text]) => `${at}: ${text}`)).slice(-2).join("; ");

@@ -1,10 +1,17 @@
-"""The cells of a map as viewers take them, after ROS's OccupancyGrid."""
+"""Cells of rasters as viewers take them: red, green, blue and how opaque each is."""
 
 from __future__ import annotations
 
-from typing import Final
+import numpy as np
+from numpy.typing import NDArray
 
-from swarmsim.core.state import FREE, OCCUPIED
+from swarmsim.core.drawing import Raster
+from swarmsim.view.theme import Theme
 
-CELLS: Final = {FREE: 0, OCCUPIED: 100}
-UNKNOWN_CELL: Final = 255
+
+def coloured(raster: Raster, theme: Theme) -> NDArray[np.uint8]:
+    """The colours (rows, columns, 4) of a raster, the lowest row first."""
+    found = np.zeros((256, 4), np.uint8)
+    found[:, :3] = theme.shades(raster.palette)
+    found[1:, 3] = 255
+    return found[raster.values]

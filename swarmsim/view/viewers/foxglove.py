@@ -6,19 +6,37 @@ Importing this raises InputError where foxglove-sdk is not installed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from swarmsim.core.drawing import (
+    Circles,
+    Ink,
+    Lines,
+    Mark,
+    Polygons,
+    Raster,
+    Rays,
+    Reals,
+    Texts,
+    alike,
+    each,
+    placed,
+    sizes,
+)
 from swarmsim.core.errors import InputError
 from swarmsim.recording.columns import plain, shown
 from swarmsim.recording.reader import Recording
-from swarmsim.view.scene import Frame, Scene
-from swarmsim.view.theme import DARK, Colour, colour_of
-from swarmsim.view.viewers.cells import CELLS, UNKNOWN_CELL
+from swarmsim.view.layers import Layers
+from swarmsim.view.scene import Scene
+from swarmsim.view.style import Style
+from swarmsim.view.theme import DARK
+from swarmsim.view.viewers.cells import coloured
 
 try:
     import foxglove
@@ -29,31 +47,29 @@ except ImportError as problem:
 
 WORLD = "world"
 OWN_MAPS = 10  # iterations from one map of a single robot to the next
+HEIGHT = 1000.0  # z of a shape at a height of 1 m, so that later ones lie above the others
+THIN = 1e-3  # m: the height of discs
 
 
 def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], None] | None = None) -> None:
     """Write a run to `out`; time is simulated time, from 0 on.
 
-    /tf has a frame for each robot in `world`, /poses all poses, /walls and /robots what is solid, /links who heard
-    (white) and did not hear (red) whom, /map the collective map, /robot_I/map each robot's own map every tenth
-    iteration, /numbers the task's curve and the counts of messages, /events what happened, and /readings/CHANNEL what
-    each robot's sensors gave, but for tiles, which maps show: numbers in lists, null for nothing.
+    /tf has a frame for each robot in `world`, /poses all poses, /numbers the task's curve and the counts of messages,
+    /events what happened, and /readings/CHANNEL what each robot's sensors gave, but for tiles, which maps show: numbers
+    in lists, null for nothing. /LAYER has what each layer draws, in the colours of the dark theme: what stands still
+    once, in /LAYER/still. Both are written when they change. Rasters are grids, as in
+    /map/known: for each cell its value and its colour. Each robot's
+    own map is in /robot_I/map/own, every tenth iteration.
     """
     scene = Scene(recording)
     context = foxglove.Context()
     with foxglove.open_mcap(out, context=context, allow_overwrite=True):
-        walls, robots, links = (
-            channels.SceneUpdateChannel(f"/{n}", context=context) for n in ("walls", "robots", "links")
-        )
         frames = channels.FrameTransformsChannel("/tf", context=context)
         poses = channels.PosesInFrameChannel("/poses", context=context)
-        union = channels.GridChannel("/map", context=context)
-        own = [channels.GridChannel(f"/robot_{robot}/map", context=context) for robot in range(scene.robots)]
+        drawn, layers = _Topics(context, scene), Layers(scene)
         events = channels.LogChannel("/events", context=context)
         numbers = foxglove.Channel("/numbers", context=context)
         measured = {one: foxglove.Channel(f"/readings/{one.name}", context=context) for one in shown(recording)}
-        walls.log(fm.SceneUpdate(entities=[_walls(scene)]), log_time=0)
-        robots.log(fm.SceneUpdate(entities=[_body(scene, robot) for robot in range(scene.robots)]), log_time=0)
         for row in range(recording.iterations):
             shot = scene.at(row)
             now = round(1e9 * row * scene.period)
@@ -61,17 +77,18 @@ def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], N
             frames.log(_frames(stamp, shot.pose), log_time=now)
             placed = [_pose(*pose) for pose in shot.pose.tolist()]
             poses.log(fm.PosesInFrame(timestamp=stamp, frame_id=WORLD, poses=placed), log_time=now)
-            links.log(fm.SceneUpdate(entities=[_links(stamp, shot)]), log_time=now)
+            for layer in layers.all:
+                drawn.log(layer.name, layer.draw(shot), stamp, row)
             heard, lost = scene.messages(row)
             value = float(scene.curve.scale * scene.curves.union[row])
             numbers.log({scene.curve.name: value, "heard": heard, "lost": lost}, log_time=now)
             for channel, topic in measured.items():
                 rows = recording[channel.recorded_as][row]
                 topic.log({"unit": channel.unit, "robots": plain(rows)}, log_time=now)
-            if scene.has_maps:
-                union.log(_grid(stamp, scene, scene.cells(row)), log_time=now)
-                for robot in range(scene.robots) if row % OWN_MAPS == 0 or row == recording.iterations - 1 else ():
-                    own[robot].log(_grid(stamp, scene, scene.own_cells(robot, row)), log_time=now)
+            if scene.has_maps and (row % OWN_MAPS == 0 or row == recording.iterations - 1):
+                for robot in range(scene.robots):
+                    marks = layers.draw(replace(shot, focus=robot), Style())
+                    drawn.log(f"robot_{robot}/map", [mark for mark in marks if mark.name == "own"], stamp, row)
             for note in scene.notes:
                 if note.iteration == row:
                     told = fm.Log(timestamp=stamp, level=fm.LogLevel.Info, message=note.words, name="swarmsim")
@@ -100,58 +117,134 @@ def _frames(stamp: fm.Timestamp, poses: NDArray[np.float64]) -> fm.FrameTransfor
     )  # fmt: skip
 
 
-def _grid(stamp: fm.Timestamp, scene: Scene, cells: NDArray[np.uint8]) -> fm.Grid:
-    lattice = scene.lattice
-    data = np.full(cells.shape, UNKNOWN_CELL, np.uint8)
-    for state, value in CELLS.items():
-        data[cells == state] = value
+class _Topics:
+    """The topics of layers, each made when something is first drawn."""
+
+    def __init__(self, context: foxglove.Context, scene: Scene) -> None:
+        self._context, self._radii = context, scene.radii
+        self._scenes: dict[str, channels.SceneUpdateChannel] = {}
+        self._grids: dict[str, channels.GridChannel] = {}
+        self._last: dict[str, list[Mark]] = {}  # what each topic holds
+
+    def log(self, layer: str, marks: Sequence[Mark], stamp: fm.Timestamp, row: int) -> None:
+        """Write what a layer draws in an iteration."""
+        now = 1_000_000_000 * stamp.sec + (stamp.nsec or 0)
+        shapes: dict[str, list[Mark]] = {}
+        for mark in marks:
+            if isinstance(mark, Raster):
+                topic = f"/{layer}/{mark.name}" if mark.name else f"/{layer}"
+                if self._is_new(topic, [mark]):
+                    grid = self._grids.setdefault(topic, channels.GridChannel(topic, context=self._context))
+                    grid.log(_grid(stamp, mark), log_time=now)
+            elif not mark.still:
+                shapes.setdefault(f"/{layer}", []).append(mark)
+            elif row == 0:
+                shapes.setdefault(f"/{layer}/still", []).append(mark)
+        for topic in (f"/{layer}/still", f"/{layer}")[row > 0 :]:
+            if not self._is_new(topic, shapes.get(topic, [])):
+                continue
+            scene = self._scenes.setdefault(topic, channels.SceneUpdateChannel(topic, context=self._context))
+            entity = _entity(stamp, topic, shapes.get(topic, []), self._radii)
+            scene.log(fm.SceneUpdate(entities=[entity]), log_time=now)
+
+    def _is_new(self, topic: str, marks: list[Mark]) -> bool:
+        """Whether something else is to be seen than before."""
+        if alike(marks, self._last.get(topic, [])):
+            return False
+        self._last[topic] = marks
+        return True
+
+
+def _grid(stamp: fm.Timestamp, raster: Raster) -> fm.Grid:
+    """Five bytes a cell: its value, and its colour."""
+    data = np.concatenate([raster.values[..., None], coloured(raster, DARK)], axis=2)
+    kind = fm.PackedElementFieldNumericType.Uint8
     return fm.Grid(
-        timestamp=stamp, frame_id=WORLD, pose=_pose(lattice.x0, lattice.y0), column_count=lattice.columns,
-        cell_size=fm.Vector2(x=lattice.cell, y=lattice.cell), row_stride=lattice.columns, cell_stride=1,
-        fields=[fm.PackedElementField(name="occupancy", offset=0, type=fm.PackedElementFieldNumericType.Uint8)],
+        timestamp=stamp, frame_id=WORLD, pose=_pose(*raster.corner), column_count=raster.values.shape[1],
+        cell_size=fm.Vector2(x=raster.cell, y=raster.cell), row_stride=5 * raster.values.shape[1], cell_stride=5,
+        fields=[
+            fm.PackedElementField(name=name, offset=offset, type=kind)
+            for offset, name in enumerate(("value", "red", "green", "blue", "alpha"))
+        ],
         data=data.tobytes(),
     )  # fmt: skip
 
 
-def _walls(scene: Scene) -> fm.SceneEntity:
-    rings = [
-        ring for layer in scene.layers.values() for part in layer.geoms for ring in (part.exterior, *part.interiors)
+def _entity(stamp: fm.Timestamp, topic: str, marks: Sequence[Mark], radii: Reals) -> fm.SceneEntity:
+    """What is drawn, in layers a little above one another."""
+    cylinders, lines, triangles, texts = [], [], [], []
+    for mark in marks:
+        z = mark.z / HEIGHT
+        match mark:
+            case Circles() if mark.stroke:
+                around = np.linspace(0.0, 2.0 * np.pi, 25)
+                turned = np.stack([np.cos(around), np.sin(around)], axis=1)
+                rings = mark.centre[:, None] + sizes(mark, radii)[:, None, None] * turned
+                lines += _lines(list(rings), each(mark.ink, len(rings)), z, mark.opacity)
+            case Circles():
+                discs = zip(
+                    mark.centre.tolist(), sizes(mark, radii).tolist(), each(mark.ink, len(mark.centre)), strict=True
+                )
+                cylinders += [
+                    fm.CylinderPrimitive(
+                        pose=_pose(x, y, z=z), size=fm.Vector3(x=2 * size, y=2 * size, z=THIN), bottom_scale=1.0,
+                        top_scale=1.0, color=_colour(ink, mark.opacity),
+                    )
+                    for (x, y), size, ink in discs
+                ]  # fmt: skip
+            case Polygons():
+                corners = np.split(placed(mark, radii), mark.ends[:-1])
+                if mark.ink is not None and mark.holes is None:
+                    triangles += _areas(corners, each(mark.ink, len(corners)), z, mark.opacity[0])
+                outline = mark.edge if mark.holes is None else mark.edge or mark.ink
+                if outline is not None:
+                    closed = [np.concatenate([ring, ring[:1]]) for ring in corners]
+                    lines += _lines(closed, each(outline, len(closed)), z, mark.opacity[1])
+            case Lines():
+                pieces = np.split(mark.points, mark.ends[:-1])
+                lines += _lines(pieces, each(mark.ink, len(pieces)), z, mark.opacity)
+            case Rays():
+                pieces = [
+                    np.stack([start, tip]) for start, tips in zip(mark.at, mark.tips, strict=True) for tip in tips
+                ]
+                of_rays = [ink for ink in each(mark.ink, len(mark.at)) for _ in mark.bearings]
+                lines += _lines(pieces, of_rays, z, mark.opacity)
+            case Texts():
+                inks = each(mark.ink, len(mark.at))
+                texts += [
+                    fm.TextPrimitive(pose=_pose(x, y, z=z), billboard=True, font_size=14.0, scale_invariant=True,
+                                     color=_colour(ink), text=text)
+                    for (x, y), ink, text in zip(mark.at.tolist(), inks, mark.texts, strict=True)
+                ]  # fmt: skip
+    return fm.SceneEntity(
+        timestamp=stamp, frame_id=WORLD, id=topic, cylinders=cylinders, lines=lines, triangles=triangles, texts=texts
+    )
+
+
+def _lines(pieces: Sequence[Reals], inks: Sequence[Ink], z: float, opacity: float) -> list[fm.LinePrimitive]:
+    """Open lines: of each ink one list of pieces."""
+    ends: dict[Ink, list[fm.Point3]] = {}
+    for points, ink in zip(pieces, inks, strict=True):
+        corners = [fm.Point3(x=x, y=y, z=z) for x, y in points.tolist()]
+        ends.setdefault(ink, []).extend(corner for pair in pairwise(corners) for corner in pair)
+    kind = fm.LinePrimitiveLineType.LineList
+    return [
+        fm.LinePrimitive(type=kind, thickness=2.0, scale_invariant=True, color=_colour(ink, opacity), points=points)
+        for ink, points in ends.items()
     ]
-    lines = [
-        fm.LinePrimitive(
-            type=fm.LinePrimitiveLineType.LineStrip, thickness=0.03, color=_colour((140, 148, 160)),
-            points=[fm.Point3(x=x, y=y, z=0.0) for x, y in shapely.get_coordinates(ring).tolist()],
-        )
-        for ring in rings
-    ]  # fmt: skip
-    return fm.SceneEntity(frame_id=WORLD, id="walls", lines=lines)
 
 
-def _body(scene: Scene, robot: int) -> fm.SceneEntity:
-    radius = float(scene.radii[robot])
-    cylinder = fm.CylinderPrimitive(
-        pose=_pose(0.0, 0.0, z=radius), size=fm.Vector3(x=2 * radius, y=2 * radius, z=2 * radius), bottom_scale=1.0,
-        top_scale=1.0, color=_colour(colour_of(robot)),
-    )  # fmt: skip
-    return fm.SceneEntity(frame_id=f"robot_{robot}", id=f"robot_{robot}", frame_locked=True, cylinders=[cylinder])
+def _areas(rings: Sequence[Reals], inks: Sequence[Ink], z: float, opacity: float) -> list[fm.TriangleListPrimitive]:
+    """Areas that can be seen whole from their middles, as triangles around these."""
+    corners: dict[Ink, list[fm.Point3]] = {}
+    for ring, ink in zip(rings, inks, strict=True):
+        x, y = ring.mean(axis=0).tolist()
+        around = [fm.Point3(x=a, y=b, z=z) for a, b in ring.tolist()]
+        for pair in pairwise([*around, around[0]]):
+            corners.setdefault(ink, []).extend((fm.Point3(x=x, y=y, z=z), *pair))
+    return [fm.TriangleListPrimitive(points=points, color=_colour(ink, opacity)) for ink, points in corners.items()]
 
 
-def _links(stamp: fm.Timestamp, shot: Frame) -> fm.SceneEntity:
-    """Messages as lines from sender to receiver: one list of those heard, one of those lost."""
-    both = [shot.mutual, shot.mutual[:, ::-1], shot.one_way]
-    lines = [
-        fm.LinePrimitive(
-            type=fm.LinePrimitiveLineType.LineList, thickness=0.02, color=_colour(colour),
-            points=[
-                fm.Point3(x=float(shot.pose[robot, 0]), y=float(shot.pose[robot, 1]), z=0.1)
-                for receiver, sender in pairs.tolist() for robot in (sender, receiver)
-            ],
-        )
-        for pairs, colour in ((np.concatenate(both), DARK.link), (shot.lost, DARK.lost))
-    ]  # fmt: skip
-    return fm.SceneEntity(timestamp=stamp, frame_id=WORLD, id="links", lines=lines)
-
-
-def _colour(colour: Colour) -> fm.Color:
-    red, green, blue = (part / 255.0 for part in colour)
-    return fm.Color(r=red, g=green, b=blue, a=1.0)
+def _colour(ink: Ink, opacity: float = 1.0) -> fm.Color:
+    red, green, blue = (part / 255.0 for part in DARK.ink(ink))
+    return fm.Color(r=red, g=green, b=blue, a=opacity)

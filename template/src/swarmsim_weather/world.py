@@ -7,6 +7,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext, Field, WorldContext
+from swarmsim.core.drawing import Circles, Mark, Shown
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Motion, Sensor
 from swarmsim.core.probes import ProbeTable, Sampled
@@ -166,3 +167,8 @@ class Thermometer:
         """The field's values where robots are at the start of the iteration."""
         there = self._field.value(moment.state.iteration * self._period, moment.state.pose[:, :2])
         return {"there": there, "mean": there.mean()}
+
+
+def halos(shown: Shown, *, radius: float = 0.3) -> list[Mark]:
+    """A faint disc around each robot."""
+    return [Circles(shown.pose[:, :2], radius, "hot", None, opacity=0.3)]

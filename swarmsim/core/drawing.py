@@ -1,0 +1,357 @@
+"""What pictures are made of: shapes in metres, as arrays for the whole swarm, and what gives them.
+
+Films, windows, pages and viewers all draw the same shapes. Colours are inks: names of a theme's colours (`INKS`), the
+colour of a robot (`robot 3`), black or white, whichever can be read on another ink (`on robot 3`), or `#ff8800`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Final, Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core import own
+
+Reals = NDArray[np.float64]
+Whole = NDArray[np.integer]
+Ink = str
+Inks = Ink | Sequence[Ink]  # of all shapes, or of each of them
+Unit = Literal["m", "body"]  # metres, or radii of a robot as it is drawn: small ones are enlarged
+Dash = Literal["whole", "dashed", "dotted"]
+
+#: The colours that every theme has.
+INKS: Final = (
+    "background", "unexplored", "walls", "pillars", "furniture", "unknown", "few", "others", "all", "hot", "floor",
+    "seen", "edge", "halo", "text", "muted", "rule", "link", "lost", "curve", "mean", "worst", "mark", "joined",
+    "dead", "person",
+)  # fmt: skip
+_INK: Final = re.compile(rf"(on )?(({'|'.join(INKS)})|robot \d{{1,9}}|#[0-9a-f]{{6}})")
+ABOVE: Final = 85.0  # over links and goals, under people and robots
+LARGEST: Final = 1e7  # m or radii: nothing is larger, or farther off
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circles:
+    """Discs or, with a `stroke`, rings of this breadth in the unit of the radius."""
+
+    centre: Reals  # (c, 2): m
+    radius: float | Reals  # of all, or (c,)
+    ink: Inks = "mark"
+    edge: Ink | None = "edge"  # of a thin line around each
+    opacity: float = 1.0
+    stroke: float = 0.0
+    unit: Unit = "m"
+    of: Whole | None = None  # (c,): the robot that each belongs to
+    rides: bool = False  # whether each moves with its robot
+    name: str = ""  # what it shows
+    z: float = ABOVE  # greater ones are drawn later
+    still: bool = False  # whether it is the same in the whole run
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Polygons:
+    """Areas. With `at` they are drawn around these places, turned by `yaw`, in the unit; else they are in metres."""
+
+    points: Reals  # (p, 2): the corners of one after the other
+    ends: Whole  # (k,): where each ends among the points
+    ink: Inks | None = "mark"  # None: outlines alone
+    edge: Inks | None = "edge"
+    width: float = 1.3  # pixels of the edge, of a picture that is 720 pixels high
+    opacity: tuple[float, float] = (1.0, 1.0)  # of ink and edge
+    holes: NDArray[np.bool_] | None = None  # (k,): which are cut out of those before them
+    at: Reals | None = None  # (k, 2): m
+    yaw: Reals | None = None  # (k,): rad
+    unit: Unit = "m"
+    of: Whole | None = None  # (k,)
+    rides: bool = False
+    name: str = ""
+    z: float = ABOVE
+    still: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lines:
+    """Open lines. An arrow's head lies at the last point or, if that is a robot, at the edge of its disc."""
+
+    points: Reals  # (p, 2): m, those of one line after the other
+    ends: Whole  # (k,): where each ends among the points
+    ink: Inks = "mark"
+    casing: Ink | None = "edge"  # on either side
+    width: float = 1.5  # pixels, of a picture that is 720 pixels high
+    opacity: float = 1.0
+    dash: Dash = "whole"
+    arrow: bool = False
+    of: Whole | None = None  # (k,)
+    on: Whole | None = None  # (p,): the robot that a point is at the centre of and moves with, or -1
+    name: str = ""
+    z: float = ABOVE
+    still: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rays:
+    """Lines from robots outwards, at the same bearings from straight ahead for all of them."""
+
+    at: Reals  # (k, 2): m
+    yaw: Reals  # (k,): rad
+    bearings: Reals  # (b,): rad
+    length: Reals  # (k, b): m
+    of: Whole  # (k,)
+    ink: Inks = "mark"
+    width: float = 1.0
+    opacity: float = 1.0
+    name: str = ""
+    z: float = ABOVE
+    still: bool = False
+
+    @property
+    def tips(self) -> Reals:
+        """Where they end (k, b, 2), in m."""
+        angles = self.yaw[:, None] + self.bearings
+        return np.asarray(self.at[:, None] + self.length[..., None] * np.stack([np.cos(angles), np.sin(angles)], -1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Texts:
+    """Short texts in one line, in the middle of a place."""
+
+    at: Reals  # (t, 2): m
+    texts: Sequence[str]
+    size: float = 18.0  # of a line: pixels of a picture that is 720 pixels high or, on discs, radii
+    ink: Inks = "text"
+    unit: Literal["pixel", "body"] = "pixel"
+    of: Whole | None = None  # (t,)
+    rides: bool = False
+    name: str = ""
+    z: float = ABOVE
+    still: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raster:
+    """Cells in colours: 0 is clear, the others go from one ink to another within each step of the palette."""
+
+    values: NDArray[np.uint8]  # (rows, columns), the lowest row first
+    corner: tuple[float, float]  # m: the lower left one
+    cell: float  # m: a cell's side
+    palette: Sequence[tuple[int, int, Ink, Ink]]  # first and last value, and their inks
+    each: bool = False  # whether another one is drawn of a robot that is looked at
+    name: str = ""
+    z: float = ABOVE
+    still: bool = False
+
+
+Mark = Circles | Polygons | Lines | Rays | Texts | Raster
+KINDS: Final = (Circles, Polygons, Lines, Rays, Texts, Raster)
+
+
+class Shown(Protocol):
+    """One moment of a recorded run, as a layer gets it; row i is robot i."""
+
+    @property
+    def iteration(self) -> int:
+        """How many iterations lie behind."""
+        ...
+
+    @property
+    def time(self) -> float:
+        """Simulated time in s."""
+        ...
+
+    @property
+    def pose(self) -> Reals:
+        """Poses (n, 3): x, y in m, yaw in rad, between two iterations."""
+        ...
+
+    @property
+    def alive(self) -> NDArray[np.bool_]:
+        """Who is alive (n,)."""
+        ...
+
+    @property
+    def radii(self) -> Reals:
+        """The true radii (n,) of robots in m."""
+        ...
+
+    @property
+    def focus(self) -> int | None:
+        """The robot that is looked at, if one is."""
+        ...
+
+    @property
+    def chosen(self) -> tuple[int, ...]:
+        """The robots whose own things are drawn; none: everybody's, but for what would be too much."""
+        ...
+
+    def holds(self, name: str) -> bool:
+        """Whether the recording has a table of this name."""
+        ...
+
+    def recorded(self, name: str, back: int = 0) -> NDArray[np.generic]:
+        """A table's row of this moment, or of so many iterations before, but not before the first.
+
+        Raises InputError if there is no such table, or if it has no row for each iteration.
+        """
+        ...
+
+
+class Layer(Protocol):
+    """Says what of a run is drawn, at any of its moments."""
+
+    @property
+    def name(self) -> str:
+        """What it is called where layers are listed."""
+        ...
+
+    def draw(self, shown: Shown) -> Sequence[Mark]:
+        """What is drawn of a moment. It may be asked for moments in any order."""
+        ...
+
+
+def ends_of(parts: Iterable[Reals]) -> tuple[Reals, Whole]:
+    """Points (p, 2) of several lines or areas as one array, and where each of them ends."""
+    listed = [np.asarray(part, np.float64).reshape(-1, 2) for part in parts]
+    return np.concatenate([np.empty((0, 2)), *listed]), np.cumsum([len(part) for part in listed], dtype=np.int64)
+
+
+def each(inks: Inks, count: int) -> Sequence[Ink]:
+    """The ink of each of so many shapes."""
+    return [inks] * count if isinstance(inks, str) else inks
+
+
+def placed(mark: Polygons, radii: Reals, grown: float = 0.0) -> Reals:
+    """The corners (p, 2) of areas in m, where robots are drawn with these radii (n,) in m.
+
+    Those of areas around a place are moved outwards from it by `grown` m.
+    """
+    if mark.at is None:
+        return mark.points
+    owner = np.repeat(np.arange(len(mark.ends)), np.diff(mark.ends, prepend=0))
+    x, y = mark.points.T if mark.unit == "m" or mark.of is None else radii[mark.of][owner] * mark.points.T
+    if grown:
+        share = 1.0 + grown / np.maximum(np.hypot(x, y), 1e-9)
+        x, y = share * x, share * y
+    cosine, sine = (1.0, 0.0) if mark.yaw is None else (np.cos(mark.yaw)[owner], np.sin(mark.yaw)[owner])
+    return np.asarray(mark.at[owner] + np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=1))
+
+
+def sizes(mark: Circles, radii: Reals) -> Reals:
+    """The radii (c,) of circles in m, where robots are drawn with these radii (n,) in m."""
+    scale = radii[mark.of] if mark.unit == "body" and mark.of is not None else np.ones(len(mark.centre))
+    return np.asarray(scale * mark.radius)
+
+
+def alike(one: Sequence[Mark], other: Sequence[Mark]) -> bool:
+    """Whether shapes are the same, number by number."""
+    return len(one) == len(other) and all(
+        type(a) is type(b) and all(np.array_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def inks_of(mark: Mark) -> list[Ink]:
+    """Every ink that a shape names."""
+    if isinstance(mark, Raster):
+        return [ink for step in mark.palette for ink in step[2:]]
+    given = (mark.ink, getattr(mark, "edge", None), getattr(mark, "casing", None))
+    return [ink for inks in given if inks is not None for ink in ([inks] if isinstance(inks, str) else inks)]
+
+
+def wrong(found: object, robots: int) -> str | None:
+    """What is wrong with what a layer has drawn of so many robots, or None."""
+    if not isinstance(found, list | tuple):
+        return f"drew {own.brief(found)}; expected a list of {', '.join(kind.__name__ for kind in KINDS)}"
+    for mark in found:
+        if not isinstance(mark, KINDS):
+            return f"drew {own.brief(mark)}; expected {', '.join(kind.__name__ for kind in KINDS)}"
+        try:
+            _check(mark, robots)
+        except (ValueError, TypeError) as problem:
+            return f"drew {type(mark).__name__} whose {problem}"
+    return None
+
+
+def _check(mark: Mark, robots: int) -> None:
+    """Raise ValueError, which begins with the field at fault, for a shape that cannot be drawn."""
+    count = count_of(mark)
+    sides: dict[str, tuple[int | None, ...]] = {
+        "centre": (count, 2), "points": (None, 2), "ends": (count,), "holes": (count,), "at": (count, 2),
+        "yaw": (count,), "of": (count,), "on": (len(mark.points) if isinstance(mark, Lines) else 0,),
+        "bearings": (None,), "length": (count, len(mark.bearings) if isinstance(mark, Rays) else 0),
+    }  # fmt: skip
+    for field in fields(mark):
+        value = getattr(mark, field.name)
+        if value is None or (field.name == "radius" and np.ndim(value) == 0):
+            continue
+        if field.name in sides or field.name == "radius":
+            _check_array(field.name, value, sides.get(field.name, (count,)))
+    for name in ("of", "on"):
+        numbers = getattr(mark, name, None)
+        if (
+            numbers is not None
+            and len(numbers)
+            and not (-(name == "on") <= np.min(numbers) <= np.max(numbers) < robots)
+        ):
+            raise ValueError(f"'{name}' names robots that there are not; expected 0 to {robots - 1}")
+    _check_size(mark, count)
+    if any(not (isinstance(ink, str) and _INK.fullmatch(ink)) for ink in inks_of(mark)):
+        odd = next(ink for ink in inks_of(mark) if not (isinstance(ink, str) and _INK.fullmatch(ink)))
+        raise ValueError(f"ink is {odd!r}; expected '#rrggbb', 'robot I' or one of {', '.join(INKS)}")
+
+
+def count_of(mark: Mark) -> int:
+    """How many shapes there are."""
+    match mark:
+        case Circles():
+            return len(mark.centre)
+        case Polygons() | Lines():
+            return len(mark.ends)
+        case Rays() | Texts():
+            return len(mark.at)
+    return 0
+
+
+def _check_array(name: str, value: object, shape: tuple[int | None, ...]) -> None:
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"'{name}' is {own.brief(value)}; expected an array")
+    if value.ndim != len(shape) or any(side not in (None, has) for side, has in zip(shape, value.shape, strict=True)):
+        raise ValueError(
+            f"'{name}' is of shape {value.shape}; expected {tuple('any' if s is None else s for s in shape)}"
+        )
+    kinds = {"holes": "b", "ends": "iu", "of": "iu", "on": "iu"}.get(name, "fiu")
+    if value.dtype.kind not in kinds:
+        raise ValueError(f"'{name}' is of {value.dtype}; expected {'truth values' if kinds == 'b' else 'numbers'}")
+    if kinds == "fiu" and not (np.abs(value) < LARGEST).all():
+        raise ValueError(f"'{name}' has numbers that cannot be drawn; expected finite ones below {LARGEST:g}")
+
+
+def _check_size(mark: Mark, count: int) -> None:
+    """Raise ValueError for lengths that do not fit together, and for sizes and words that cannot be."""
+    if isinstance(mark, Raster):
+        _check_array("values", mark.values, (None, None))
+        if mark.values.dtype != np.uint8 or not 0.0 < mark.cell < LARGEST or not max(map(abs, mark.corner)) < LARGEST:
+            raise ValueError("'values', 'corner' or 'cell' cannot be; expected uint8, a place and a side in m")
+        if any(len(step) != 4 or not 0 < step[0] <= step[1] < 256 for step in mark.palette):
+            raise ValueError(f"'palette' is {own.brief(mark.palette)}; expected steps of values from 1 to 255")
+        return
+    given = getattr(mark, "ink", None), getattr(mark, "edge", None)
+    if any(inks is not None and not isinstance(inks, str) and len(inks) != count for inks in given):
+        raise ValueError(f"'ink' or 'edge' is of another length; expected one, or one for each of {count}")
+    if isinstance(mark, Texts) and (len(mark.texts) != count or not all(isinstance(text, str) for text in mark.texts)):
+        raise ValueError(f"'texts' do not fit; expected {count} texts")
+    if isinstance(mark, Polygons | Lines):
+        steps = np.diff(mark.ends, prepend=0)
+        if (steps < 0).any() or (mark.ends[-1] if count else 0) != len(mark.points):
+            raise ValueError(f"'ends' do not rise to {len(mark.points)}, the number of its points")
+    if getattr(mark, "unit", "m") == "body" and mark.of is None:
+        raise ValueError("'of' is missing; expected the robots whose radii are the unit")
+    if getattr(mark, "rides", False) and mark.of is None:
+        raise ValueError("'of' is missing; expected the robots that they ride on")
+    sizes = [getattr(mark, name, 0.0) for name in ("width", "stroke", "size", "z")]
+    sizes += np.ravel(getattr(mark, "opacity", 0.0)).tolist() + np.ravel(getattr(mark, "radius", 0.0)).tolist()
+    if not all(isinstance(size, int | float | np.number) and -LARGEST < size < LARGEST for size in sizes):
+        raise ValueError("sizes cannot be; expected numbers")

@@ -1,0 +1,59 @@
+"""What pictures show of a run, as shapes: one list that films, windows, pages and viewers draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from swarmsim.core.drawing import Mark
+from swarmsim.view.layers.building import Boxes, Building
+from swarmsim.view.layers.doing import Beams, Links, Tiles, Ways
+from swarmsim.view.layers.known import FieldEstimates, Maps
+from swarmsim.view.layers.own import own_layers
+from swarmsim.view.layers.robots import Beliefs, Faults, Lights, People, Robots
+from swarmsim.view.scene import Frame, Scene
+from swarmsim.view.signs import Sign
+from swarmsim.view.style import LAYERS, Style
+
+
+class OurLayer(Protocol):
+    """A layer of ours, which is given more of a moment than it says to others, and explains its signs."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        ...
+
+    def draw(self, shot: Frame) -> Sequence[Mark]:
+        """What is drawn of a moment."""
+        ...
+
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
+        """The signs for the legend, of those that this run needs."""
+        ...
+
+
+class Layers:
+    """Every layer of a scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        #: In the order of their signs.
+        self.all: tuple[OurLayer, ...] = (
+            Robots(), Tiles(scene), Beams(scene), Ways(), Links(), Beliefs(), Faults(), Lights(), People(), Boxes(),
+            FieldEstimates(scene), Maps(scene), Building(scene),
+        )  # fmt: skip
+        self._own = own_layers(scene.scenario, scene.at(0))
+        self.all += tuple(self._own)
+
+    def signs(self, scene: Scene, look: Style) -> list[Sign]:
+        """The signs of those that a look shows."""
+        return [sign for layer in self._shown(look) for sign in layer.signs(scene, look)]
+
+    def draw(self, shot: Frame, look: Style) -> list[Mark]:
+        """The shapes of those that a look shows, the lowest first."""
+        return sorted((mark for layer in self._shown(look) for mark in layer.draw(shot)), key=lambda mark: mark.z)
+
+    def _shown(self, look: Style) -> list[OurLayer]:
+        own: list[OurLayer] = [*self._own] if "own" in look.layers else []
+        ours = self.all[: len(self.all) - len(self._own)]
+        return [*(layer for layer in ours if layer.name in look.layers or layer.name not in LAYERS), *own]
