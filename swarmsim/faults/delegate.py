@@ -1,4 +1,4 @@
-"""A computation around another one, which does all but what a fault changes."""
+"""Delegates to a wrapped computation; faults override single methods."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ComputationDelegate(ABC):
 
     @property
     def knowledge_type(self) -> type[Knowledge]:
-        """What the computation inside gives."""
+        """The wrapped computation's knowledge type."""
         return self._inner.knowledge_type
 
     @property

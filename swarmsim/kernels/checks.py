@@ -38,7 +38,7 @@ def letters_hold(letters, robots, iteration):
 
 @njit(cache=True)
 def messages_hold(ends, sizes, items):
-    """Whether the ends (n,) of messages rise to so many items, and no size (n,) is negative."""
+    """Whether the ends (n,) of messages rise to the number of items, and no size (n,) is negative."""
     last = 0
     for i in range(len(ends)):
         if ends[i] < last or sizes[i] < 0:

@@ -251,7 +251,7 @@ def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts,
 def look(now, pose, alive, news, maps, plans, patrol, rules, salts, work):
     """The same up to the choice: gives where each robot is, whether it has to choose, was stuck, its draw and old goal.
 
-    What is written is for `go`, or `stay`, to complete: rules 1 to 3 of `decide` are done with, nobody patrols.
+    What is written is for `go`, or `stay`, to complete: rules 1 to 3 of `decide` are done, and no robot patrols.
     """
     count = len(alive)
     here = np.full(count, -1, np.int32)
@@ -301,7 +301,7 @@ def way_ahead(plans, rules, columns, waypoints):
 
 
 def _forget_what_is_stale() -> None:
-    """Drop what numba has kept of this file if `search` is newer, whose edits its cache does not notice."""
+    """Drop numba's cache of this file if `search` is newer: the cache does not notice its edits."""
     if config.DISABLE_JIT:  # nothing is compiled, nor kept
         return
     edited = Path(search.__file__).stat().st_mtime

@@ -51,7 +51,7 @@ def random_senders(salt, iteration, alive, k):
     """Links from every live robot to k live others drawn at random; all of them where there are fewer than k.
 
     Each receiver draws one number for each other robot, from salt, iteration and the two ids alone, and hears the
-    robots with the lowest: the death of one lets only those who heard it hear somebody else.
+    robots with the lowest: if one dies, only its listeners change.
     """
     live = np.flatnonzero(alive)
     each = min(k, len(live) - 1)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 PASSED = 2.0 / 3.0  # probability that a beam gets through a cell although something stands in it
-STOPPED = 0.5 * (1.0 - PASSED)  # that a cell of which nothing is known stops a beam
+STOPPED = 0.5 * (1.0 - PASSED)  # that an unknown cell stops a beam
 FAINT = 0.5 * PASSED / (1.0 - STOPPED)  # that a cell is occupied although a beam got through it: 0.4
 CLIPPED = 0.2  # cells: a beam with a shorter way through a cell says nothing about it
 SURE = 3.5  # log-odds, the most that one reading, or a whole tile, says of a cell for a wall ...

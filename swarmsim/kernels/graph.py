@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-FEW = 48  # robots: comparing all pairs of so many costs less than sorting them first
+FEW = 48  # robots: up to here, comparing all pairs costs less than sorting first
 ROUNDING = 1e-12  # relative: more than the error of a distance or of a sum of two
 
 
@@ -208,7 +208,7 @@ def _nearest_of_many(positions, alive, k):
     who = np.empty(each, np.int32)
     for place in range(len(order)):
         found = np.int64(0)
-        limit = math.inf  # m^2: whoever is further away is not among the nearest, rounding allowed for
+        limit = math.inf  # m^2: robots farther away are not among the nearest, with a margin for rounding
         for step in (-1, 1):
             other = place + step
             while 0 <= other < len(order):
@@ -251,7 +251,7 @@ def farthest(positions, alive, k):
         found = np.int64(0)
         for other in outside_in:
             j = live[other]
-            # nobody further in is farther away than by way of the middle
+            # no robot further in is farther away than by way of the middle
             if found == each and (off[rank] + off[other]) * (1.0 + ROUNDING) < -keys[each - 1]:
                 break
             if j != i:

@@ -103,9 +103,9 @@ def _spare_tile(tile, row0, column0, v, u, reach):
 def spare(tiles, origins, receivers, heard, heard_origins, fresh, reach):
     """Call unknown what robots take for occupied where they know a robot to be.
 
-    A robot is in the middle of its tile, give or take half a cell. Robot i knows where itself is, and those whose tiles
-    of now it heard: `heard` (m, r, c) for `receivers` (m,), if they are `fresh` (m,). Changes `tiles` (n, r, c) at
-    `origins` (n, 2) and `heard` at `heard_origins` (m, 2), within `reach` cells.
+    A robot is in the middle of its tile, give or take half a cell. Robot i knows its own place, and those of robots
+    whose present tiles it heard: `heard` (m, r, c) for `receivers` (m,), if they are `fresh` (m,). Changes `tiles`
+    (n, r, c) at `origins` (n, 2) and `heard` at `heard_origins` (m, 2), within `reach` cells.
     """
     half_v = 0.5 * tiles.shape[1]
     half_u = 0.5 * tiles.shape[2]

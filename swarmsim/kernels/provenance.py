@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-UNSEEN = -1  # who sensed a cell that nobody did
+UNSEEN = -1  # the sensor of a cell that no robot has sensed
 
 
 class Origins(NamedTuple):
@@ -20,7 +20,7 @@ class Origins(NamedTuple):
     cells: NDArray[np.int64]  # (n,): cells with a reading
     total: NDArray[np.int64]  # (n,): sum of `sensed` over them
     links: NDArray[np.int64]  # (n,): sum of `hops`
-    heard: NDArray[np.int64]  # (n,): cells whose reading is somebody else's
+    heard: NDArray[np.int64]  # (n,): cells known from another robot's reading
 
 
 @njit(cache=True)

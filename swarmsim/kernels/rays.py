@@ -205,7 +205,7 @@ def _square(x, y, coarse):
 
 @njit(cache=True, error_model="numpy")
 def _by_square(pose, alive, coarse):
-    """Live robots as lists, one for each square: the first of each, and who follows whom; -1 for nobody."""
+    """Live robots as lists, one for each square: the first of each, and the next after each; -1 at the end."""
     first = np.empty(int(coarse[3]) * int(coarse[4]), np.int64)
     following = np.empty(len(pose), np.int64)
     first[:] = -1

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 SQRT2 = math.sqrt(2.0)
 DROWS = np.array([0, -1, 1, 0, -1, -1, 1, 1])  # west, south, north, east, then the diagonal neighbours ...
 DCOLUMNS = np.array([-1, 0, 0, 1, -1, 1, -1, 1])
-FRONTIER = -1  # a search's goal: whatever can be explored
+FRONTIER = -1  # a search's goal: any frontier
 NOWHERE = -2  # a search's goal: none, so that all cells in reach are settled
 BESIDE = np.array([[0, 1], [1, 3], [0, 2], [2, 3]])  # ... and between which two of the first four each lies
 
@@ -30,7 +30,7 @@ class Maps(NamedTuple):
 
 
 class Patrol(NamedTuple):
-    """What robots need to know that patrol where nothing is left to explore; `seen` is (n, 0, 0) if nobody does."""
+    """What patrolling robots need once nothing is left to explore; `seen` is (n, 0, 0) if none patrols."""
 
     seen: NDArray[np.int32]  # (n, rows, columns): when a cell was last seen, counted from 1; 0 for never
     since: NDArray[np.int32]  # (n,): the iteration in which the goal was chosen for its age; 0 for no such goal
@@ -64,7 +64,7 @@ class Scratch(NamedTuple):
 
 
 def scratch(cells: int) -> Scratch:
-    """Working memory for grids of so many cells."""
+    """Working memory for a search of a grid."""
     counts = np.zeros((3, cells), np.int32)
     return Scratch(
         counts[0], counts[1], counts[2], np.zeros(cells, np.int64),

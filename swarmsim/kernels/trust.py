@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 class Votes(NamedTuple):
-    """On whose word each cell stands; arrays are (n, rows, columns), the sets empty, (n, 0, 0), for a quorum of 1.
+    """Which robots vouch for each cell; arrays are (n, rows, columns), the sets empty, (n, 0, 0), for a quorum of 1.
 
     A set of senders is a word of 64 bits: the bit of a sender is its id modulo 64, so that in larger swarms
     two senders may count as one, never one as two.
@@ -114,7 +114,7 @@ def _forget(witnesses, i, row, column):
 
 @njit(cache=True)
 def _reaches(senders, quorum):
-    """Whether a set has so many members."""
+    """Whether a set has at least `quorum` members."""
     count = 0
     while senders != np.uint64(0) and count < quorum:
         senders &= senders - np.uint64(1)  # without its lowest bit

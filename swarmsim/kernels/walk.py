@@ -1,4 +1,4 @@
-"""People on foot: discs that follow waypoints and stop for whoever is in their way."""
+"""Pedestrians: discs that follow waypoints and stop for anything in their way."""
 
 from __future__ import annotations
 

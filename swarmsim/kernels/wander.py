@@ -10,7 +10,7 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def steer_clear(bearings, ranges, alive, turns, clearance, speed, period):
-    """Velocities (n, 2), m/s ahead and rad/s, that lead away from whatever beams end at nearer than `clearance` (m).
+    """Velocities (n, 2), m/s ahead and rad/s, that lead away from anything nearer than `clearance` (m).
 
     `bearings` (b,) in rad; `ranges` (n, b) in m, infinite or NaN for nothing; `turns` (n,) in rad, by which each
     robot's way bends besides. Each beam that ends at r pushes the wanted direction, ahead at first, back along itself
