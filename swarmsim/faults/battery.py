@@ -23,7 +23,7 @@ Cost = Annotated[float, Meta(ge=0.0, le=1e9)]
 
 
 class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A robot with an empty battery is out from the next iteration on, for good.
+    """A robot with an empty battery is out from the next iteration on, for good: nothing revives it.
 
     Costs depend on the robot, so they have no defaults; 0 ignores a cost. A message costs once for each link it is
     sent on. Messages silenced by radio faults listed after the battery cost nothing.
@@ -97,7 +97,7 @@ class MeteredChannel:
         self._inner, self._batteries, self._per_byte = inner, batteries, per_byte
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What becomes of the messages; each costs its sender."""
+        """The fate of the messages; each costs its sender."""
         self._batteries.spend(self._per_byte * np.bincount(links[:, 1], minlength=len(sizes)) * sizes)
         return self._inner.deliver(state, links, sizes)
 

@@ -131,7 +131,7 @@ class Fixed:
 
 
 class Falling:
-    """Boxes drawn anew for each strike, from a stream of its own."""
+    """Boxes drawn anew for each strike, from its own stream."""
 
     def __init__(self, rubble: Rubble, context: BuildContext) -> None:
         self._rubble, self._streams, self._purpose = rubble, context.streams, f"fault {context.number} rubble"

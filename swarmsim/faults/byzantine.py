@@ -36,10 +36,10 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     cells from where they were sensed.
     """
 
-    failure: str  # replay, spoof or, of robots that map, inverted, free, occupied, origin; else what they know besides
+    failure: str  # replay, spoof or, for robots that map, inverted, free, occupied, origin; else their mind's own
     offset: tuple[Shift, Shift] | None = None  # for lies that have one, such as origin: rows (up) and columns (right)
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
-    id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: whom it pretends to be; default: anybody, anew each time
+    id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: the robot it pretends to be; default: any, anew each time
 
     def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have, or lacks."""

@@ -33,7 +33,7 @@ class LocalisationFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=
     """The robot errs about its pose: it maps, tells its tiles and steers by its wrong estimate.
 
     `bias`: the estimate is wrong by `dx`, `dy` and `dyaw`. `drift`: the error grows by these in every iteration
-    and, besides, as a random walk whose steps have the standard deviations `sigma` in x and y and `sigma_yaw`.
+    and by a random walk whose steps have the standard deviations `sigma` in x and y and `sigma_yaw`.
     `kidnap`: the robot is put somewhere else, heading anywhere, and does not notice. When it ends, the estimate is
     right again. Tiles are shifted by whole cells and never turned: heading is assumed known (compass), a kidnapped
     robot's too.

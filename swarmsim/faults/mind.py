@@ -140,7 +140,7 @@ class FailingMind:
 
     @property
     def requires_knowledge(self) -> type[Knowledge]:
-        """What the strategy inside reads."""
+        """The knowledge that the wrapped strategy reads."""
         return self._inner.requires_knowledge
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:

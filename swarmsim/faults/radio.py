@@ -262,7 +262,7 @@ class DisturbedChannel:
         self._due = np.empty(0, np.int64)
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What becomes of the new messages, of those in the channel and of those held here."""
+        """The fate of new messages, of those in the channel and of those held here."""
         now, acting = state.iteration, [one for one in self.disturbances if one.active]
         if not acting and len(self._held) == 0:
             return self.inner.deliver(state, links, sizes)

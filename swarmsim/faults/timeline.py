@@ -168,7 +168,7 @@ def _check(fault: Timed, robots: int) -> None:
     if fault.every is not None and fault.at is None:
         raise InputError("every: nothing to count from; expected `at` as well")
     if fault.between is not None and fault.between[1] <= fault.between[0]:
-        raise InputError(f"between: {list(fault.between)} is no time; expected the second to be later than the first")
+        raise InputError(f"between: {list(fault.between)} is empty; expected the second to be later than the first")
     if fault.between is not None and fault.duration is not None:
         raise InputError("duration: `between` says how long already; expected one of them")
     if fault.min_alive >= robots:

@@ -204,7 +204,7 @@ def _fall_back(now, i, here, stuck, draw, maps, plans, rules):
 
 @njit(cache=True)
 def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts, work):
-    """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
+    """Choose every live robot's goal and path for this iteration; robot i reads and writes only row i.
 
     `pose` (n, 3) in m and rad; `news` (n,) counts the cells new on each robot's map; `salts` and `tie_salts`
     (n,) are the robots' own random numbers. The rules:

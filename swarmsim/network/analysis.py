@@ -99,7 +99,7 @@ class Reach:
 
     first_heard: Ints  # (n, n): the first iteration in which robot i (row) heard robot j (column); -1 for never
     present: NDArray[np.bool_]  # (n,): which robots count
-    share: Reals  # (iterations, n): share of the others that count that each robot has heard by then; NaN without any
+    share: Reals  # (iterations, n): share of the others that count heard by each robot by then; NaN without any
     all_heard: int | None  # the first iteration by which every robot had heard every other, or None
     all_met: int | None  # the first iteration by which in every pair one robot had heard the other, or None
     strongly_connected: bool  # whether every robot reaches every other along the links of all graphs together

@@ -5,7 +5,7 @@ as a triangulation is not unique where four robots stand on one circle:
 
 - robots in the same place hear each other, and the same others;
 - robots all on one line hear the next on either side, in all three topologies;
-- angles and lengths that differ by less than one part in 10^9 count as equal, lest rounding decide.
+- angles and lengths that differ by less than one part in 10^9 count as equal, so that rounding does not decide.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class WaypointFollower:
         return self._wanted
 
     def course(self, wheels: TwoWheels) -> tuple[Any, ...]:
-        """What `drive.roll` follows: the arguments from `waypoints` on, for robots on two wheels."""
+        """The arguments of `drive.roll` from `waypoints` on, for robots on two wheels."""
         return (
             self._waypoints, self._counts, self._cursor, self._ahead, self._paces, self._aims, self._wanted,
             self._turning, self._twisting, wheels.rims,

@@ -110,7 +110,7 @@ class Rig:
         self.channels = _together(actuators, names)
 
     def act(self, commands: Readings, state: State) -> Readings:
-        """What all of them are."""
+        """The values of all actuators."""
         columns: list[Column] = []
         for one in self._actuators:
             own = slice(len(columns), len(columns) + len(one.channels))
@@ -133,7 +133,7 @@ class Suite:
         return Suite(sensors, self._names)
 
     def sense(self, state: State) -> Readings:
-        """What all of them measure."""
+        """The readings of all sensors."""
         return Readings(self.channels, tuple([one for sensor in self._sensors for one in sensor.sense(state).columns]))
 
 

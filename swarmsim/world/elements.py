@@ -96,7 +96,7 @@ def parse(source: str, name: str) -> Element:
             f"{name}: line {max(line, 1)}, column {max(column, 1)}: not XML ({reason}); save it as plain SVG"
         ) from None
     if _tag(root) != "svg":
-        raise InputError(f"{name}: the root is no <svg> element; a world is drawn as SVG")
+        raise InputError(f"{name}: the root is not an <svg> element; a world is drawn as SVG")
     return _tree(root)
 
 
@@ -127,7 +127,7 @@ def _parsed(source: str, *, deep: bool) -> etree._Element:
 
 
 def _tree(root: etree._Element) -> Element:
-    """Our elements for those of lxml."""
+    """Our elements made from lxml's."""
     counts: Counter[str] = Counter()
     made: dict[etree._Element, Element] = {}
     for node in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():

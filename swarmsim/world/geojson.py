@@ -226,12 +226,12 @@ def _features(table: dict[str, object], problems: Problems) -> Iterator[tuple[st
     """Place, properties and geometry, or None, of each feature; notes their errors."""
     features = table.get("features") if table.get("type") == "FeatureCollection" else [table]
     if not isinstance(features, list):
-        problems.add("features is no list; expected a list of features")
+        problems.add("features is not a list; expected a list of features")
         return
     for number, feature in enumerate(features, start=1):
         place = f"feature {number}"
         if not isinstance(feature, dict):
-            problems.add(f"{place} is no object; expected a feature with a geometry")
+            problems.add(f"{place} is not an object; expected a feature with a geometry")
             continue
         properties = feature.get("properties")
         properties = dict(properties) if isinstance(properties, dict) else {}
@@ -246,7 +246,7 @@ def _features(table: dict[str, object], problems: Problems) -> Iterator[tuple[st
 def _geometry(geometry: object) -> tuple[BaseGeometry, str]:
     """A geometry, and its error."""
     if not isinstance(geometry, dict):
-        return MultiPolygon(), "its geometry is no object; expected such as a Polygon"
+        return MultiPolygon(), "its geometry is not an object; expected such as a Polygon"
     try:
         shape = shapely.force_2d(shapely.from_geojson(json.dumps(geometry)))
     except (shapely.errors.GEOSException, ValueError, RecursionError):
@@ -262,7 +262,7 @@ def _page(table: dict[str, object], name: str) -> Box | None:
         return None
     if (box := _box(table["bbox"])) is not None:
         return box
-    raise InputError(f"{name}: bbox is no box; expected [left, lower, right, upper] in m")
+    raise InputError(f"{name}: bbox is not a box; expected [left, lower, right, upper] in m")
 
 
 def _box(box: object) -> Box | None:

@@ -58,5 +58,5 @@ def parsed(path: Path, root: str, expected: str) -> Node:
             f"{path}: line {max(line, 1)}, column {max(column, 1)}: not XML ({reason}); expected {expected}"
         ) from None
     if found.tag != root:
-        raise InputError(f"{path}: the root is no <{root}> element; expected {expected}")
+        raise InputError(f"{path}: the root is not <{root}>; expected {expected}")
     return found

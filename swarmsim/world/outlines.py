@@ -135,7 +135,7 @@ def _segments(data: str) -> list[_Segment]:
     data = "" if data.strip() == "none" else data
     left = _PATH_TOKENS.sub("", data)
     if left:
-        raise ElementError(f"d has {quoted(left[0])}, which is no path command; only MLHVCSQTAZ and numbers are")
+        raise ElementError(f"d has {quoted(left[0])}, which is not a path command; only MLHVCSQTAZ and numbers are")
     try:
         segments = list(svgelements.Path(data))
     except Exception as error:  # svgelements has no exception type of its own

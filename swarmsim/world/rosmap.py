@@ -244,7 +244,7 @@ def _states(grey: NDArray[np.float32], about: MapFile) -> NDArray[np.uint8]:
         occupied = grey if about.negate else 1.0 - grey
     states = np.full(grey.shape, UNKNOWN, np.uint8)
     with np.errstate(invalid="ignore"):
-        # In single precision 1 - 205 / 255 is above the threshold 0.196, so that it stays unknown, as is 0.65.
+        # In single precision 1 - 205 / 255 is above the threshold 0.196 and stays unknown, as it has to; so does 0.65.
         states[occupied > np.float32(about.occupied_thresh)] = OCCUPIED
         states[occupied < np.float32(about.free_thresh)] = FREE
         if about.mode == "raw":

@@ -305,7 +305,7 @@ class _SvgReader:
             self.passed_over[target.tag] += 1
             return None
         if target is None or target.tag not in {"use", *_GROUPS, *SHAPES}:
-            raise ElementError(f"it repeats {quoted(link)}, which is no shape or group here; unlink the clone")
+            raise ElementError(f"it repeats {quoted(link)}, which is not a shape or group here; unlink the clone")
         return target
 
     def _area(self, placed: _Placed, paints: tuple[bool, bool]) -> BaseGeometry:

@@ -23,7 +23,7 @@ class FieldError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The mean error of live robots' estimates falls to a share of the field's deviation.
 
     A robot's error is the root-mean-square difference of its estimate and the truth over the floor, as a share of the
-    truth's standard deviation over the floor at that moment: 1 is as good as knowing the mean alone.
+    truth's standard deviation over the floor at that moment: 1 is as good as knowing only the mean.
     """
 
     error: Annotated[float, Meta(gt=0.0)] = 0.1  # finishes the run

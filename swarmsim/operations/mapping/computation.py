@@ -1,4 +1,4 @@
-"""The local computation of collective mapping: each robot keeps an occupancy grid of what it senses and hears.
+"""The local computation of collective mapping: each robot keeps an occupancy grid.
 
 Lines 2 to 5 of Algorithm 1 of Kit, Mateo and Bouffanais, "A Decentralized Mobile Computing Network for
 Multi-Robot Systems Operations" (2018).
@@ -68,7 +68,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     sharing: Part[Sharing[TileItems]] = Part("sharing")  # what is told
     hits: Literal["kept", "spared"] = "kept"  # spared: an occupied cell at a robot's known place is no wall
     trust: Literal["all", "own", "quorum"] = "all"  # own: messages change no cell that the receiver has sensed itself
-    quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
+    quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders that must agree; default 2
 
     @property
     def merges(self) -> bool:

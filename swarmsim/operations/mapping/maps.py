@@ -58,11 +58,11 @@ class Maps(Knowledge):
     frames: Frames | None = None  # None: all know each other's places from the start
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """What has changed, and by whose word."""
+        """The changes, and their sources."""
         return self.changes, self.accepted.senders, self.accepted.content.sources
 
     def record(self) -> Record:
-        """What has changed: all maps can be put together from it."""
+        """The changes: all maps can be put together from them."""
         return Record(lists={"changes": self.changes}, of_robots=("changes",))
 
     def of(self, robot: int) -> SimpleNamespace:
@@ -141,5 +141,5 @@ class MapAuditor:
         self._shown[robots] = False
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """What was shown to another was shown to them."""
+        """Cells shown to another robot count as shown to them."""
         self._shown[robots] |= self._shown[source]

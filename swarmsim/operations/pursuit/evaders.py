@@ -28,7 +28,7 @@ class Surrender(MessageBatch):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surrendered(Estimates):
-    """What evaders know: whether each has given up."""
+    """The evaders' knowledge: whether each has given up."""
 
     given_up: NDArray[np.bool_]  # (n,)
 

@@ -26,7 +26,7 @@ class Seen:
 
 
 def seen(senses: Senses, group: int) -> Seen:
-    """What live robots see of the group of this number."""
+    """The live robots' sightings of the group of this number."""
     told, groups = senses.readings["neighbours"], senses.readings["neighbours_group"]
     used = np.arange(told.shape[1]) < senses.readings["neighbours_count"][:, None]
     seers, rank = np.nonzero(used & (groups == group) & senses.alive[:, None])

@@ -224,7 +224,7 @@ def _solid(
         return []
     width, height = (_numbers(entity, "size", path) or _SIZE)[:2]
     if not (0.0 < width <= LARGEST and 0.0 < height <= LARGEST):
-        raise InputError(f"{path}: {where}: size is no size; expected metres, as in size [16 16 1]")
+        raise InputError(f"{path}: {where}: size is out of range; expected metres, as in size [16 16 1]")
     if "bitmap" in entity.keys:
         image, told = rosmap.picture(" ".join(entity.keys["bitmap"]), path.parent)
         notices.extend(told)
@@ -290,5 +290,7 @@ def _numbers(entity: _Entity, key: str, path: Path) -> tuple[float, ...] | None:
         numbers = ()
     least = 2 if key == "size" or key.startswith("point") else 3
     if len(numbers) < least or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{path}: line {entity.line}: {key} is no list of numbers; expected such as {key} [1 2 0 90]")
+        raise InputError(
+            f"{path}: line {entity.line}: {key} is not a list of numbers; expected such as {key} [1 2 0 90]"
+        )
     return numbers

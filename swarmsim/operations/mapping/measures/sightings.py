@@ -20,7 +20,7 @@ class Sightings:
         self._shown = memory.zeros((2, *lattice.shape), np.bool_)  # as FREE, and as OCCUPIED
 
     def add(self, done: Elapsed[Knowledge]) -> None:
-        """Take in the tiles of one iteration; those of robots that err about their place go to their true place."""
+        """Take in the tiles of one iteration, each at its robot's true place."""
         tiles, state = done.readings.tiled, done.state
         origins = tiles.origins
         if done.believed is not None and done.believed is not state.pose:

@@ -112,7 +112,7 @@ class MergeSharing:
         self._tried = np.full(pairs, -PATIENCE * parameters.again, np.int64)
         self._met: dict[tuple[int, int], list[NDArray[np.float64]]] = {}  # places of receiver and sender, in cells
         self._sensed: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)
-        self._maps: Maps | None = None  # those of the end of the last iteration
+        self._maps: Maps | None = None  # at the end of the last iteration
         #: The robots' knowledge of each other's frames, and its errors.
         self.frames = Frames(self._itself.copy(), np.zeros((*pairs, 3)))
 
