@@ -15,12 +15,12 @@ from swarmsim.view.plots.style import BLUE, COLOURS, GREY, PALE, VERMILLION, Lin
 
 
 def counted(runs: Sequence[int]) -> str:
-    """How many runs there are, for a legend."""
+    """The number of runs, for a legend."""
     return f", n = {min(runs)}{f' to {max(runs)}' if min(runs) < max(runs) else ''}" if len(runs) else ""
 
 
 def described(label: str, runs: Sequence[Reals], whole: float | None = 1.0) -> str:
-    """A condition with the number of its runs, and of those that did not get to 100 %, the value `whole`."""
+    """A condition with the number of its runs, and of those that did not reach 100 %, the value `whole`."""
     below = 0 if whole is None else sum(run[-1] < whole for run in runs)
     return f"{label} (n = {len(runs)}{f', {below} below 100 %' if below else ''})"
 
@@ -42,7 +42,7 @@ def area_key(label: str, face: str, edge: str, alpha: float = 1.0) -> Rectangle:
 
 
 def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[int]]) -> list[Artist]:
-    """Vertical dashes in the colours of the conditions, in turns where several share an iteration; for the legend."""
+    """Vertical dashes in the conditions' colours, alternating where they coincide; gives the legend's entries."""
     rows = places_of(marks, labels).astype(int)
     owners: dict[int, list[int]] = {}
     for row, iterations in zip(rows, marks.values(), strict=True):
@@ -56,7 +56,7 @@ def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[
 
 
 def places_of(given: Iterable[str], labels: Sequence[str]) -> Reals:
-    """Where the given labels stand among all labels."""
+    """The positions of the given labels among all labels."""
     unknown = sorted(set(given) - set(labels))
     if unknown:
         raise ValueError(f"no such condition: {', '.join(unknown)}; there are {', '.join(labels)}")
@@ -68,7 +68,7 @@ def quartile_box(axes: Axes, place: float, taken: Reals, done: NDArray[np.bool_]
     low, middle, high = np.percentile(taken, (25, 50, 75))
     axes.add_patch(Rectangle((place - 0.24, low), 0.48, high - low, facecolor=PALE, edgecolor=BLUE))
     axes.hlines(middle, place - 0.24, place + 0.24, color=BLUE, linewidth=2.2)
-    aside = place + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even, and always the same
+    aside = place + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even and reproducible
     axes.plot(aside[done], taken[done], "o", color=BLUE, markersize=3.5, alpha=0.7, markeredgewidth=0)
     axes.plot(aside[~done], taken[~done], "^", markersize=6, markerfacecolor="none", markeredgecolor=VERMILLION)
 
@@ -80,5 +80,5 @@ def estimate_bars(
     if np.shape(spans) != (len(at), 2) or len(means) != len(at):
         raise ValueError(f"{len(at)} places, means of shape {np.shape(means)} and spans of shape {np.shape(spans)}")
     axes.vlines(at, spans[:, 0], spans[:, 1], color=colour, linewidth=width, alpha=0.75)
-    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # seen even where a point hides the bar
+    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # visible even where a point hides the bar
     axes.plot(at, means, "o", color=colour, markersize=5)

@@ -1,4 +1,4 @@
-"""Local maps: what single robots know at one moment, side by side."""
+"""The maps of single robots at one moment, side by side."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ ACROSS: Final = 3  # maps in a row
 def local_maps(
     scene: Scene, maps: NDArray[np.uint8], shares: Sequence[float], robots: Sequence[int], iteration: int, title: str
 ) -> Figure:
-    """The maps of `robots` at the end of an iteration, with where each stood and the tile it sensed in it.
+    """The maps of `robots` at the end of an iteration, with each robot's position and sensed tile.
 
     `maps` (n, rows, columns) and `shares` (n,), the part of the domain in each map, 0 to 1, belong to all robots.
-    The outlines are the truth's, which no robot knows.
+    The outlines are the true ones, which no robot knows.
     """
     left, right, low, high = scene.bounds
     columns = 2 if len(robots) == 4 else min(len(robots), ACROSS)
@@ -49,12 +49,12 @@ def local_maps(
         if shot.alive[robot] and len(shot.origins):
             axes.add_patch(Rectangle(shot.origins[robot].tolist(), length, height, fill=False, ec=VERMILLION, lw=1.0))
         state, mark, colour = ("", "o", VERMILLION) if shot.alive[robot] else (", dead", "x", GREY)
-        axes.plot(*shot.pose[robot, :2], mark, color=colour, ms=3.0)  # small enough to leave the tile in sight
+        axes.plot(*shot.pose[robot, :2], mark, color=colour, ms=3.0)  # small enough not to hide the tile
         axes.set_title(f"robot {robot}{state}: {100.0 * shares[robot]:.1f} % mapped", fontsize=10, loc="left")
     measure_in_metres(panels, scene.bounds)
     for axes in panels[len(robots) :]:
         axes.set_visible(False)
-    for axes in panels[len(robots) - columns : len(robots)]:  # nothing stands below these
+    for axes in panels[len(robots) - columns : len(robots)]:  # these have no panel below
         axes.set(xlabel="x, m")
         axes.tick_params(labelbottom=True)
     handles: list[Artist] = [area_key(name, colour, BLACK) for name, colour in CELLS.items()]

@@ -1,4 +1,4 @@
-"""What the network of a run did: its graphs over time, who hears how many, who heard whom, and for how long."""
+"""A run's network: its graphs over time, degrees, first contacts and contact times."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title:
             axes.plot(at[kept], _running_mean(values, width)[kept], color=colour, linestyle=dash, linewidth=1.6)
         axes.set(ylabel=label, xlim=(first - 0.5, first + length - 0.5))
         top = 1.0 if measure in SHARES else max(axes.get_ylim()[1], 1.0)
-        axes.set_ylim(-0.04 * top, 1.06 * top)  # a line at 0 is seen above the axis
+        axes.set_ylim(-0.04 * top, 1.06 * top)  # so that a line at 0 is visible above the axis
         axes.yaxis.set_major_locator(MaxNLocator(5, integer=measure not in SHARES))
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     for axes in panels[-2:]:
@@ -71,7 +71,7 @@ def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title:
 
 @styled
 def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
-    """How many others a robot hears, and by how many it is heard: of all live robots in all iterations, the share.
+    """How many others a robot hears, and how many hear it, as shares of all live robots in all iterations.
 
     `graphs` gives the snapshots of one or two graphs.
     """
@@ -102,7 +102,7 @@ def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
 
 @styled
 def who_heard_whom(found: Reach, title: str) -> Figure:
-    """The iteration in which each robot first heard each other one, as a matrix: receivers down, senders across."""
+    """The iteration in which each robot first heard each other: rows are receivers, columns senders."""
     robots = len(found.present)
     side = 4.6 + 0.02 * min(robots, 100)
     figure = sheet(side + 1.4, side + 0.9, title)
@@ -129,9 +129,9 @@ def who_heard_whom(found: Reach, title: str) -> Figure:
 
 @styled
 def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Figure:
-    """The share of contacts, and of times between contacts, that last longer than so many iterations.
+    """The share of contacts, and of times between contacts, that last longer than the iterations along x.
 
-    `graphs` gives both for each kind of pair. Kaplan-Meier estimates on two logarithmic scales; a point marks where
+    `graphs` gives both for each kind of pair. Kaplan-Meier estimates on log-log axes; a point marks the time when
     half of them are over.
     """
     figure = sheet(9.6, 4.6, title)
@@ -142,7 +142,7 @@ def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Fi
         for colour, dash, (name, both) in zip(COLOURS, LINES, graphs.items(), strict=False):
             spells = both[number]
             lengths, outlasting = spells.survival()
-            # Nothing lasts less than an iteration; a share of 0 has no place on a logarithmic scale.
+            # Nothing lasts less than an iteration; a logarithmic scale cannot show a share of 0.
             upright = np.where(outlasting > 0.0, outlasting, np.nan)
             axes.step(np.r_[1.0, lengths], np.r_[1.0, upright], where="post", color=colour, ls=dash, lw=1.6)
             lowest = min([lowest, *outlasting[outlasting > 0.0]])

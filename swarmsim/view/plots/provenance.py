@@ -1,4 +1,4 @@
-"""Where one robot's knowledge comes from: who sensed it, over how many links it came, how old it is."""
+"""The provenance of one robot's knowledge: the robot that sensed it, the links it came over, its age."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, VERMILLION, Reals, styled
 from swarmsim.view.scene import Scene
 
-SHOWN: Final = 6  # others with a colour of their own: those of whom the robot has most
+SHOWN: Final = 6  # others with their own colour: those that sensed most of the robot's map
 REST: Final = "#C9CED6"
 HOPS: Final = ("#08306B", "#4292C6", "#9ECAE1", "#DEEBF7")  # 0, 1, 2, 3 and more links
 
@@ -25,7 +25,7 @@ HOPS: Final = ("#08306B", "#4292C6", "#9ECAE1", "#DEEBF7")  # 0, 1, 2, 3 and mor
 def provenance(
     scene: Scene, robot: int, by: NDArray[np.int32], hops: NDArray[np.uint8], age: Reals, ages: Reals, title: str
 ) -> Figure:
-    """One robot's map by who sensed each cell, links and age, and below the mean age of what each robot knows.
+    """One robot's map by sensing robot, links and age; below, the mean age of each robot's knowledge.
 
     `by`, `hops` and `age` are (rows, columns), the age in iterations and NaN where nothing is known; `ages` (t, n).
     """
