@@ -1,4 +1,4 @@
-"""The verb that gives recordings to other programs."""
+"""The verb that exports recordings to other programs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def export(
     allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Write a run for other programs: what was mapped for ROS, or all of it for a robotics viewer.
+    """Write a run for other programs: its map for ROS, or the whole run for a robotics viewer.
 
     Example: swarmsim export runs/basilica-1 --map basilica.yaml --robot 3 --at 100
 

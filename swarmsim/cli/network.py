@@ -1,4 +1,4 @@
-"""The verb of networks: what the graph of a run did, in tables and figures."""
+"""The verb of networks: a run's graphs, in tables and figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def network(
     plots: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw figures (PNG and SVG) there.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Measure the network of a recorded run: who is linked, who was heard, how that changes, what was lost.
+    """Measure the network of a recorded run: links, heard messages, changes and losses.
 
     Example: swarmsim network runs/basilica-1 --from 50 --to 250 --plots runs/basilica-1/network
     """
