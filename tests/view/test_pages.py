@@ -213,7 +213,7 @@ def test_the_scrubber_moves_the_robots_and_a_picked_robot_shows_its_map(
     told = view.locator("#about").inner_text().split("\n")
     letters = recording.letters(row)
     heard_by = sorted(set(letters[(letters[:, 1] == robot) & (letters[:, 4] == 0), 0].tolist()))
-    assert told[told.index("is heard by") + 1] == (", ".join(map(str, heard_by)) or "none")
+    assert told[told.index("is heard by") + 1] == (", ".join(map(str, heard_by)) or "nobody")
     replay = MapReplay(recording)
     replay.advance(row)
     theme = view.evaluate("swarmsim.runs[0].themes.light.all")

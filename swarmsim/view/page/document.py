@@ -14,7 +14,7 @@ from swarmsim.recording.reader import Recording
 from swarmsim.view.page.payload import payload
 
 ALWAYS: Final = ("building", "robots")  # layers that cannot be hidden
-HIDDEN: Final = ("beams",)  # layers not shown at first
+HIDDEN: Final = ("beams",)  # layers that are not shown at first
 CANVAS: Final = "The building with its robots; numbers are beside it"
 THEME: Final = (
     'document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"'

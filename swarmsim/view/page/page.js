@@ -141,7 +141,7 @@ class View {
     const c = Math.floor((x - run.x0) / run.cell), r = Math.floor((y - run.y0) / run.cell), lines = [`x ${x.toFixed(2)} m, y ${y.toFixed(2)} m`];
     if (run.hasMaps && r >= 0 && r < run.rows && c >= 0 && c < run.columns) {
       const known = run.raster("known").values[r * run.columns + c], most = Math.min(run.robots, 250);
-      lines.push(known === 254 ? "occupied, in some map" : known ? `known to ${Math.round(known * run.robots / most)} of ${run.robots}` : "known to none");
+      lines.push(known === 254 ? "occupied, in some map" : known ? `known to ${Math.round(known * run.robots / most)} of ${run.robots}` : "known to nobody");
     }
     if (robot !== null) lines.push(`robot ${robot}: ${stateOf(run, row, robot)}`, ...(run.own(row, robot) === null ? [] : [`${run.curve.name} ${run.worded(run.own(row, robot))}`]));
     this.tip.textContent = lines.join("\n");
@@ -372,7 +372,7 @@ function tell() {
   if (state.robot >= 0) runs.forEach((one, which) => {
     if (state.robot >= one.robots) return;
     const row = one.rowAt(state.time), told = one.pairs(row, state.robot), name = runs.length > 1 ? ` ${"AB"[which]}` : "", [x, y] = one.poseAt(state.time, state.robot);
-    const ids = found => found.length ? [...new Set(found)].sort((a, b) => a - b).join(", ") : "none";
+    const ids = found => found.length ? [...new Set(found)].sort((a, b) => a - b).join(", ") : "nobody";
     about.push([`state${name}`, stateOf(one, row, state.robot)], [`place${name}`, `${x.toFixed(2)} m, ${y.toFixed(2)} m`]);
     if (one.own(row, state.robot) !== null) about.push([`own ${one.curve.name}${name}`, one.worded(one.own(row, state.robot))]);
     about.push([`hears${name}`, ids(told.hears)], [`is heard by${name}`, ids(told.heard)]);

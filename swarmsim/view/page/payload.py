@@ -34,7 +34,7 @@ def payload(recording: Recording) -> dict[str, str]:
         "inks": {name: [theme.ink(ink) for ink in tracks.inks] for name, theme in THEMES.items()},
         "arrays": [[name, array.dtype.str[1:], list(array.shape)] for name, array in arrays.items()],
     }
-    # "</script" anywhere would end the page's script, and "<!--<script" would never let it end.
+    # "</script" would end the page's script wherever it stands, and "<!--<script" would let it go on for ever.
     text = json.dumps(words, separators=(",", ":")).replace("<", "\\u003c")
     return {"words": text, "numbers": b64encode(zlib.compress(blob, 9)).decode()}
 

@@ -68,7 +68,7 @@ def quartile_box(axes: Axes, place: float, taken: Reals, done: NDArray[np.bool_]
     low, middle, high = np.percentile(taken, (25, 50, 75))
     axes.add_patch(Rectangle((place - 0.24, low), 0.48, high - low, facecolor=PALE, edgecolor=BLUE))
     axes.hlines(middle, place - 0.24, place + 0.24, color=BLUE, linewidth=2.2)
-    aside = place + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even and reproducible
+    aside = place + 0.36 * (np.arange(len(taken)) * 0.6180339887 % 1.0 - 0.5)  # golden steps: even, and always the same
     axes.plot(aside[done], taken[done], "o", color=BLUE, markersize=3.5, alpha=0.7, markeredgewidth=0)
     axes.plot(aside[~done], taken[~done], "^", markersize=6, markerfacecolor="none", markeredgecolor=VERMILLION)
 
@@ -80,5 +80,5 @@ def estimate_bars(
     if np.shape(spans) != (len(at), 2) or len(means) != len(at):
         raise ValueError(f"{len(at)} places, means of shape {np.shape(means)} and spans of shape {np.shape(spans)}")
     axes.vlines(at, spans[:, 0], spans[:, 1], color=colour, linewidth=width, alpha=0.75)
-    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # visible even where a point hides the bar
+    axes.plot(at, spans, "_", color=colour, markersize=5 + 1.5 * width)  # seen even where a point hides the bar
     axes.plot(at, means, "o", color=colour, markersize=5)

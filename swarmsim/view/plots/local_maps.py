@@ -49,12 +49,12 @@ def local_maps(
         if shot.alive[robot] and len(shot.origins):
             axes.add_patch(Rectangle(shot.origins[robot].tolist(), length, height, fill=False, ec=VERMILLION, lw=1.0))
         state, mark, colour = ("", "o", VERMILLION) if shot.alive[robot] else (", dead", "x", GREY)
-        axes.plot(*shot.pose[robot, :2], mark, color=colour, ms=3.0)  # small enough not to hide the tile
+        axes.plot(*shot.pose[robot, :2], mark, color=colour, ms=3.0)  # small enough to leave the tile in sight
         axes.set_title(f"robot {robot}{state}: {100.0 * shares[robot]:.1f} % mapped", fontsize=10, loc="left")
     measure_in_metres(panels, scene.bounds)
     for axes in panels[len(robots) :]:
         axes.set_visible(False)
-    for axes in panels[len(robots) - columns : len(robots)]:  # these have no panel below
+    for axes in panels[len(robots) - columns : len(robots)]:  # nothing stands below these
         axes.set(xlabel="x, m")
         axes.tick_params(labelbottom=True)
     handles: list[Artist] = [area_key(name, colour, BLACK) for name, colour in CELLS.items()]

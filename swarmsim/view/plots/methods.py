@@ -73,7 +73,7 @@ def profiles(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
     for axes in panels[:, 0]:
         axes.set_ylabel("runs finished, %")
     for axes in panels[-1]:
-        axes.set_xlabel("within this multiple of the first method's mean")
+        axes.set_xlabel("within so many times the first method's mean")
     for row, one in enumerate(next(iter(groups.values()))):
         key = line_key(one.method, COLOURS[row % len(COLOURS)], "")
         key.set_linestyle(DASHES[row // len(COLOURS) % len(DASHES)])

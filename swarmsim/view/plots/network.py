@@ -57,7 +57,7 @@ def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title:
             axes.plot(at[kept], _running_mean(values, width)[kept], color=colour, linestyle=dash, linewidth=1.6)
         axes.set(ylabel=label, xlim=(first - 0.5, first + length - 0.5))
         top = 1.0 if measure in SHARES else max(axes.get_ylim()[1], 1.0)
-        axes.set_ylim(-0.04 * top, 1.06 * top)  # so that a line at 0 is visible above the axis
+        axes.set_ylim(-0.04 * top, 1.06 * top)  # a line at 0 is seen above the axis
         axes.yaxis.set_major_locator(MaxNLocator(5, integer=measure not in SHARES))
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     for axes in panels[-2:]:
@@ -142,7 +142,7 @@ def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Fi
         for colour, dash, (name, both) in zip(COLOURS, LINES, graphs.items(), strict=False):
             spells = both[number]
             lengths, outlasting = spells.survival()
-            # Nothing lasts less than an iteration; a logarithmic scale cannot show a share of 0.
+            # Nothing lasts less than an iteration; a share of 0 has no place on a logarithmic scale.
             upright = np.where(outlasting > 0.0, outlasting, np.nan)
             axes.step(np.r_[1.0, lengths], np.r_[1.0, upright], where="post", color=colour, ls=dash, lw=1.6)
             lowest = min([lowest, *outlasting[outlasting > 0.0]])

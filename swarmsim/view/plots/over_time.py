@@ -15,7 +15,7 @@ from swarmsim.view.plots.fault_marks import area_key, described, fault_marks
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import COLOURS, DASHES, FINEST, GREY, MARKERS, Reals, styled
 
-FAR: Final = 5.0  # times the median length: beyond it the iterations have a logarithmic scale
+FAR: Final = 5.0  # times as long as most runs: from here on iterations stand on a logarithmic scale
 COVERAGE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0)
 
 

@@ -16,7 +16,7 @@ from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, VERMILLION, Reals, styled
 from swarmsim.view.scene import Scene
 
-SHOWN: Final = 6  # others with their own colour: those that sensed most of the robot's map
+SHOWN: Final = 6  # others with a colour of their own: those of whom the robot has most
 REST: Final = "#C9CED6"
 HOPS: Final = ("#08306B", "#4292C6", "#9ECAE1", "#DEEBF7")  # 0, 1, 2, 3 and more links
 

@@ -19,7 +19,7 @@ from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, VERMILLION, st
 from swarmsim.view.scene import Scene
 
 DISC: Final = 8.5  # points across
-APART: Final = 1.4  # disc diameters between two centres, so that an arrow between them is visible
+APART: Final = 1.4  # discs, between the middles of two, so that an arrow between them is seen
 WIDTH: Final = 4.2  # inches, of one floor plan
 PLAIN: Final = "#E5E7EB"
 SPREADING: Final = 300  # steps

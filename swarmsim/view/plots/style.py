@@ -16,9 +16,9 @@ Reals = NDArray[np.float64]
 Line = Literal["", "-", "--", ":"]
 
 DPI: Final = 150  # of a saved PNG
-FINEST: Final = 900  # points along a curve: more than a picture's pixels would only enlarge its file
+FINEST: Final = 900  # points along a curve: more than a picture has pixels only make its file larger
 TIME: Final = "iterations until done"
-#: Okabe and Ito's colours, as on the map, without yellow, which fades on white, and four of Tol's muted ones.
+#: Okabe and Ito's colours, as on the map, without yellow, which is lost on white paper, and four of Tol's muted ones.
 COLOURS: Final = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000",
     "#882255", "#999933", "#332288", "#44AA99",
@@ -37,5 +37,5 @@ STYLE: Final[dict[str, object]] = {
     "xtick.labelcolor": BLACK, "ytick.labelcolor": BLACK, "legend.frameon": False, "legend.handlelength": 2.8,
     "svg.hashsalt": "swarmsim", "svg.fonttype": "path",
 }  # fmt: skip
-#: Every figure starts from matplotlib's defaults, not the user's settings, and leaves those unchanged.
+#: Every figure starts from matplotlib's own settings, whatever the user's are, and leaves those as they were.
 styled = style.context(STYLE, after_reset=True)

@@ -52,7 +52,7 @@ def scaling(
     return settled(figure, [*handles, line_key("in proportion to N", GREY, "", ":")])
 
 
-WIDE: Final = 30.0  # numbers that differ by a greater factor have a logarithmic scale
+WIDE: Final = 30.0  # numbers that differ more than so many times stand on a logarithmic scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Steps:
     values: Reals  # (m,), ascending
     means: Reals  # (m,), of the runs that finished; NaN where none did
     intervals: Reals  # (m, 2), 95 %
-    unfinished: Reals  # (m,): share of unfinished runs, 0 to 1
+    unfinished: Reals  # (m,): share of runs that did not finish, 0 to 1
     runs: Sequence[int]  # (m,)
 
 
