@@ -25,7 +25,7 @@ class Terminal:
                 value = 0.0
             if 0.0 < value < 1e4:
                 return value
-            print(f"{text!r} is no number of metres; expected such as 24.5")
+            print(f"{text!r} is not a number of metres; expected for example 24.5")
 
     def text(self, question: str, key: str) -> str:
         """A name."""

@@ -75,7 +75,7 @@ def _print_tables(found: NetworkNumbers) -> None:
         [name, f"{fate['messages']}", f"{fate['messages'] / total:.1%}", f"{fate['bytes']}"]
         for name, fate in found["messages"].items()
     ]
-    print_table("messages", ("what became of them", "messages", "share", "bytes"), fates)
+    print_table("messages", ("outcome", "messages", "share", "bytes"), fates)
     busiest = [list(map(str, link.values())) for link in found["busiest links"]]
     print_table("busiest links", ("receiver", "sender", "heard", "bytes"), busiest)
 

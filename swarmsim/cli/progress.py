@@ -45,11 +45,11 @@ def compiling(progress: Progress) -> Iterator[None]:
     def told(name: str) -> None:
         nonlocal task, names
         if task is None:
-            progress.console.print("the first run on a machine compiles its kernels, for about a quarter of a minute")
+            progress.console.print("the first run on a machine compiles its kernels, which takes about 15 s")
             if (folder := makeshift()) is not None:
                 progress.console.print(
-                    f"notice: compiled kernels are kept in {folder}, for neither the package's folder nor the home can "
-                    "be written; NUMBA_CACHE_DIR names a lasting one",
+                    f"notice: compiled kernels are kept in {folder}: neither the package's folder nor the home can "
+                    "be written; set NUMBA_CACHE_DIR to a permanent folder",
                     markup=False,
                     highlight=False,
                 )

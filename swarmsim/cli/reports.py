@@ -42,7 +42,7 @@ def report(
         print(f"{page}: {page.stat().st_size / 1e6:.1f} MB; open it in any browser")
         return
     if beside is not None:
-        raise InputError(f"--beside {beside}: a study is no run; expected --beside with a run's folder")
+        raise InputError(f"--beside {beside}: a study is not a run; expected --beside with a run's folder")
     study = open_study(what, store=store, keep_old=keep_old, allow_code=allow_code)
     for notice in study.of_other_code():
         print(f"notice: {notice}")

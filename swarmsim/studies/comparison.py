@@ -54,7 +54,7 @@ def compared(runs: Sequence[Path], plot: Path | None = None) -> Comparison:
     Raises InputError for fewer than two runs, a run without iterations, or tasks with different measures.
     """
     if len(runs) < 2:
-        raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")
+        raise InputError(f"compare: {len(runs)} run given; expected the reference and at least one more")
     opened = [Recording(run) for run in runs]
     for run, recording in zip(runs, opened, strict=True):
         if not recording.iterations:
@@ -84,9 +84,7 @@ def costs(named: Mapping[str, Recording]) -> list[Cost]:
     for name, run in named.items():
         mine, theirs = (f"{one.curve.name!r} ({one.curve.label})" for one in (run, reference))
         if mine != theirs:
-            raise InputError(
-                f"{name}: its task is about {mine}, that of the first run about {theirs}; expected runs of one task"
-            )
+            raise InputError(f"{name}: its task measures {mine}, the first run's {theirs}; expected runs of one task")
     horizon = max(run.iterations for run in named.values())
     return [_cost(name, run, reference, horizon) for name, run in named.items()]
 

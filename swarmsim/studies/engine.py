@@ -92,7 +92,7 @@ def _check(task: Job, found: Mapping[str, str]) -> None:
 def _refusal(task: Job, found: Mapping[str, str]) -> str | None:
     """Why this code's results are refused for the task, or None."""
     others = differences(task.code.hashes, found, "there")
-    return f"refused: a worker has other code: {others}; start workers, and the study, again" if others else None
+    return f"refused: a worker has other code: {others}; restart the workers and the study" if others else None
 
 
 def _simulate(task: Job) -> Row:

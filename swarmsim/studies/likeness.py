@@ -47,7 +47,7 @@ def notices(sides: Sequence[Side]) -> list[str]:
             groups.setdefault(_shown(row.get(key)), []).append(side.name)
         if len(groups) > 1:
             values = _listed((f"{value} ({_listed(names)})" for value, names in groups.items()), "; ")
-            told.append(f"these differ in {key}, so that their numbers tell little of each other: {values}")
+            told.append(f"these differ in {key}, so their numbers are hard to compare: {values}")
     return [*told, *_code(sides)]
 
 

@@ -139,7 +139,7 @@ def open_paper(folder: Path) -> Paper:
 
     Raises InputError that names the file and the key or line at fault.
     """
-    about = read_struct(folder / ABOUT, "what is said of a paper", About)
+    about = read_struct(folder / ABOUT, "a paper's description", About)
     path = folder / READINGS
     readings = read_struct(path, "readings of a paper", PaperReadings) if path.exists() else PaperReadings()
     known = _Known({name: _conditions(folder, name, file) for name, file in about.studies.items()}, readings.reading)
@@ -153,7 +153,7 @@ def open_paper(folder: Path) -> Paper:
         known.check(f"{folder / 'claims.toml'}: {place}", check.study, check.conditions)
         for name in check.but:
             if name not in check.conditions:
-                raise InputError(f"{folder / 'claims.toml'}: {place}.but: {name!r} is none of its conditions")
+                raise InputError(f"{folder / 'claims.toml'}: {place}.but: {name!r} is not one of its conditions")
     numbers = folder / "published.csv"
     published = _published(numbers, about.published, known) if numbers.exists() else ()
     named = [name for check in checks.values() for name in check.conditions]
@@ -171,7 +171,7 @@ class _Known:
     def check(self, place: str, study: str, conditions: Iterable[str]) -> None:
         """Raise InputError, starting with `place`, unless every reading has these, each once."""
         if study not in self.studies:
-            raise InputError(f"{place}: study: {study!r} is no study of the paper; {nearest(study, self.studies)}")
+            raise InputError(f"{place}: study: {study!r} is not a study of the paper; {nearest(study, self.studies)}")
         known = self.studies[study]
         for reading in self.readings:
             names = [reading.conditions.get(name, name) for name in conditions]
@@ -203,7 +203,7 @@ def _published(path: Path, measure: str, known: _Known) -> tuple[Published, ...]
         except ValueError:
             value = math.nan
         if not 0.0 < value < math.inf:
-            raise InputError(f"{place}: {measure}: {text!r} is no number above 0; expected one, as in 583")
+            raise InputError(f"{place}: {measure}: {text!r} is not a number above 0; expected for example 583")
         found.append(Published(cells["study"], condition, value, cells.get("row", condition)))
     return tuple(found)
 
@@ -215,13 +215,13 @@ def _check_readings(folder: Path, readings: Sequence[Reading], numbers: Sequence
     for i, reading in enumerate(readings):
         place = f"{folder / READINGS}: reading[{i}]"
         if names.count(reading.name) > 1:
-            raise InputError(f"{place}.name: {reading.name!r} stands twice; expected each once")
+            raise InputError(f"{place}.name: {reading.name!r} is listed twice; expected each once")
         for key, given, known in (
             ("conditions", reading.conditions, either),
             ("calibrated", reading.calibrated, published),
         ):
             for name in given:
                 if name not in known:
-                    raise InputError(f"{place}.{key}: nothing is said of {name!r}; {nearest(name, known)}")
+                    raise InputError(f"{place}.{key}: {name!r} is unknown; {nearest(name, known)}")
         if reading.calibration is not None and not (folder / reading.calibration).is_file():
             raise InputError(f"{place}.calibration: there is no file {folder / reading.calibration}")

@@ -204,7 +204,7 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
     steps: list[list[dict[str, object]]] = []
     for name, axes in groups.items():
         if len({len(axis.values) for axis in axes}) > 1:
-            raise InputError(f"{path}: vary: the axes together as {name!r} have different numbers of values")
+            raise InputError(f"{path}: vary: the axes with together = {name!r} differ in their number of values")
         steps.append([{axis.key: axis.values[i] for axis in axes} for i in range(len(axes[0].values))])
     if math.prod(len(step) for step in steps) > MOST_RUNS:
         raise InputError(f"{path}: vary: more than {MOST_RUNS} conditions")
@@ -213,11 +213,11 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
     for cell in grid:
         if cell or not study.condition:
             if label(cell) in changes:
-                raise InputError(f"{path}: vary: {label(cell)!r} comes twice; expected each value once")
+                raise InputError(f"{path}: vary: {label(cell)!r} is listed twice; expected each value once")
             changes[label(cell)] = cell
     for named in study.condition:
         if named.name in changes:
-            raise InputError(f"{path}: condition: the name {named.name!r} stands twice; expected each once")
+            raise InputError(f"{path}: condition: the name {named.name!r} is listed twice; expected each once")
         changes[named.name] = named.set
     return changes
 

@@ -54,7 +54,7 @@ class Result:
     def measure(self, name: str) -> NDArray[np.float64]:
         """One measure of each run; NaN where undefined. Raises InputError for an unknown name."""
         if any(name not in row.summary for row in self.rows):
-            raise InputError(f"{name!r} is no measure; known: {', '.join(self.rows[0].summary)}")
+            raise InputError(f"{name!r} is not a measure; known: {', '.join(self.rows[0].summary)}")
         values = (row.summary[name] for row in self.rows)
         return np.array([np.nan if value is None else value for value in values], np.float64)
 

@@ -83,7 +83,7 @@ class Store:
         except (sqlite3.Error, OSError, ValueError) as problem:  # ValueError: names that are not UTF-8
             if _of_the_machine(problem):
                 raise StorageError(f"{path}: cannot be written ({problem})") from problem
-            raise InputError(f"{path}: no store of results ({problem}); expected an SQLite file of ours") from problem
+            raise InputError(f"{path}: not a store of results ({problem}); expected an SQLite file") from problem
 
     def _add_columns(self) -> None:
         with self._base:
@@ -131,8 +131,8 @@ class Store:
             if _of_the_machine(problem):
                 raise StorageError(f"{self.path}: cannot be read ({problem})") from problem
             raise InputError(
-                f"{self.path}: a run in it is not as it was written ({str(problem)[:100]}); expected a whole store, so "
-                "take a copy from before, or delete it and do the study again"
+                f"{self.path}: a run in it is damaged ({str(problem)[:100]}); expected an intact store: "
+                "restore an earlier copy, or delete it and repeat the study"
             ) from problem
 
     def close(self) -> None:

@@ -195,8 +195,8 @@ class Gathering:
             at += round(1.25 * line)
         at += line
         write(
-            "Each robot's own map, turned as its frame of reference is, until it is known how that lies in another's. "
-            "Faint lines: the building, which none of them knows.",
+            "Each robot's own map, turned like its frame of reference until the frame's place in another's is known. "
+            "Faint lines: the building, which no robot knows.",
             theme.muted, 0.9,
         )  # fmt: skip
 

@@ -173,7 +173,7 @@ def write_pictures(
     """Write any pictures as an H.264 film. It appears whole or not at all."""
     check_film(out, film)
     if out.suffix.lower() != ".mp4":
-        raise InputError(f"{out}: such a film ends in .mp4")
+        raise InputError(f"{out}: this kind of film ends in .mp4")
     with _whole(out) as part:
         _write_mp4(part, pictures(_memory), film.size, film.fps)
 
@@ -257,7 +257,7 @@ def check_film(out: Path, film: Film | None = None) -> None:
     size = film.size
     if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         even = f"{size[0] + size[0] % 2}x{size[1] + size[1] % 2}"
-        raise InputError(f"--size {size[0]}x{size[1]}: H.264 wants even numbers; expected for instance {even}")
+        raise InputError(f"--size {size[0]}x{size[1]}: H.264 needs even numbers; expected for example {even}")
 
 
 def _check_size(size: tuple[int, int]) -> None:

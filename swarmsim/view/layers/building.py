@@ -50,9 +50,7 @@ class Boxes:
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
         """A box, if one ever appears."""
-        return [Sign("box", "box that was not there before", [box_marks((-7.0, -5.0, 7.0, 5.0))])] * (
-            "box" in scene.signs
-        )
+        return [Sign("box", "box placed during the run", [box_marks((-7.0, -5.0, 7.0, 5.0))])] * ("box" in scene.signs)
 
 
 def box_marks(*boxes: tuple[float, float, float, float]) -> Polygons:
