@@ -20,7 +20,7 @@ def export(
     mcap: Annotated[Path | None, typer.Option(metavar="OUT.mcap", help="The run for Foxglove and Lichtblick.")] = None,
     rerun: Annotated[Path | None, typer.Option(metavar="OUT.rrd", help="The run for the Rerun viewer.")] = None,
     robot: Annotated[
-        int | None, typer.Option(metavar="I", help="The robot whose map it is; by default the union of all.")
+        int | None, typer.Option(metavar="I", help="The map's robot; by default the union of all.")
     ] = None,
     at: Annotated[int | None, typer.Option(metavar="N", help="The map's iteration; by default the last.")] = None,
     allow_code: AllowCode = False,

@@ -44,7 +44,7 @@ def check(
     door: Door = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Describe a building as a swarm finds it, and check whether all of it can be mapped.
+    """Describe a building for a swarm, and check whether all of it can be mapped.
 
     Exit code 0: it can; 2: it cannot; the output names reason and place.
 
@@ -91,7 +91,7 @@ def preview(
     set_: Set = None,
     door: Door = None,
 ) -> None:
-    """Draw a building as a swarm finds it: grid, domain, spawn areas, doors, and problems.
+    """Draw a building for a swarm: grid, domain, spawn areas, doors, and problems.
 
     Example: swarmsim world preview worlds/basilica.svg basilica.png
     """

@@ -210,7 +210,7 @@ class Panel:
                 self._still.blit(text, text.get_rect(midleft=(x, at[1])))
 
     def _name_marks(self, area: pygame.Rect) -> None:
-        """Label each mark, upwards, with what begins there, where there is room."""
+        """Label each mark vertically where there is room."""
         lines = [area.left + round(at * (area.width - 1) / self._scene.iterations) for at in self._scene.marks]
         taken = [area.left - 1, *lines, area.right]
         for iteration, name in sorted(self._scene.names.items()):

@@ -30,7 +30,7 @@ class Theme:
     all: Colour  # ... and that all robots know: one hue
     hot: Colour  # where a field is greatest; `floor` is where it is least
     floor: Colour  # of buildings that no robot maps
-    seen: Colour  # a cell in which a beam ended
+    seen: Colour  # cells where a beam ended
     edge: Colour  # around everything
     text: Colour
     muted: Colour  # explanatory text

@@ -96,7 +96,7 @@ class Occurrences:
         return self._boxes[bisect_right(self._built, iteration) - 1]
 
     def latest(self, iteration: int, within: float, most: int) -> list[Note]:
-        """The newest notes, `most` of them, that are less than `within` iterations old; the oldest first."""
+        """The `most` newest notes less than `within` iterations old, the oldest first."""
         end = bisect_right(self._noted, iteration)
         return [note for note in self.notes[max(end - most, 0) : end] if iteration - note.iteration < within]
 

@@ -143,7 +143,7 @@ class Window:
         pygame.display.flip()
 
     def handle(self, event: pygame.event.Event) -> None:
-        """Do what an event asks for."""
+        """Handle one event."""
         if event.type == pygame.QUIT:
             self.open = False
         elif event.type == pygame.VIDEORESIZE:
@@ -249,7 +249,7 @@ class Window:
         self._look_at(moment)
 
     def _look_at(self, moment: float) -> None:
-        """Move time within what has been simulated."""
+        """Move time within the simulated part."""
         recording = self._show.recording
         self.time = min(max(moment, 0.0), float(recording.iterations))
         if recording.iterations > self._scene.iterations:
