@@ -24,7 +24,7 @@ LAYERS: Final = {
 
 @dataclass(frozen=True)
 class Style:
-    """Which layers are drawn, of which robots, and in which colours."""
+    """The layers drawn, the robots selected and the colours."""
 
     theme: str = "dark"  # dark or light
     layers: frozenset[str] = frozenset(LAYERS)
