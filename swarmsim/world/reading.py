@@ -91,8 +91,8 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
     if made.doors:
         layers = {layer: opened(shape, made.cuts) for layer, shape in layers.items()}
         walls = opened(walls, made.cuts)
-        doors = "1 door was" if len(made.doors) == 1 else f"{len(made.doors)} doors were"
-        notices.append(f"{doors} of {width:g} m made, for rooms that are drawn closed; world.doors = 0 makes none")
+        doors, were = ("1 door", "was") if len(made.doors) == 1 else (f"{len(made.doors)} doors", "were")
+        notices.append(f"{doors} of {width:g} m {were} made, for rooms drawn closed; world.doors = 0 makes none")
     if world.unknown == "wall" and not unknown.is_empty:
         walls = joined([walls, unknown])
     spawns: dict[str, MultiPolygon] = {}

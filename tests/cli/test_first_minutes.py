@@ -102,7 +102,7 @@ def test_keys_and_parts_are_completed() -> None:
         break
     assert fault_words("mot") == ["motor"]
     assert set(fault_words("motor ")) >= {"motor off", "motor slow", "motor stuck", "motor at="}
-    assert fault_words("motor off sh") == ["motor off fraction="]
+    assert fault_words("motor off fr") == ["motor off fraction="]
     assert "crash at=5 count=" in fault_words("crash at=5 c")
     assert "crash at=5 at=" not in fault_words("crash at=5 a")
     assert fault_words("nothing ") == []

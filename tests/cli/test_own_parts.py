@@ -139,7 +139,7 @@ class Mine(Struct, frozen=True):
     def value(self, time, points):
         return np.ma.zeros(len(points)) if time == 3.0 else np.zeros(len(points))
 """
-SENSOR, PERFECT = "swarmsim.robots.sensors.IrRing", "swarmsim.robots.localisation.Perfect"
+SENSOR, PERFECT = "swarmsim.robots.sensors.IrRing", "swarmsim.robots.localisation.Exact"
 #: What is wrong, the part's seam, its code, the exit code and words that the message has, the line of code among them.
 MISTAKES: dict[str, tuple[str, str, int, list[str]]] = {
     # What minds say

@@ -16,7 +16,7 @@ from swarmsim.core.kinds import KindCodec, Mixed
 from swarmsim.core.messages import HEADER
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load, minds_of
-from swarmsim.engine.build import Run, build
+from swarmsim.engine.build import BuiltRun, build
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import text_of
 
@@ -104,7 +104,7 @@ def herd(tmp_path: Path):
     room = (ROOT / "scenarios" / "room.toml").read_text().replace("../worlds", str(ROOT / "worlds"))
     (tmp_path / "herd.toml").write_text(room)
 
-    def made(*groups: str, keys: tuple[str, ...] = ()) -> Run:
+    def made(*groups: str, keys: tuple[str, ...] = ()) -> BuiltRun:
         with registry.own_code(True):
             return build(load(tmp_path / "herd.toml", overrides(*groups, keys=keys)), "herd.toml")
 

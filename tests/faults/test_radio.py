@@ -47,7 +47,7 @@ class Trial:
         self.schedule, self.events = Schedule(self.bodies.state()), []
         context = setting_of(len(pose), seed=seed)
         inner = PerfectChannel() if inner is None else inner
-        parts = Parts(*[None] * 5, inner, None, self.bodies, None, None, self.schedule, None)
+        parts = Parts(*[None] * 6, inner, None, self.bodies, None, None, self.schedule, None)
         for number, fault in enumerate(faults):
             parts = fault.build(replace(context, number=number)).install(parts)
         self.parts = parts

@@ -74,6 +74,8 @@ def _copied(path: Path, home: Path, folder: Path, done: list[Path]) -> list[Path
 
 def _title(path: Path) -> str:
     table = tomllib.loads(path.read_text(encoding="utf-8"))
+    if isinstance(groups := table["robots"], list):
+        table["robots"] = {"count": sum(group["count"] for group in groups)}
 
     def value(match: re.Match[str]) -> str:
         found: object = table
