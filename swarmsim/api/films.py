@@ -24,7 +24,7 @@ def filmed(
     frames: bool,
     progress: Callable[[int, int], None],
 ) -> Path:
-    """Write a film, or one of how robots find each other's frames of reference; gives its path.
+    """Write a film, or one of how robots find each other's frames of reference, and return its path.
 
     `name` is the run's in messages. Raises InputError.
     """
