@@ -119,6 +119,6 @@ ADVICE: Final = {
     "film": "install an encoder with: pip install --force-reinstall imageio-ffmpeg",
     "letters": "install pygame again with: pip install --force-reinstall pygame-ce",
     "compiled code": "every run compiles anew; name a folder that can be written in NUMBA_CACHE_DIR",
-    "folder": "go to a folder of your own, or name one with --out",
+    "folder": "change to your own folder, or name one with --out",
     "display": "only swarmsim view needs one; films and pages do not",
 }

@@ -31,7 +31,7 @@ def filmed(
     check_film(out, film)
     if frames:
         if beside is not None or film.look != Style(film.look.theme):
-            raise InputError("--frames: such a film has a look of its own; expected --fps, --speed, --size or --theme")
+            raise InputError("--frames: such films have their own look; expected --fps, --speed, --size or --theme")
         _of_frames(recording, name, out, film, progress)
     else:
         write_film(recording, out, film, beside, progress)

@@ -121,7 +121,7 @@ def world_import(
     if scenario.suffix.lower() != ".toml":
         raise InputError(f"{scenario}: expected a name that ends in .toml")
     if scenario.exists():
-        raise InputError(f"{scenario}: there is such a file already; name another one: --out NAME.toml")
+        raise InputError(f"{scenario}: exists already; name another one: --out NAME.toml")
     keys: Keys = {"file": str(path)}
     if width is not None:
         keys["width"] = width
@@ -195,8 +195,8 @@ def _layers(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
     none_yet = drawing is not None and not any(group.layer == "walls" for group in advice.groups(drawing))
     for group in advice.decoration(drawing) if drawing is not None else ():
         shapes = "1 shape" if group.shapes == 1 else f"{group.shapes} shapes"
-        share = f"`{group.name}` ({shapes}, {100.0 * group.share:.0f} % of what is drawn) is no layer of ours, so that"
-        if answers.choice(f"{share} robots would drive through it. Is it walls?", none_yet or group.share >= 0.5):
+        share = f"`{group.name}` ({shapes}, {100.0 * group.share:.0f} % of what is drawn) is not one of our layers, so"
+        if answers.choice(f"{share} robots would drive through it. Is it a wall?", none_yet or group.share >= 0.5):
             taken.append(group.name)
     if taken and drawing is not None:
         walls = [group.name for group in advice.groups(drawing) if group.layer == "walls" and group.name]

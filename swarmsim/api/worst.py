@@ -39,7 +39,7 @@ def study_worst(
     a file that exists already.
     """
     if out is not None and Path(out).exists():
-        raise InputError(f"{out}: is there already; expected the name of a new file")
+        raise InputError(f"{out}: exists already; expected the name of a new file")
     with registry.own_code(allow_code):
         made = prepared(scenario, None, overrides, ())
     with registry.own_code(allow_code), worker_pool(workers or os.cpu_count() or 1, scheduler) as run_all:

@@ -296,7 +296,7 @@ def _check(mark: Mark, robots: int) -> None:
             and len(numbers)
             and not (-(name == "on") <= np.min(numbers) <= np.max(numbers) < robots)
         ):
-            raise ValueError(f"'{name}' names robots that there are not; expected 0 to {robots - 1}")
+            raise ValueError(f"'{name}' names unknown robots; expected 0 to {robots - 1}")
     _check_size(mark, count)
     if any(not (isinstance(ink, str) and _INK.fullmatch(ink)) for ink in inks_of(mark)):
         odd = next(ink for ink in inks_of(mark) if not (isinstance(ink, str) and _INK.fullmatch(ink)))
@@ -334,13 +334,13 @@ def _check_size(mark: Mark, count: int) -> None:
     if isinstance(mark, Raster):
         _check_array("values", mark.values, (None, None))
         if mark.values.dtype != np.uint8 or not 0.0 < mark.cell < LARGEST or not max(map(abs, mark.corner)) < LARGEST:
-            raise ValueError("'values', 'corner' or 'cell' cannot be; expected uint8, a place and a side in m")
+            raise ValueError("'values', 'corner' or 'cell' is invalid; expected uint8, a place and a side in m")
         if any(len(step) != 4 or not 0 < step[0] <= step[1] < 256 for step in mark.palette):
             raise ValueError(f"'palette' is {own.brief(mark.palette)}; expected steps of values from 1 to 255")
         return
     given = getattr(mark, "ink", None), getattr(mark, "edge", None)
     if any(inks is not None and not isinstance(inks, str) and len(inks) != count for inks in given):
-        raise ValueError(f"'ink' or 'edge' is of another length; expected one, or one for each of {count}")
+        raise ValueError(f"'ink' or 'edge' has the wrong length; expected one, or one for each of {count}")
     if isinstance(mark, Texts) and (len(mark.texts) != count or not all(isinstance(text, str) for text in mark.texts)):
         raise ValueError(f"'texts' do not fit; expected {count} texts")
     if isinstance(mark, Polygons | Lines):
@@ -354,4 +354,4 @@ def _check_size(mark: Mark, count: int) -> None:
     sizes = [getattr(mark, name, 0.0) for name in ("width", "stroke", "size", "z")]
     sizes += np.ravel(getattr(mark, "opacity", 0.0)).tolist() + np.ravel(getattr(mark, "radius", 0.0)).tolist()
     if not all(isinstance(size, int | float | np.number) and -LARGEST < size < LARGEST for size in sizes):
-        raise ValueError("sizes cannot be; expected numbers")
+        raise ValueError("sizes are invalid; expected numbers")

@@ -84,7 +84,7 @@ def delivery(found: object, state: State, sent: int) -> str | None:
         return wrong
     ids = found.heard[:, :2]
     if ids.min() < 0 or ids.max() >= state.robots:
-        return f"heard: a robot that there is not; expected ids from 0 to {state.robots - 1}"
+        return f"heard: an unknown robot; expected ids from 0 to {state.robots - 1}"
     if (found.heard[:, 2] > state.iteration).any():
         return "heard: a message that has not been sent yet"
     return "heard: letters have to be sorted by receiver, sender and iteration sent"
@@ -312,5 +312,5 @@ def message_sizes(said: Broadcast[C], codec: Codec[C], iteration: int) -> str | 
             for a, b in zip(items.arrays(), back.arrays(), strict=True)
         )
         if (sender, sent) != (robot, iteration) or not same:
-            return f"robot {robot}: the message does not come out as it went in"
+            return f"robot {robot}: packing and unpacking changes the message"
     return None

@@ -51,7 +51,7 @@ def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -
     known, wanted = parts.computation.knowledge_type, parts.task.requires_knowledge
     if issubclass(known, wanted):
         return
-    why, how = "groups of robots have minds of their own", "a task that reads any knowledge"
+    why, how = "groups of robots have their own minds", "a task that reads any knowledge"
     if len(minds) == 1:
         why = f"{_use(minds[0], 'computation')!r} gives {known.__name__}"
         how = "a task and a computation that go together"
@@ -83,7 +83,7 @@ def _check_names(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) 
     bodily = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # each name's owner
     for one in parts.actuator.channels:
         if one.recorded_as in bodily:
-            raise InputError(f"actuators: {one.recorded_as!r} is what a sensor gives already; expected another name")
+            raise InputError(f"actuators: {one.recorded_as!r} is already given by a sensor; expected another name")
         bodily |= {one.recorded_as: "actuator"} if one.recorded_as else {}
     computed: set[str] = set()  # minds may share names: their tables are merged
     for mind in minds:
@@ -99,7 +99,7 @@ def _free_names(seam: str, part: object, place: str, used: dict[str, str]) -> se
     for name, says, at in announced(seam, part):
         wrong = layout.wrong_name(name, seam)
         if wrong is None and name in used:
-            wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
+            wrong = f"{name!r} is already recorded by the {used[name]}; expected such as 'own_{name}'"
         if wrong is not None:
             raise InputError(f"{place} {says}: {wrong}{at}")
         found.add(name)

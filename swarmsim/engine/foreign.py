@@ -70,7 +70,7 @@ def _check_arguments(seam: str, part: object, what: str) -> None:
         except TypeError:
             kind = registry.author_of(part)
             raise InputError(
-                f"{what}, {kind.__qualname__}, is asked '{verb}' with other arguments than its {takes} takes; "
+                f"{what}, {kind.__qualname__}, has '{verb}' with the wrong parameters {takes}; "
                 f"expected 'def {verb}({', '.join(expected)}):'{line_of(kind, verb)}"
             ) from None
 

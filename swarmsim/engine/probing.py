@@ -60,7 +60,7 @@ def _declared(parameters: msgspec.Struct, probe: Probe, use: str) -> Declared:
     try:  # structs check nothing when made, only when read back
         declared = msgspec.convert(msgspec.to_builtins(Declared(parameters.name, parameters.every, tables)), Declared)
     except (msgspec.ValidationError, TypeError) as problem:
-        raise InputError(f"use: {use!r} declares a table that cannot be: {problem}") from problem
+        raise InputError(f"use: {use!r} declares an invalid table: {problem}") from problem
     names = [table.name for table in declared.tables]
     if len(set(names)) < len(names):
         raise InputError(f"use: {use!r} declares {', '.join(map(repr, names))}; expected different names")

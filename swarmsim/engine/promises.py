@@ -122,9 +122,9 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
 }
 #: Why parts of some seams have no checks here. Those of seams without a place work inside checked parts.
 WITHOUT: Final = {
-    "generator": "it draws before there is a run, and its text is read as any floor plan is",
-    "physics": "it gives the state by which all others are judged; the end of a run looks for bodies in walls",
-    "fault": "it may break what other parts promise; swarmsim/engine/guard.py keeps it from writing to what they get",
-    "layer": "it is asked when a recording is looked at; swarmsim/view/layers/own.py checks what it draws",
-    "probe": "each declares tables of its own, to which swarmsim/engine/probing.py holds it",
+    "generator": "it runs before a run, and its text is checked as any floor plan",
+    "physics": "its state is the reference for all others; the end of a run checks for bodies in walls",
+    "fault": "it may break other parts' contracts; swarmsim/engine/guard.py makes their arguments read-only",
+    "layer": "it is called when a recording is viewed; swarmsim/view/layers/own.py checks its shapes",
+    "probe": "each declares its own tables, checked by swarmsim/engine/probing.py",
 }

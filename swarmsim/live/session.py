@@ -60,7 +60,7 @@ class Session:
         """
         done = self.recording.iterations
         if self.over and iteration >= done:
-            raise InputError(f"the run ended after {done} iterations; go back in time to let something strike")
+            raise InputError(f"the run ended after {done} iterations; go back in time to strike")
         if not 1 <= iteration <= done + 1:
             raise InputError(f"iteration {iteration}: expected 1 to {done + 1}")
         kept = [one for one in self._struck if one[0] <= iteration]

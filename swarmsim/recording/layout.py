@@ -191,7 +191,7 @@ def tables_of(channels: Channels, seam: str) -> dict[str, Table]:
         name = channel.recorded_as
         if not name or (name in TABLES and TABLES[name].by == seam):
             continue
-        wrong = wrong_name(name, seam) or (f"{name!r} is there twice" if name in found else None)
+        wrong = wrong_name(name, seam) or (f"{name!r} appears twice" if name in found else None)
         if wrong or not re.fullmatch(NAME, name):
             raise ValueError(f"the declaration of channels: {wrong or f'{name!r} cannot be the name of a table'}")
         bounded = channel.dtype != "?" and (channel.low, channel.high) != (-math.inf, math.inf)
@@ -293,4 +293,4 @@ def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int], declared:
     if table.blank is not None:
         outside &= rows != table.blank
     if outside.any():
-        raise ValueError(f"table {name!r} has numbers that cannot be; expected {low.tolist()} to {high.tolist()}")
+        raise ValueError(f"table {name!r} has invalid numbers; expected {low.tolist()} to {high.tolist()}")

@@ -124,7 +124,7 @@ class Recording:
         place: list[float] = layout.attribute(file, "lattice", "f", (5,)).tolist()
         x0, y0, cell, rows, columns = place
         if not (abs(x0) < FAR and abs(y0) < FAR and 0.0 < cell < FAR and 0.0 < rows < FAR and 0.0 < columns < FAR):
-            raise ValueError("the lattice cannot be")
+            raise ValueError("the lattice is invalid")
         self.lattice = Lattice(x0, y0, cell, int(rows), int(columns))
         self.digested: list[str] = text["digested"].split()
         #: The names of the task's measures of the swarm.

@@ -116,7 +116,7 @@ class _Test:
 
         broken = self.outcomes.of("contracts")
         if isinstance(broken, BrokenError) and self.check != "contracts":
-            pytest.skip(f"first mend what breaks its contract: {broken}")
+            pytest.skip(f"first fix what breaks its contract: {broken}")
         problem = self.outcomes.of(self.check)
         if isinstance(problem, InputError):
             if self.check == "alone":

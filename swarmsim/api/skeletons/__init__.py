@@ -16,7 +16,7 @@ from swarmsim.core.errors import InputError, nearest, unwritten
 _HERE: Final = Path(__file__).parent
 #: Why some seams have no skeleton.
 WITHOUT: Final = {
-    "generator": "a building is made before there is a run to test it in; start from swarmsim/world/made/generated.py",
+    "generator": "a building is made before a run; start from swarmsim/world/made/generated.py",
     "layer": "it is a function of a moment; start from the one in docs/own.md",
     "localisation": "start from Noisy in swarmsim/robots/localisation.py",
     "physics": "bodies take eight verbs; start from swarmsim/robots/particles.py",
@@ -76,7 +76,7 @@ def _why_not(kind: str) -> str | None:
 def _skeleton(kind: str) -> tuple[dict[str, str], str]:
     """A scenario's keys to try such a part, as TOML by dotted key, and the code. Raises InputError."""
     if why := _why_not(kind):
-        raise InputError(f"new {kind}: there is none to start from: {why}")
+        raise InputError(f"new {kind}: no skeleton: {why}")
     known = {one: one for one in kinds()}
     if kind not in known:
         raise InputError(f"new {kind}: no such kind of part; {nearest(kind, known)}")

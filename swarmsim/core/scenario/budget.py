@@ -97,7 +97,7 @@ def begin(work: Work) -> None:
     if work.seconds > allowed:
         raise InputError(
             f"{work.key}: {work.doing} takes about {lasting(work.seconds)}, more than a budget of {allowed:g} s; "
-            f"expected {work.less}, or budget = {_round(work.seconds)} in the scenario if it is to be so long"
+            f"expected {work.less}, or budget = {_round(work.seconds)} in the scenario to allow it"
         )
     _tell(work, 0.0)
 

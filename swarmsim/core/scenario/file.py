@@ -421,7 +421,7 @@ def _scenario(table: Table, name: str, take: Take) -> Scenario:
             for step in key.split("."):
                 inner = inner.get(step) if isinstance(inner, dict) else None
             if inner is not None:
-                raise InputError(f"{key}: is not called so any more; expected {now}")
+                raise InputError(f"{key}: has been renamed; expected {now}")
         return convert(table, Scenario, take)
     except InputError as problem:
         wrong = str(problem).replace("robots.groups[", "robots[") if listed else problem

@@ -54,7 +54,7 @@ def find(seam: str, use: str) -> type[msgspec.Struct]:
     if ":" in use:
         if not own_code_is_allowed():
             raise InputError(
-                f"use: {use!r} is code of the scenario's own, which runs only if you say so; expected --allow-code "
+                f"use: {use!r} is the scenario's own code, which runs only with permission; expected --allow-code "
                 "(in Python allow_code=True) if you trust it, or the name of an installed part"
             )
         return _own(snapshot.present(), seam, use)

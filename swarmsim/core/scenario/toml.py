@@ -12,7 +12,7 @@ from swarmsim.core.scenario.budget import begin, reading
 from swarmsim.core.scenario.files import Table, content
 
 DEEPEST: Final = 20  # nested tables and lists, and names in a dotted key
-TOO_DEEP: Final = f"tables or lists stand more than {DEEPEST} deep in each other"
+TOO_DEEP: Final = f"tables or lists are nested more than {DEEPEST} deep"
 _NAME: Final = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 _DOTTED: Final = re.compile(rf"(?<![\w-])(?:{_NAME}\.[ \t]*){{{DEEPEST}}}")
 
