@@ -1,1 +1,1 @@
-"""Faults: wrappers that make a part misbehave, with whom, when, how long and how much."""
+"""Faults: wrappers that make a part misbehave; they say which robots are hit, when, how long and how much."""

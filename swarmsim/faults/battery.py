@@ -23,10 +23,10 @@ Cost = Annotated[float, Meta(ge=0.0, le=1e9)]
 
 
 class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A robot whose battery is empty is out from the next iteration on, for good: nothing else brings it back.
+    """A robot with an empty battery is out from the next iteration on, for good: nothing revives it.
 
-    Costs depend on the robot, so there are no defaults; 0 is for what need not be counted. A message costs
-    once for each link that it is sent on. Radio faults listed after the battery spare it what they silence.
+    Costs depend on the robot, so they have no defaults; 0 ignores a cost. A message costs once for each link it is
+    sent on. Messages silenced by radio faults listed after the battery cost nothing.
     """
 
     capacity: Annotated[float, Meta(gt=0.0, le=1e12)]  # J, at the start
@@ -43,7 +43,7 @@ class Battery(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return "removed" if self.empty == "remove" else "fault"
 
     def build(self, context: BuildContext) -> BatteryFault:
-        """The fault; raises InputError for batteries that cannot be or can never be empty."""
+        """The fault; raises InputError for impossible batteries and for those that can never be empty."""
         count = context.swarm
         for robot in self.robots or ():
             if robot >= count:
@@ -66,18 +66,18 @@ class Energy:
             self.left[robot] = battery.capacity * math.exp(math.sqrt(variance) * draw - 0.5 * variance)
 
     def spend(self, energy: NDArray[np.floating]) -> None:
-        """Take energy (n,) in J out of each, down to nothing."""
+        """Take energy (n,) in J out of each, down to 0."""
         np.maximum(self.left - energy, 0.0, out=self.left)
 
     @property
     def empty(self) -> NDArray[np.bool_]:
-        """Which (n,) hold nothing any more."""
+        """Which (n,) are empty."""
         return self.left <= 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryFault:
-    """Wraps the channel, where bytes are counted, and counts everything else between two iterations."""
+    """Wraps the channel to count bytes, and counts all other costs between two iterations."""
 
     battery: Battery
     batteries: Energy
@@ -91,19 +91,19 @@ class BatteryFault:
 
 
 class MeteredChannel:
-    """Channel that charges senders for what they send, whether or not it arrives."""
+    """Channel that charges senders for each message, whether or not it arrives."""
 
     def __init__(self, inner: NetworkChannel, batteries: Energy, per_byte: float) -> None:
         self._inner, self._batteries, self._per_byte = inner, batteries, per_byte
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What becomes of the messages; each costs its sender."""
+        """The fate of the messages; each costs its sender."""
         self._batteries.spend(self._per_byte * np.bincount(links[:, 1], minlength=len(sizes)) * sizes)
         return self._inner.deliver(state, links, sizes)
 
 
 class Exhaustion:
-    """Takes robots out that have no energy left."""
+    """Takes robots without energy out."""
 
     def __init__(self, bodies: Bodies, fault: BatteryFault) -> None:
         self._bodies, self._batteries, self._number = bodies, fault.batteries, fault.context.number
@@ -113,12 +113,12 @@ class Exhaustion:
         self._reported = np.zeros(fault.context.swarm, np.bool_)
 
     def advance(self, now: Tick) -> Sequence[Event]:
-        """Charge everybody for the last iteration, and take out those that it has left empty."""
+        """Charge all robots for the last iteration, and take out those left empty."""
         if now.iteration == 0:
             return ()
         before, after = now.before, now.after
         moved = np.hypot(*(after.pose[:, :2] - before.pose[:, :2]).T)
-        # No robot drives farther than this by itself: what is beyond, another fault has carried it.
+        # No robot drives farther than this by itself: beyond that, another fault has carried it.
         driven = np.minimum(moved, self._farthest)
         self._batteries.spend(before.alive * (self._per_metre * driven + self._idle * self._period))
         out = np.flatnonzero(self._batteries.empty & self._bodies.state().alive)

@@ -47,15 +47,15 @@ class Crash(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Push(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots get one blow that gives them a velocity; friction of their wheels brakes it.
+    """Robots get one blow that adds a velocity; the friction of their wheels brakes it.
 
-    The fault is over after an iteration unless its keys say otherwise: then it can strike the same robot again.
+    By default the fault lasts one iteration, so that it can strike the same robot again.
     """
 
     velocity: tuple[float, float]  # m/s, to the right and up
 
     def build(self, context: BuildContext) -> TimedFault:
-        """The fault. Raises InputError for a velocity that no blow gives."""
+        """The fault. Raises InputError for a velocity that is too high."""
         if not all(-10.0 <= one <= 10.0 for one in self.velocity):
             raise InputError(f"velocity: {list(self.velocity)} m/s; expected at most 10 m/s either way")
         once = self if self.duration or self.between else msgspec.structs.replace(self, duration=1)
@@ -93,7 +93,7 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return "late"
 
     def build(self, context: BuildContext) -> TimedFault:
-        """The fault; raises InputError unless somebody is there at the start."""
+        """The fault; raises InputError unless at least one robot is there at the start."""
         late = self.count * self.times
         if late >= context.swarm:
             raise InputError(f"count: {late} of {context.swarm} robots are late; expected one at the start at least")
@@ -104,17 +104,17 @@ class Join(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Lateness:
-    """Who has not come yet: the highest ids, of which the lowest come first."""
+    """The robots still to come: the highest ids, lowest first."""
 
     def __init__(self, fault: Join, robots: int) -> None:
         late = fault.count * fault.times
         self._due = np.zeros(robots, np.int64)
         self._due[robots - late :] = fault.at + np.arange(late) // fault.count * (fault.every or 0)
-        #: Who is not there (n,); a live view.
+        #: Which robots are not there (n,); a live view.
         self.active: NDArray[np.bool_] = np.zeros(robots, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
-        """Move on to the iteration of `state`; gives those who are late from now on, and those who come."""
+        """Move on to the iteration of `state`; gives the robots that are late from now on, and those that come."""
         late = self._due > state.iteration
         begins, ends = np.flatnonzero(late & ~self.active), np.flatnonzero(self.active & ~late)
         self.active[:] = late
@@ -126,7 +126,7 @@ class Removal:
 
     def __init__(self, context: BuildContext, memory: Literal["kept", "lost"]) -> None:
         self._context, self._memory, self._number = context, memory, context.number
-        self._streams: dict[int, np.random.Generator] = {}  # of those that have returned
+        self._streams: dict[int, np.random.Generator] = {}  # of returned robots
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
         """The same parts: bodies can be taken out as they are."""
@@ -139,7 +139,7 @@ class Removal:
             self._computation.reset(robots)
 
     def end(self, robots: Robots, state: State) -> Robots:
-        """They return to places of the spawn area drawn at random; those who find it full wait."""
+        """They return to random places of the spawn area; while it is full, they wait."""
         centres, radius, entered = self._building.entrance, self._context.robots.radius, []
         for robot in robots.tolist():
             bodies = self._bodies.state().pose[self._bodies.solid, :2]
@@ -180,7 +180,7 @@ class Joining:
         self._absence.begin(robots, state)
 
     def end(self, robots: Robots, state: State) -> Robots:
-        """They enter, as far as there is room."""
+        """As many enter as there is room for."""
         entered = self._absence.end(robots, state)
         if self._known is not None and len(entered):
             best = int(np.where(state.alive, self._known.amounts(), -1).argmax())
@@ -206,6 +206,6 @@ class Crashing:
             self._computation.reset(robots)
 
     def end(self, robots: Robots, state: State) -> Robots:
-        """They go on from where they are by now."""
+        """They go on from their present place."""
         self._bodies.place(robots, state.pose[robots])
         return robots

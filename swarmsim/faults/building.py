@@ -30,7 +30,7 @@ class Scheduled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A doorway that is closed by a box; it opens again when the change ends."""
+    """A box closes a doorway, which opens again when the change ends."""
 
     box: Box  # m: left, lower, right, upper
 
@@ -41,7 +41,7 @@ class Door(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A box that is put into the building, or that stands there from the start and is moved `to` another place."""
+    """A box is put into the building or, there from the start, moved `to` another place."""
 
     box: Box  # m: left, lower, right, upper
     to: Box | None = None  # m: where it is moved, and from where it returns when the change ends
@@ -55,14 +55,14 @@ class Furniture(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Boxes of random size that fall at random places of a region, never on anybody; they may cut rooms off."""
+    """Boxes of random size fall at random places of a region, never on robots or people; they may cut rooms off."""
 
     region: Box  # m: left, lower, right, upper
     count: Annotated[int, Meta(ge=1, le=1000)] = 1  # boxes at a time
     size: tuple[Annotated[float, Meta(gt=0.0)], Annotated[float, Meta(gt=0.0)]] = (0.15, 0.5)  # m: least, largest side
 
     def build(self, context: BuildContext) -> ChangingBuilding:
-        """The fault. Raises InputError for boxes that the region cannot hold."""
+        """The fault. Raises InputError for boxes that do not fit into the region."""
         left, low, right, high = self.region
         least, most = self.size
         if not least <= most <= min(right - left, high - low):
@@ -74,7 +74,7 @@ class Rubble(Scheduled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Strikes:
-    """When a change is there: strikes, counted from 0, each of which lasts for a while or for good."""
+    """When a change is there: strikes, counted from 0; each lasts for a while or for good."""
 
     def __init__(self, change: Scheduled, *, again: bool) -> None:
         """`again` allows strikes while another lasts. Raises InputError for keys that contradict each other."""
@@ -102,7 +102,7 @@ class Strikes:
 
 
 class Layout(Protocol):
-    """Which boxes a change wants to stand where."""
+    """Where a change wants its boxes."""
 
     @property
     def places(self) -> tuple[tuple[str, Box], ...]:
@@ -110,7 +110,7 @@ class Layout(Protocol):
         ...
 
     def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
-        """The boxes of these strikes, none of which was over before; `clear` tells whether nobody is in a place."""
+        """The boxes of these strikes, none over before; `clear` tells whether a place is free of robots and people."""
         ...
 
 
@@ -131,7 +131,7 @@ class Fixed:
 
 
 class Falling:
-    """Boxes drawn anew for each strike, from a stream of its own."""
+    """Boxes drawn anew for each strike, from its own stream."""
 
     def __init__(self, rubble: Rubble, context: BuildContext) -> None:
         self._rubble, self._streams, self._purpose = rubble, context.streams, f"fault {context.number} rubble"
@@ -142,14 +142,14 @@ class Falling:
         return (("region", self._rubble.region),)
 
     def wanted(self, strikes: range, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
-        """What has fallen and not been cleared away."""
+        """The rubble not yet cleared away."""
         for strike in strikes:
             if strike not in self._fallen:
                 self._fallen[strike] = self._fall(strike, clear)
         return tuple(box for strike in strikes for box in self._fallen[strike])
 
     def _fall(self, strike: int, clear: Callable[[Box], bool]) -> tuple[Box, ...]:
-        """The boxes of one strike, in whole millimetres; one that finds nothing but bodies under it does not fall."""
+        """The boxes of one strike, in whole millimetres; a box that finds no place clear of bodies does not fall."""
         rubble = self._rubble
         boxes: list[Box] = []
         left, low, right, high = rubble.region
@@ -170,7 +170,7 @@ class Falling:
 
 @dataclass(frozen=True, slots=True)
 class ChangingBuilding:
-    """A building in which a layout's boxes come and go on a schedule."""
+    """A layout's boxes, which come and go on a schedule."""
 
     schedule: Strikes
     layout: Layout
@@ -185,7 +185,7 @@ class ChangingBuilding:
 
 
 class Builder:
-    """Lets the building change between two iterations, where nobody is in the way."""
+    """Changes the building between two iterations, where no robot or person is in the way."""
 
     def __init__(self, parts: Parts, change: ChangingBuilding) -> None:
         self._parts, self._change = parts, change
@@ -193,7 +193,7 @@ class Builder:
         self._waits = False
 
     def advance(self, now: Tick) -> Sequence[Event]:
-        """Make the change that is due, as a whole and once all of its places are clear."""
+        """Make the change that is due, as a whole, once all its places are clear."""
         building, change, number = self._parts.building, self._change, self._change.context.number
         strikes = change.schedule.strikes(now.iteration, now.progress)
         wanted = change.layout.wanted(strikes, self._is_clear)
@@ -217,7 +217,7 @@ class Builder:
         ]
 
     def _is_clear(self, box: Box) -> bool:
-        """Whether no body would be in a box, nor meet it on the step that it is taking."""
+        """Whether no body is in a box, or would meet it on its present step."""
         building, context = self._parts.building, self._change.context
         pose = self._parts.bodies.state().pose[self._parts.bodies.solid]
         walkers = building.walkers()

@@ -1,4 +1,4 @@
-"""Byzantine robots: members of the swarm that say what is not so (Lamport, Shostak and Pease 1982)."""
+"""Byzantine robots: members of the swarm that send false messages (Lamport, Shostak and Pease 1982)."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Timed, Timeline
 
 Shift = Annotated[int, Meta(ge=-10_000, le=10_000)]
-OF_ANY: Final = {"replay": "age", "spoof": "id"}  # the lies that any robot can tell, with the key that each has
+OF_ANY: Final = {"replay": "age", "spoof": "id"}  # the lies that any robot can tell, each with its key
 
 
 class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots lie in every item of every message; what they sense, know and do themselves stays right.
+    """Robots lie in every item of every message; their own sensing, knowledge and actions stay right.
 
-    `replay`: each item is the one said `age` iterations ago, or at first the oldest there is, as if it were of now.
-    `spoof`: what is heard directly of a liar seems to come from another robot; under its false name, its own items as
-    well. A relay passes it on under the name that it heard. All other lies are those that the robots' computation
-    knows. Robots that map tell `inverted` tiles (free is said to be occupied, and occupied free), all `free` or all
-    `occupied` ones, whether seen or not, or give them another `origin`, `offset` cells from where they were sensed.
+    `replay`: each item is the one sent `age` iterations ago (at first the oldest there is), dated now.
+    `spoof`: messages and own items heard directly from a liar carry the name of another robot; relays pass them on
+    under that name. All other lies depend on the robots' computation. Robots that map tell `inverted` tiles (free and
+    occupied swapped), all `free` or all `occupied` ones, whether seen or not, or give them another `origin`, `offset`
+    cells from where they were sensed.
     """
 
-    failure: str  # replay, spoof or, of robots that map, inverted, free, occupied, origin; else what they know besides
+    failure: str  # replay, spoof or, for robots that map, inverted, free, occupied, origin; else their mind's own
     offset: tuple[Shift, Shift] | None = None  # for lies that have one, such as origin: rows (up) and columns (right)
     age: Annotated[int, Meta(ge=1, le=100_000)] | None = None  # for replay: iterations
-    id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: whom it pretends to be; default: anybody, anew each time
+    id: Annotated[int, Meta(ge=0)] | None = None  # for spoof: the robot it pretends to be; default: any, anew each time
 
     def build(self, context: BuildContext) -> TimedFault:
         """The fault; raises InputError for a key that its failure does not have, or lacks."""
@@ -53,14 +53,14 @@ class Byzantine(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
             raise InputError(f"id: there is no robot {self.id}; expected one from 0 to {others}")
         if self.failure == "spoof" and others == 0:
             raise InputError(
-                "failure: a robot alone has nobody to pass itself off as; expected robots.count = 2 or more"
+                "failure: a single robot has no other to pass itself off as; expected robots.count = 2 or more"
             )
         if self.failure == "replay" and self.age is None:
             raise InputError("age: required key is missing; expected iterations for failure = 'replay'")
         return TimedFault(Timeline(self, context), Lying(self, context), context.number)
 
     def lie(self, computation: AnyComputation) -> Telling | None:
-        """What happens to what is said, if anything does. Raises InputError for a lie that there is not."""
+        """What changes messages, if anything does. Raises InputError for an unknown lie."""
         if self.failure == "spoof":
             return None
         if self.age is not None:
@@ -86,20 +86,20 @@ class Telling(Protocol):
     """Turns the truth into something else."""
 
     def __call__(self, said: Broadcast[MessageBatch], rows: NDArray[np.bool_], /) -> Broadcast[MessageBatch]:
-        """What is said, but for some items, `rows` (t,), that are lies; asked in every iteration."""
+        """The message with lies in these items, `rows` (t,); called in every iteration."""
         ...
 
 
 class Replayed:
-    """Says what was true some iterations ago: the first item of that message for the first of this, and so on."""
+    """Repeats an earlier message: its first item for the first of this one, and so on."""
 
     def __init__(self, age: int) -> None:
         self._past: deque[Broadcast[MessageBatch]] = deque(maxlen=age + 1)
 
     def __call__(self, said: Broadcast[C], rows: NDArray[np.bool_], /) -> Broadcast[C]:
-        """Put old items in the place of new ones; where the old message had fewer, items say nothing.
+        """Replace new items by old ones; where the old message had fewer, items say nothing.
 
-        Items are told as if they were of now.
+        Items are dated now.
         """
         content = said.content
         self._past.append(replace(said, content=content.take(np.arange(len(content)))))
@@ -121,17 +121,17 @@ class Replayed:
 
 
 class FalseNames:
-    """Under whose name each liar's message goes, remembered while messages are under way."""
+    """The name on each liar's message, remembered while messages are under way."""
 
     def __init__(self, context: BuildContext, name: int | None, purpose: str) -> None:
-        """`name` is the one robot that all pass themselves off as; without it they draw from streams of `purpose`."""
+        """`name`: the robot that all liars pass themselves off as; without it they draw from streams of `purpose`."""
         robots = context.swarm
         self._name, self._ids = name, np.arange(robots, dtype=np.int32)
         self._streams = [context.streams.open(purpose, robot) for robot in range(robots)]
         self._given: dict[int, NDArray[np.int32]] = {}  # (n,) by iteration
 
     def give(self, iteration: int, liars: NDArray[np.bool_]) -> None:
-        """Name the messages of an iteration: anybody but the liar, each as likely."""
+        """Name the messages of an iteration: any robot but the liar, all equally likely."""
         names = self._ids.copy()
         for robot in np.flatnonzero(liars):
             if self._name is None:
@@ -142,7 +142,7 @@ class FalseNames:
         self._given[iteration] = names
 
     def signed(self, inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
-        """The inbox as its receivers believe it to be."""
+        """The inbox as it appears to its receivers."""
         names = inbox.senders.copy()
         for iteration in np.unique(inbox.sent).tolist():
             rows: NDArray[np.bool_] = inbox.sent == iteration
@@ -181,7 +181,7 @@ class Lying(StatelessEffect):
 
 
 class LyingComputation(ComputationDelegate):
-    """A computation of which some robots do not say what they know, or not who they are."""
+    """A computation in which some robots misstate their knowledge or their identity."""
 
     def __init__(
         self, inner: AnyComputation, active: NDArray[np.bool_], lie: Telling | None, names: FalseNames | None
@@ -190,7 +190,7 @@ class LyingComputation(ComputationDelegate):
         self._active, self._lie, self._names = active, lie, names
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        """The message of every robot, with lies in those of the liars, who know the truth themselves."""
+        """The message of every robot, with lies in those of the liars, which themselves know the truth."""
         said = self._inner.say(senses)
         if self._lie is not None:
             said = self._lie(said, np.repeat(self._active, said.ends - said.starts()))
@@ -199,5 +199,5 @@ class LyingComputation(ComputationDelegate):
         return said
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        """What robots know by what they heard of those who seem to have said it."""
+        """The robots' knowledge from messages attributed to the names on them."""
         return self._inner.hear(senses, inbox if self._names is None else self._names.signed(inbox))

@@ -1,4 +1,4 @@
-"""A computation around another one, which does all but what a fault changes."""
+"""Delegates to a wrapped computation; faults override single methods."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ class ComputationDelegate(ABC):
 
     @property
     def knowledge_type(self) -> type[Knowledge]:
-        """What the computation inside gives."""
+        """The wrapped computation's knowledge type."""
         return self._inner.knowledge_type
 
     @property
     def codec(self) -> Codec[MessageBatch]:
-        """That of the computation inside."""
+        """The wrapped computation's codec."""
         return self._inner.codec
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the computation has
-        """What else the computation inside offers."""
+        """Other attributes of the wrapped computation."""
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._inner, name)
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        """What the computation inside says."""
+        """The wrapped computation's message."""
         return self._inner.say(senses)
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        """What the computation inside knows."""
+        """The wrapped computation's knowledge."""
         return self._inner.hear(senses, inbox)
 
     def reset(self, robots: NDArray[np.int64]) -> None:

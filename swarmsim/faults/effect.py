@@ -20,20 +20,20 @@ class Effect(Protocol):
     """What one kind of fault does."""
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts, one of them wrapped; `active` (n,) is a live view of who has the fault. Raises InputError."""
+        """The parts, one wrapped; `active` (n,): a live view of the robots with the fault. Raises InputError."""
         ...
 
     def begin(self, robots: Robots, state: State) -> None:
-        """The fault begins with these robots, before the iteration of `state`."""
+        """Start the fault on these robots, before the iteration of `state`."""
         ...
 
     def end(self, robots: Robots, state: State) -> Robots:
-        """The fault ends with these robots, as far as it can; gives those with whom it did, the others wait."""
+        """End the fault on these robots, where possible; gives those on which it ended; the others wait."""
         ...
 
 
 class StatelessEffect(ABC):
-    """An effect that needs nothing done when it begins or ends: its wrapper looks at who is affected."""
+    """An effect without work at its start or end: its wrapper reads which robots are affected."""
 
     def begin(self, robots: Robots, state: State) -> None:
         """Nothing."""
@@ -44,12 +44,12 @@ class StatelessEffect(ABC):
 
 
 class ActivitySchedule(Protocol):
-    """Says, between two iterations, who has a fault in the next one."""
+    """Says, between two iterations, which robots have a fault in the next one."""
 
-    active: NDArray[np.bool_]  # (n,): a live view; for the clock alone to write
+    active: NDArray[np.bool_]  # (n,): a live view; only the clock writes it
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
-        """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends.
+        """Move on to the iteration of `state`; gives the robots that get the fault, and those that lose it.
 
         `progress` (0 to 1) is how much of the task was done in the iteration before.
         """
@@ -79,7 +79,7 @@ class FaultDriver:
     fault: TimedFault
 
     def advance(self, now: Tick) -> Sequence[Event]:
-        """Let the fault begin and end where its time has come."""
+        """Begin and end the fault where it is due."""
         state, course, effect = self.parts.bodies.state(), self.fault.course, self.fault.effect
         begins, ends = course.advance(state, now.progress, self.parts)
         if len(begins) == len(ends) == 0:
@@ -96,5 +96,5 @@ class FaultDriver:
 
 
 def _ids(robots: Robots) -> tuple[int, ...]:
-    """Who it is, for an event; nobody in particular for the -1 of a fault of the whole network."""
+    """The robot, for an event; none for the -1 of a fault of the whole network."""
     return tuple(int(robot) for robot in robots if robot >= 0)

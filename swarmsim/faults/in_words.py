@@ -49,7 +49,7 @@ def fault_in_words(text: str) -> Part[Fault]:
 
 
 def _words(text: str) -> list[str]:
-    """The text cut at blanks that stand neither in quotes nor in brackets. Raises InputError if one stays open."""
+    """The text cut at blanks outside quotes and brackets. Raises InputError if one stays open."""
     words, word, depth, quote, escaped = [], "", 0, "", False
     for letter in text:
         if quote:
@@ -82,14 +82,14 @@ def _value(key: str, text: str) -> object:
 
 
 def described(fault: Part[Fault]) -> str:
-    """A scenario's fault as on the command line: its name, its failure and what is not as by default."""
+    """A scenario's fault as on the command line: its name, its failure and all keys that differ from the defaults."""
     given = fault.table
     name = str(given.pop("use")).rpartition(":")[2]
     failure = given.pop("failure", None)
     try:
         fields = msgspec.structs.fields(type(fault.parameters))
         defaults = {field.encode_name: msgspec.to_builtins(field.default) for field in fields if not field.required}
-    except InputError:  # somebody's own code, which nobody has allowed to run
+    except InputError:  # third-party code that was not allowed to run
         defaults = {}
     keys = (f"{key}={_spelled(value)}" for key, value in given.items() if value != defaults.get(key))
     return " ".join([name, *([str(failure)] if failure else []), *keys])

@@ -1,4 +1,4 @@
-"""Faults of localisation: robots that are not where they believe to be."""
+"""Faults of localisation: robots that are not at their estimated positions."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from swarmsim.faults.effect import StatelessEffect, TimedFault
 from swarmsim.faults.timeline import Robots, Timed, Timeline
 from swarmsim.robots.localisation import Belief
 
-TOUCH = 1e-9  # m: how far into a wall a disc may reach that touches it, by rounding
+TOUCH = 1e-9  # m: how far a touching disc may reach into a wall, by rounding
 
 Offset = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Spread = Annotated[float, Meta(gt=0.0, le=1e6)]
 
 
 class LocalisationFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The robot errs about its pose: it maps and tells its tiles where it believes to be, and steers by that.
+    """The robot errs about its pose: it maps, tells its tiles and steers by its wrong estimate.
 
-    `bias`: the estimate is wrong by `dx`, `dy` and `dyaw`. `drift`: the error grows by so much in every iteration
-    and, besides, as a random walk whose steps have the standard deviations `sigma` in x and y and `sigma_yaw`.
+    `bias`: the estimate is wrong by `dx`, `dy` and `dyaw`. `drift`: the error grows by these in every iteration
+    and by a random walk whose steps have the standard deviations `sigma` in x and y and `sigma_yaw`.
     `kidnap`: the robot is put somewhere else, heading anywhere, and does not notice. When it ends, the estimate is
-    right again. Tiles are put whole cells aside and never turned: a compass tells their orientation, and a kidnapped
-    robot's heading.
+    right again. Tiles are shifted by whole cells and never turned: heading is assumed known (compass), a kidnapped
+    robot's too.
     """
 
     failure: Literal["bias", "drift", "kidnap"]
@@ -75,7 +75,7 @@ class Misplacement(StatelessEffect, ABC):
 
     def __init__(self, context: BuildContext) -> None:
         self._lattice = context.lattice
-        #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
+        #: Each robot's estimate minus its true pose (n, 3): m, m, rad.
         self.error: NDArray[np.float64] = np.zeros((context.swarm, 3))
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -84,7 +84,7 @@ class Misplacement(StatelessEffect, ABC):
         return replace(parts, localisation=WrongLocalisation(parts.localisation, self, belief))
 
     def grow(self, iteration: int, robots: Robots) -> None:
-        """Let the error of these robots (r,) become that of an iteration."""
+        """Set the error of these robots (r,) to that of an iteration."""
 
     def end(self, robots: Robots, state: State) -> Robots:
         """Their estimates are right again."""
@@ -93,7 +93,7 @@ class Misplacement(StatelessEffect, ABC):
 
 
 class Bias(Misplacement):
-    """An error that stays."""
+    """A constant error."""
 
     def __init__(self, context: BuildContext, constant: NDArray[np.float64]) -> None:
         super().__init__(context)
@@ -120,13 +120,13 @@ class Drift(Misplacement):
 
 
 class Kidnapping(Misplacement):
-    """An error as large as the way that robots have been carried."""
+    """An error equal to the distance that robots have been carried."""
 
     def __init__(self, context: BuildContext) -> None:
         super().__init__(context)
         self._radius = context.robots.radius
         self._streams = [context.streams.open(f"fault localisation {context.number}", i) for i in range(context.swarm)]
-        self._version = -1  # of the building whose places these are
+        self._version = -1  # of the building that these places belong to
         self._places = np.empty((0, 2))
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -135,7 +135,7 @@ class Kidnapping(Misplacement):
         return super().wrap(parts, active)
 
     def begin(self, robots: Robots, state: State) -> None:
-        """Live robots are put to random places among those that all of them could reach; without any, they stay."""
+        """Live robots are put to random places that all of them could reach; without any, they stay."""
         if self._version != self._building.version:
             self._version = self._building.version
             self._places = landing_places(self._building, self._lattice, self._radius)
@@ -161,10 +161,10 @@ class Kidnapping(Misplacement):
 
 
 def landing_places(building: Building, lattice: Lattice, radius: float) -> NDArray[np.float64]:
-    """The centres (c, 2) in m of the cells in which a disc of `radius` (m) can stand, and which it can get to.
+    """The centres (c, 2) in m of the cells in which a disc of `radius` (m) can stand, and which it can reach.
 
-    These are the free cells of the coverage domain whose centres are no nearer to any wall than the radius and that
-    hang together, edge to edge, with such a cell of the entrance.
+    These are the free cells of the coverage domain whose centres are at least the radius from any wall and that
+    connect, edge to edge, to such a cell of the entrance.
     """
     fits = building.explorable & ~building.occupied
     walls = shapely.multilinestrings(building.walls.reshape(-1, 2, 2)) if len(building.walls) else shapely.Point()

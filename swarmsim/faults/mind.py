@@ -31,9 +31,9 @@ NEIGHBOURS = ((0, -1), (-1, 0), (1, 0), (0, 1))  # row and column steps to the c
 class MindFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The controller fails; the robot still senses and talks.
 
-    `frozen`: goal and path stay as they were, so that the robot goes there and stands; it still learns. `random-walk`:
-    it walks to one random place after the other, through cells that it takes for free; it still learns. `reboot`:
-    it forgets what it knows and its plan, and stands without learning until the fault ends: after one iteration unless
+    `frozen`: goal and path stay as they were, so that the robot goes there and stops; it still learns. `random-walk`:
+    it walks to one random place after the other, through cells that its map calls free; it still learns. `reboot`:
+    it forgets its knowledge and plan, and stands without learning until the fault ends: after one iteration unless
     `duration`, `between` or `duty` says otherwise.
     """
 
@@ -63,37 +63,37 @@ class Decision:
     goal: NDArray[np.float64]  # (2,): x, y in m; NaN for none
     way: NDArray[np.float64]  # (w, 2): the waypoints still ahead, x and y in m
     new: bool  # whether the way has just been chosen
-    twist: NDArray[np.float64] | None = None  # (2,): m/s ahead, rad/s, instead of a way
-    commands: Mapping[str, Column] = field(default_factory=dict)  # (...): by channel of an actuator, all others rest
+    twist: NDArray[np.float64] | None = None  # (2,): m/s ahead, rad/s, in place of a way
+    commands: Mapping[str, Column] = field(default_factory=dict)  # (...): by actuator channel, all others rest
 
 
 class FailureMode(Protocol):
-    """What one failure puts in the place of sound perception and decisions."""
+    """How a failing controller perceives and decides."""
 
     is_blank: bool  # whether its robots perceive nothing, as if dead
 
     @property
     def needs(self) -> Capability[Charted] | None:
-        """What their knowledge has to offer for it."""
+        """The knowledge it needs."""
         ...
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
-        """It begins with these robots, whose minds decided `last` in the iteration before, if there was one."""
+        """It begins with these robots; `last` is what they decided in the iteration before, if there was one."""
         ...
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision | None:
-        """What a live robot does; None for what its strategy has decided."""
+        """What a live robot does; None: as its strategy has decided."""
         ...
 
 
 class ControllerFault:
-    """Wraps the strategy, and for robots that perceive nothing the computation as well."""
+    """Wraps the strategy and, for robots that perceive nothing, the computation."""
 
     def __init__(self, failure: str, confusion: FailureMode, actuators: Channels) -> None:
         self._failure, self._confusion, self._actuators = failure, confusion, actuators
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts, wrapped. Raises InputError for robots that do not know what it needs."""
+        """The parts, wrapped. Raises InputError for robots without the knowledge it needs."""
         if self._confusion.needs is not None:
             self._confusion.needs.needed(parts.computation.knowledge_type, f"failure: {self._failure!r}")
         self._computation = parts.computation
@@ -103,23 +103,23 @@ class ControllerFault:
         return replace(parts, strategy=self._mind)
 
     def begin(self, robots: Robots, state: State) -> None:
-        """Their minds fail from what they have decided last."""
+        """Their minds fail, starting from their last decision."""
         self._confusion.begin(robots, self._computation, self._mind.last)
 
     def end(self, robots: Robots, state: State) -> Robots:
-        """Their minds go on with what they know by then."""
+        """Their minds go on with their present knowledge."""
         return robots
 
 
 class BlankComputation(ComputationDelegate):
-    """A computation that some robots do not feed: neither their readings nor what they hear."""
+    """A computation that gets neither readings nor messages of some robots."""
 
     def __init__(self, inner: AnyComputation, active: NDArray[np.bool_]) -> None:
         super().__init__(inner)
         self._active = active
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        """What robots know, of whom those that fail take in nothing."""
+        """The robots' knowledge; failing robots take in nothing."""
         blank = self._active & senses.alive
         if not blank.any():
             return self._inner.hear(senses, inbox)
@@ -128,7 +128,7 @@ class BlankComputation(ComputationDelegate):
 
 
 class FailingMind:
-    """A strategy of which some robots decide something else."""
+    """A strategy in which some robots decide differently."""
 
     def __init__(
         self, inner: AnyStrategy, active: NDArray[np.bool_], confusion: FailureMode, actuators: Channels
@@ -140,7 +140,7 @@ class FailingMind:
 
     @property
     def requires_knowledge(self) -> type[Knowledge]:
-        """What the strategy inside reads."""
+        """The knowledge that the wrapped strategy reads."""
         return self._inner.requires_knowledge
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
@@ -162,7 +162,7 @@ class FailingMind:
             decision = self._confusion.decided(int(robot), senses, knowledge)
             if decision is not None:
                 decisions[robot] = decision
-        # Whoever comes to its senses follows a path that may have been planned long ago but is new to everyone else.
+        # A recovered robot resumes an old path, which must be recorded as new.
         planned = intents.planned | (self._failed & ~failing & (intents.counts > 0))
         goals, counts = intents.goals.copy(), intents.counts.copy()
         longest = max([intents.waypoints.shape[1], *(len(decision.way) for decision in decisions.values())])
@@ -184,7 +184,7 @@ class FailingMind:
 
 
 class Frozen:
-    """Keeps to the goal and the path, or the velocity, of the moment at which it froze."""
+    """Keeps the goal and path, or the velocity, that it had when it froze."""
 
     needs, is_blank = None, False
 
@@ -193,7 +193,7 @@ class Frozen:
         self._kept: dict[int, Decision] = {}
 
     def begin(self, robots: Robots, computation: AnyComputation, last: Intents | None) -> None:
-        """What they decided last is all they will do; without it they stand."""
+        """They only finish their last decision; without one they stand."""
         for robot in robots:
             goal, way, twist, commands = np.full(2, np.nan), np.empty((0, 2)), None, {}
             if last is not None:
@@ -203,7 +203,7 @@ class Frozen:
             self._kept[int(robot)] = Decision(goal, way, False, twist, commands)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
-        """What is left of the way."""
+        """The rest of the way."""
         kept = self._kept[robot]
         way = _ahead(kept.way, senses.pose[robot], self._window)
         self._kept[robot] = replace(kept, way=way)
@@ -211,7 +211,7 @@ class Frozen:
 
 
 class RandomWalk:
-    """Walks to cells drawn among those near that it takes for free, with a stream for each robot."""
+    """Walks to cells drawn among the nearby ones that its map calls free, with a stream for each robot."""
 
     needs, is_blank = CHARTED, False
 
@@ -231,7 +231,7 @@ class RandomWalk:
             self._walks.pop(int(robot), None)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> Decision:
-        """On along the way or, once there, delayed or barred, along another one."""
+        """Continue along the way or, once there, delayed or barred, along another one."""
         pose = senses.pose[robot]
         terrain = self.needs.needed(knowledge, "failure: 'random-walk'").terrain(robot)
         here = self._lattice.cells(pose[:2])
@@ -254,7 +254,7 @@ class RandomWalk:
         return walk
 
     def _drawn(self, robot: int, here: NDArray[np.int64], terrain: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """The cells (w, 2) of a shortest way to one of the cells in reach, each as likely; none if it is shut in."""
+        """The cells (w, 2) of a shortest way to a cell in reach, all equally likely; none if the robot is shut in."""
         free = _walkable(terrain, self._under)
         start = (int(here[0]), int(here[1]))
         before = {start: start}
@@ -280,7 +280,7 @@ class RandomWalk:
 
 
 class Reboot:
-    """Forgets everything, and is as a dead robot until it is up again."""
+    """Forgets everything, and acts like a dead robot until it is up again."""
 
     needs, is_blank = None, True
 
@@ -288,16 +288,16 @@ class Reboot:
         computation.reset(robots)
 
     def decided(self, robot: int, senses: Senses, knowledge: Knowledge) -> None:
-        """Nothing of its own: as if dead, it stands."""
+        """None: it stands, as if dead."""
 
 
 def _window(context: BuildContext) -> int:
-    """How many waypoints, one a cell, a robot can pass within one iteration, with some to spare."""
+    """How many waypoints, one per cell, a robot can pass within one iteration, with some to spare."""
     return math.ceil(context.robots.speed * context.period / context.lattice.cell) + 3
 
 
 def _ahead(way: NDArray[np.float64], pose: NDArray[np.float64], window: int) -> NDArray[np.float64]:
-    """What is left of a way (w, 2) beyond the nearest of its next waypoints, its last one always."""
+    """The rest of a way (w, 2) beyond the nearest of its next waypoints; always includes the last one."""
     if len(way) == 0:
         return way
     nearest = int(np.hypot(*(way[:window] - pose[:2]).T).argmin())

@@ -1,4 +1,4 @@
-"""Faults of motors: wheels that stand, drag, run away or pull to one side."""
+"""Faults of motors: wheels that stop, drag, run away or pull to one side."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ SIDES = {"left": (True, False), "right": (False, True), "both": (True, True)}
 
 
 class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The motors of wheels do not do as they are told; the robot still senses, talks, steers and decides.
+    """The wheels' motors do not obey; the robot still senses, talks, steers and decides.
 
-    `off`: they stand. `slow`: they turn at `factor` of the speed wanted, alike or, with `wheel`, one of them only,
-    so that the robot pulls to one side. `stuck`: they turn at `speed` whatever is wanted. `stuck` and `wheel` need
-    a swarm on two wheels each.
+    `off`: they stop. `slow`: they turn at `factor` of the wanted speed, all of them or, with `wheel`, only one,
+    so that the robot pulls to one side. `stuck`: they always turn at `speed`. `stuck` and `wheel` need robots on two
+    wheels.
     """
 
     failure: Literal["off", "slow", "stuck"]
@@ -56,10 +56,10 @@ class Motor(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class MotorFailure(StatelessEffect):
-    """Wraps the motion: what the wheels do is a gain times what is wanted, plus a bias."""
+    """Wraps the motion: the wheels' output is a gain times the wanted command, plus a bias."""
 
     def __init__(self, wheels: NDArray[np.bool_], gain: float, bias: float) -> None:
-        """`wheels` (2,), or (n, c) of commands, are what fails of each robot."""
+        """`wheels` (2,), or (n, c) of commands: which of them fail on each robot."""
         self._wheels, self._gain, self._bias = wheels, gain, bias
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -69,7 +69,7 @@ class MotorFailure(StatelessEffect):
 
 
 class FailingMotion:
-    """Motion of which some wheels of live robots do something else; those of the dead stand."""
+    """Motion in which some wheels of live robots fail; those of the dead stand."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class FailingMotion:
         self._inner.follow(intents)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The commands wanted, but for what fails of them."""
+        """The wanted commands, altered where wheels fail."""
         wanted = self._inner.command(pose)
         np.copyto(wanted, wanted * self._gain + self._bias, where=self._failing)
         return wanted

@@ -1,4 +1,4 @@
-"""People who walk about among the robots, and never into them."""
+"""People who walk among the robots, and never into them."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Parts
 from swarmsim.kernels import search, walk
 
-_TRIES = 8  # destinations that somebody thinks of before resting
+_TRIES = 8  # destinations that a person tries before resting
 
 
 class People(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Discs that walk between random places of the floor, on shortest ways, all through the run.
+    """Discs that walk between random places of the floor, on shortest ways, throughout the run.
 
-    They see robots and each other, and stand while somebody is in their way. Beams end at them, so that maps hold
-    them for occupied where they were; the truth is the building without them.
+    They see robots and each other, and wait while one is in their way. Beams end at them, so that maps show
+    occupied cells where they were; the truth is the building without them.
     """
 
     count: Annotated[int, Meta(ge=1, le=1000)] = 1  # how many people walk about
     radius: Annotated[float, Meta(gt=0.0)] = 0.2  # m
     speed: Annotated[float, Meta(gt=0.0)] = 0.3  # m/s
-    patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step until somebody thinks of another place
+    patience: Annotated[float, Meta(gt=0.0)] = 5.0  # s without a step before a person tries another place
 
     def build(self, context: BuildContext) -> Visit:
         return Visit(self, context)
 
 
 class Visit:
-    """Lets people into the building."""
+    """Puts people into the building."""
 
     def __init__(self, people: People, context: BuildContext) -> None:
         self._people, self._context = people, context
@@ -45,7 +45,7 @@ class Visit:
 
 
 class Walkers:
-    """A crowd whose ways lead through cells that no wall touches."""
+    """A crowd that walks through cells that no wall touches."""
 
     def __init__(self, people: People, context: BuildContext, parts: Parts) -> None:
         self._people, self._building, self._lattice = people, parts.building, context.lattice
@@ -54,7 +54,7 @@ class Walkers:
         self._streams = [context.streams.open(f"fault {context.number} people", person) for person in range(count)]
         self._scratch = search.scratch(cells)
         self._path = np.zeros(cells, np.int32)
-        self._cells = [np.zeros(0, np.int64)] * count  # of everybody's way, row-major ...
+        self._cells = [np.zeros(0, np.int64)] * count  # of each person's way, row-major ...
         self._ways = np.zeros((count, 1, 2))  # ... and their centres, in m
         self._counts, self._cursor = np.zeros(count, np.int64), np.zeros(count, np.int64)
         self._waited = np.zeros(count)  # s
@@ -68,12 +68,12 @@ class Walkers:
         self._places = np.flatnonzero(floor & self._standable(under))
         self.discs: NDArray[np.float64] = np.zeros((0, 3))  # x, y, radius in m; a live view
         self._enter(parts)
-        # The cells, row-major, at the two ends of the leg that somebody is on: the one to retreat to, the one ahead.
+        # The cells, row-major, at the two ends of each person's present leg: the one to retreat to, the one ahead.
         here = (context.lattice.cells(self.discs[:, :2]) * (context.lattice.columns, 1)).sum(axis=1)
         self._leg = np.stack([here, here], axis=1)
 
     def _look_around(self) -> None:
-        """Take up the building of this moment."""
+        """Take over the present building."""
         occupied = self._building.occupied[None]
         never = np.zeros(occupied.shape, np.int32)
         log_odds = np.where(occupied, np.float32(1.0), np.float32(-1.0))
@@ -81,7 +81,7 @@ class Walkers:
         self._version = self._building.version
 
     def _standable(self, under: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """The cells (rows, columns) in whose centre somebody touches no occupied cell."""
+        """The cells (rows, columns) in whose centre a person touches no occupied cell."""
         reach = int(np.abs(under).max())
         rows, columns = self._lattice.shape
         wide = np.pad(self._building.occupied, reach)
@@ -89,7 +89,7 @@ class Walkers:
         return np.asarray(~np.logical_or.reduce(blocked))
 
     def _enter(self, parts: Parts) -> None:
-        """Put everybody where nobody is. Raises InputError if there is no such place."""
+        """Put all people on free places. Raises InputError if there are too few."""
         people, robots = self._people, parts.bodies.state().pose[parts.bodies.solid]
         bodies = np.column_stack([robots[:, :2], np.full(len(robots), self._radius)])
         bodies = np.concatenate([bodies, parts.building.walkers()])
@@ -110,7 +110,7 @@ class Walkers:
         return self._lattice.centres(np.stack(np.divmod(cells, self._lattice.columns), axis=-1))
 
     def walk(self, pose: NDArray[np.float64], solid: NDArray[np.bool_], dt: float) -> NDArray[np.float64]:
-        """Let everybody take the step of one sub-step; gives the velocities."""
+        """Move all people by one sub-step; gives the velocities."""
         if self._version != self._building.version:
             self._look_around()
             self._waited[:] = np.inf
@@ -127,16 +127,16 @@ class Walkers:
             pose,
             solid,
             self._radius,
-            self._speed * dt,  # what a robot may come nearer in the same time
+            self._speed * dt,  # how much nearer a robot may come in the same time
             dt,
             self._velocity,
         )
         return self._velocity
 
     def _set_off(self, person: int) -> None:
-        """Plan a way to a random place, or rest where there is none.
+        """Plan a way to a random place, or rest if there is none.
 
-        It starts with a retreat to where the present leg began, away from whoever is in the way.
+        It starts with a retreat to where the present leg began, away from the obstacle.
         """
         cursor, cells = self._cursor[person], self._cells[person]
         if cursor > 0:

@@ -1,4 +1,4 @@
-"""Faults of radios: robots that fall silent or deaf, lose or delay messages, and places that are jammed or cut off."""
+"""Faults of radios: robots that fall silent or deaf, lost or delayed messages, and jammed or cut-off places."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Radio(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Messages get lost or come late.
 
     `transmit`: nothing is sent; `receive`: nothing is heard; `off`: neither. `loss`: each message sent or heard by
-    the robots struck is lost with the probability `loss`. `delay`: it arrives so many iterations later than it would.
-    These strike robots, as their keys say. The following strike the network, and have no keys that say whom: `jam`:
-    whoever is inside `area` at that moment neither sends nor hears. `partition`: nothing passes between `groups` of
-    ids (those that none names are one more), or between robots that are on different sides of `x` or `y` when it
-    begins. A message that is under way meets what happens when it would arrive.
+    the robots struck is lost with the probability `loss`. `delay`: it arrives this many iterations later.
+    These strike robots, as their keys say. The following strike the network, and have no keys that select robots:
+    `jam`: robots inside `area` at that moment neither send nor hear. `partition`: nothing passes between `groups` of
+    ids (unnamed robots form one more), or between robots that are on different sides of `x` or `y` when it begins.
+    A message under way is subject to the faults at its arrival.
     """
 
     failure: Literal["transmit", "receive", "off", "loss", "delay", "jam", "partition"]
@@ -85,7 +85,7 @@ def _check_groups(groups: tuple[Group, ...], robots: int) -> None:
         if robot in ids[:place]:
             raise InputError(f"groups: robot {robot} is named twice; expected each id once")
     if len(groups) == 1 and len(ids) == robots:
-        raise InputError("groups: everybody is in one; expected two groups or more")
+        raise InputError("groups: all robots are in one; expected two groups or more")
 
 
 def _disturbance(fault: Radio, context: BuildContext) -> Disturbance:
@@ -102,13 +102,13 @@ def _disturbance(fault: Radio, context: BuildContext) -> Disturbance:
 
 
 class NetworkSchedule:
-    """When a fault of the whole network is there: then everybody has it, and its events name nobody."""
+    """When a fault of the whole network is there: then all robots have it, and its events name none."""
 
     def __init__(self, fault: Timed, context: BuildContext) -> None:
-        # The network takes the part of the only robot that there is to strike.
+        # The network acts as the only robot to strike.
         alone = replace(context, swarm=1)
         self._timeline = Timeline(msgspec.structs.replace(fault, min_alive=0), alone)
-        #: Who has the fault (n,): everybody or nobody; a live view.
+        #: Which robots have the fault (n,): all or none; a live view.
         self.active: NDArray[np.bool_] = np.zeros(context.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
@@ -120,7 +120,7 @@ class NetworkSchedule:
 
 
 class Disturbance(StatelessEffect, ABC):
-    """Wraps the channel, together with all other disturbances; this one does nothing to any message."""
+    """Wraps the channel, together with all other disturbances; this one changes no message."""
 
     reason = ""  # why messages are lost
 
@@ -129,7 +129,7 @@ class Disturbance(StatelessEffect, ABC):
 
     @property
     def active(self) -> bool:
-        """Whether anybody has the fault in this iteration."""
+        """Whether any robot has the fault in this iteration."""
         return bool(self._active.any())
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -149,7 +149,7 @@ class Disturbance(StatelessEffect, ABC):
         return np.zeros(len(arrived), np.bool_)
 
     def delays(self, arrived: Packets) -> NDArray[np.int64]:
-        """By how many iterations each of the messages (m, 4) that the channel delivers now is late."""
+        """The delay, in iterations, of each of the messages (m, 4) that the channel delivers now."""
         return np.zeros(len(arrived), np.int64)
 
 
@@ -163,16 +163,16 @@ class Silence(Disturbance):
         self._sends, self._hears = failure == "receive", failure == "transmit"
 
     def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
-        """Those that robots without a transmitter would send."""
+        """Messages of robots without a transmitter."""
         return self._active[sent[:, 1]] & (not self._sends)
 
     def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
-        """Those that robots without a receiver would hear."""
+        """Messages to robots without a receiver."""
         return self._active[arrived[:, 0]] & (not self._hears)
 
 
 class Loss(Disturbance):
-    """Robots with a bad radio, to and from which some messages are lost."""
+    """Robots with a bad radio: some messages to and from them are lost."""
 
     reason = "loss"
 
@@ -181,13 +181,13 @@ class Loss(Disturbance):
         self._probability, self._salt = probability, salt
 
     def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
-        """Those to or from robots with the fault for which the draw says so, one draw each."""
+        """Messages to or from robots with the fault, by one draw each."""
         draw = chance.uniform(self._salt, sent[:, 2], sent[:, 0], sent[:, 1])
         return self._active[sent[:, :2]].any(axis=1) & (draw < self._probability)
 
 
 class Delay(Disturbance):
-    """Robots with a slow radio, to and from which messages take longer."""
+    """Robots with a slow radio: messages to and from them take longer."""
 
     def __init__(self, iterations: int) -> None:
         super().__init__()
@@ -199,7 +199,7 @@ class Delay(Disturbance):
 
 
 class Jam(Disturbance):
-    """A place in which nothing is sent or heard."""
+    """A place where nothing is sent or heard."""
 
     reason = "jammed"
 
@@ -213,47 +213,47 @@ class Jam(Disturbance):
         return self._active & (x >= left) & (x <= right) & (y >= low) & (y <= high)
 
     def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
-        """Those from inside."""
+        """Messages from inside."""
         return self._inside(state)[sent[:, 1]]
 
     def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
-        """Those for somebody inside."""
+        """Messages to robots inside."""
         return self._inside(state)[arrived[:, 0]]
 
 
 class Partition(Disturbance):
-    """A network in parts between which nothing passes."""
+    """A network split into parts; nothing passes between them."""
 
     reason = "partition"
 
     def __init__(self, fault: Radio, robots: int) -> None:
         super().__init__()
         self._x, self._y = fault.x, fault.y
-        self._part = np.zeros(robots, np.int64)  # 0 for those whom no group names
+        self._part = np.zeros(robots, np.int64)  # 0 for robots in no group
         for number, group in enumerate(fault.groups or (), 1):
             self._part[list(group)] = number
 
     def begin(self, robots: Robots, state: State) -> None:
-        """Whoever is on one side of the line now belongs to it until the end."""
+        """Robots belong to their present side of the line until the end."""
         if self._x is not None:
             self._part[:] = state.pose[:, 0] < self._x
         if self._y is not None:
             self._part[:] = state.pose[:, 1] < self._y
 
     def leaving(self, state: State, sent: Packets) -> NDArray[np.bool_]:
-        """Those between two parts."""
+        """Messages between two parts."""
         return np.asarray(self._active[sent[:, 0]] & (self._part[sent[:, 0]] != self._part[sent[:, 1]]))
 
     def arriving(self, state: State, arrived: Packets) -> NDArray[np.bool_]:
-        """Those between two parts that were sent before it began."""
+        """Messages between two parts that were sent before it began."""
         return self.leaving(state, arrived)
 
 
 class DisturbedChannel:
-    """A channel with all disturbances around it, so that their order says only which reason a loss is given.
+    """A channel with all disturbances around it; their order decides only the reason given for a loss.
 
-    What never leaves a sender does not reach the channel; what arrives late is held here; and what nobody can
-    hear when it arrives is lost then, as "receiver dead" if the receiver died while it was held.
+    Messages that never leave a sender do not reach the channel; late ones are held here; and one that cannot be
+    heard when it arrives is lost then, as "receiver dead" if the receiver died while it was held.
     """
 
     def __init__(self, inner: NetworkChannel, disturbances: tuple[Disturbance, ...]) -> None:
@@ -262,7 +262,7 @@ class DisturbedChannel:
         self._due = np.empty(0, np.int64)
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What becomes of the new messages, of those in the channel and of those held here."""
+        """The fate of new messages, of those in the channel and of those held here."""
         now, acting = state.iteration, [one for one in self.disturbances if one.active]
         if not acting and len(self._held) == 0:
             return self.inner.deliver(state, links, sizes)

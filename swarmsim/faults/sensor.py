@@ -31,14 +31,14 @@ Spoil = Callable[[State, Robots, Readings, Places], Readings]
 
 
 class SensorFault(Timed, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Readings are wrong, and the robot uses and tells them as if they were right.
+    """Readings are wrong; the robot uses and shares them as if they were right.
 
     `off`: nothing is measured. `stuck`: all cells have one `value` or, of other `channels`, readings stay what they
     were. `noisy`: normal errors of the standard deviation `sigma` are added. `garbage`: each cell is unknown, free or
     occupied, drawn anew in every iteration. `range`: cells with centres farther than `range` from the robot are
-    unknown. `offset`: the tile is taken to lie so many cells aside. `beams`: these beams of a ring are dead.
+    unknown. `offset`: the tile is shifted by this many cells. `beams`: these beams of a ring are dead.
 
-    `channels` are those that are off, stuck or noisy: all of them that can be, unless some are named.
+    `channels` are those that are off, stuck or noisy; default: all that can be.
     """
 
     failure: Literal["off", "stuck", "noisy", "garbage", "range", "offset", "beams"]
@@ -103,7 +103,7 @@ def _noisy(salt: int, sigma: float) -> Spoil:
             keys = (state.iteration, robots[:, None], np.arange(max(math.prod(channel.shape), 1)), place)
             drawn = sigma * chance.normal(salt, *keys).reshape(len(robots), *channel.shape)
             given = column[robots]
-            measured = (given >= channel.low) & (given <= channel.high)  # which what is blank or NaN is not, mostly
+            measured = (given >= channel.low) & (given <= channel.high)  # mostly False for blank or NaN
             told = np.clip(given + drawn, channel.low, channel.high)
             column[robots] = np.where(measured, np.rint(told) if column.dtype.kind == "i" else told, given)
             changed[channel.name] = column
@@ -120,7 +120,7 @@ class Stuck:
         self._held: dict[int, NDArray[np.generic]] = {}
 
     def __call__(self, state: State, robots: Robots, readings: Readings, places: Places) -> Readings:
-        """The readings with those of before in these columns."""
+        """The readings with the earlier ones in these columns."""
         changed, names = {}, tuple(readings.channels)
         new = robots[self._since[robots] < state.iteration - 1]
         self._since[robots] = state.iteration
@@ -134,7 +134,7 @@ class Stuck:
 
 
 def _made_up(readings: Readings, robots: Robots, values: NDArray[np.uint8]) -> Readings:
-    """The same with other values of tiles; what is made up is believed as any tile is."""
+    """The same with other values of tiles; false ones are trusted like any others."""
     evidence = readings.channels.groups["tiles"][2:]
     return readings.having({"tiles.values": values}).blanked(robots, evidence)
 
@@ -187,7 +187,7 @@ class TileFailure(StatelessEffect):
         self._spoil = spoil
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
-        """The parts with the sensor wrapped; one without tiles has none that could be spoilt."""
+        """The parts with the sensor wrapped; a sensor without tiles stays as it is."""
         places = parts.sensor.channels.groups.get("tiles")
         return replace(parts, sensor=FailingSensor(parts.sensor, active, self._spoil, places)) if places else parts
 
@@ -198,7 +198,7 @@ class ChannelFailure(StatelessEffect):
     def __init__(
         self, names: tuple[str, ...] | None, failure: str | None, spoil: Callable[[NDArray[np.bool_]], Spoil]
     ) -> None:
-        """`failure` is what numbers alone can be; None: any channel can."""
+        """`failure` is one that only numbers can have; None: any channel can."""
         self._names, self._failure, self._spoil = names, failure, spoil
 
     def wrap(self, parts: Parts, active: NDArray[np.bool_]) -> Parts:
@@ -225,7 +225,7 @@ class ChannelFailure(StatelessEffect):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FailingSensor:
-    """A sensor of which some readings are spoilt; those of dead robots stay blank."""
+    """A sensor with some readings spoilt; those of dead robots stay blank."""
 
     inner: SensorPart
     active: NDArray[np.bool_]  # (n,): a live view
@@ -234,15 +234,15 @@ class FailingSensor:
 
     @property
     def channels(self) -> Channels:
-        """What the sensor inside gives."""
+        """The channels of the wrapped sensor."""
         return self.inner.channels
 
     def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> FailingSensor:
-        """The same around a sensor that lacks beams: these die beneath all that spoils tiles."""
+        """The same around a sensor that lacks beams: they die beneath all failures that spoil tiles."""
         return replace(self, inner=maimed(self.inner, beams, active))
 
     def sense(self, state: State) -> Readings:
-        """The readings, but for those that fail."""
+        """The readings, with the failing ones replaced."""
         readings = self.inner.sense(state)
         failing = np.flatnonzero(self.active & state.alive)
         return self.spoil(state, failing, readings, self.places) if len(failing) else readings

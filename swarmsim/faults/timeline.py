@@ -21,7 +21,7 @@ Robots = NDArray[np.int64]  # (r,): ids, sorted
 
 
 class Life(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How long robots last: a Weibull law (Weibull 1951); shape 1 is the exponential one, more is wear."""
+    """Weibull lifetimes (Weibull 1951); shape 1 is exponential, above 1 models wear-out."""
 
     mean: Annotated[float, Meta(gt=0.0)]  # iterations
     shape: Annotated[float, Meta(ge=0.1)] = 1.0  # below 0.1 the law is so skew that its mean says nothing
@@ -39,13 +39,13 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     between: tuple[Iteration, Iteration] | None = None  # the first iteration with, and the first without it
     progress: Share | None = None  # strikes once this share of the task is done
     rate: Annotated[float, Meta(gt=0.0, le=1000.0)] | None = None  # strikes per iteration, as a Poisson process
-    life: Life | None = None  # strikes each robot once, at the end of a life of its own
+    life: Life | None = None  # strikes each robot once, after its own random lifetime
     duration: Duration | None = None  # iterations with the fault; default: for good
     duty: tuple[Duration, Duration] | None = None  # intermittent: iterations with and then without it, in turn
     robots: tuple[Annotated[int, Meta(ge=0)], ...] | None = None  # these
     group: str | None = None  # those of this group of robots, by its name or number
-    count: Annotated[int, Meta(ge=1)] | None = None  # so many at a time; default: 1, or all in `region`
-    fraction: Share | None = None  # so large a part of those alive, rounded, but one at least
+    count: Annotated[int, Meta(ge=1)] | None = None  # robots at a time; default: 1, or all in `region`
+    fraction: Share | None = None  # share of the live robots, rounded, but one at least
     target: Literal["random", "nearest", "farthest", "hub"] = "random"  # the hub is heard by most
     point: tuple[float, float] | None = None  # m: what nearest and farthest are measured from
     region: tuple[float, float, float, float] | None = None  # m: only robots with centres in left, lower, right, upper
@@ -55,7 +55,7 @@ class Timed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Timeline:
     """Which robots have the fault in the coming iteration.
 
-    It is moved forward between two iterations, so that a fault `at` an iteration is there from its first beam on.
+    It moves forward between two iterations, so that a fault `at` an iteration holds from its first beam on.
     """
 
     def __init__(self, fault: Timed, context: BuildContext) -> None:
@@ -68,7 +68,7 @@ class Timeline:
             self._those = context.robots.group(fault.group, "group").tolist()
         self._stream = context.streams.open("fault", number)
         self._since = np.full(context.swarm, -1, np.int64)  # the iteration in which it struck; -1 for not
-        self._spent = np.zeros(context.swarm, np.bool_)  # whose life has ended already
+        self._spent = np.zeros(context.swarm, np.bool_)  # robots whose life has ended
         self._reached = False
         self._lives = np.full(context.swarm, np.inf)
         if fault.life is not None:
@@ -76,11 +76,11 @@ class Timeline:
             for robot in range(context.swarm):
                 stream = context.streams.open(f"fault {number} life", robot)
                 self._lives[robot] = np.ceil(scale * stream.weibull(fault.life.shape))
-        #: Who has the fault in this iteration (n,); a live view.
+        #: Which robots have the fault in this iteration (n,); a live view.
         self.active: NDArray[np.bool_] = np.zeros(context.swarm, np.bool_)
 
     def advance(self, state: State, progress: float, parts: Parts) -> tuple[Robots, Robots]:
-        """Move on to the iteration of `state`; gives those with whom the fault begins, and with whom it ends."""
+        """Move on to the iteration of `state`; gives the robots that get the fault, and those that lose it."""
         now, fault = state.iteration, self._fault
         if fault.between is not None:
             lasts: int | None = fault.between[1] - fault.between[0]
@@ -93,7 +93,7 @@ class Timeline:
         active = self._since >= 0
         if fault.duty is not None:
             active &= (now - self._since) % sum(fault.duty) < fault.duty[0]
-            active &= state.alive | self.active  # whoever is out by another fault is not this one's to bring back
+            active &= state.alive | self.active  # robots that are out by another fault are not this one's to bring back
         begins, ends = np.flatnonzero(active & ~self.active), np.flatnonzero(self.active & ~active)
         self.active[:] = active
         return begins, ends
@@ -113,7 +113,7 @@ class Timeline:
         return int((self._lives <= now).any())
 
     def _struck(self, state: State, parts: Parts) -> Robots:
-        """Whom it strikes now, down to those kept."""
+        """The robots it strikes now; `min_alive` are kept."""
         fault = self._fault
         open_ = state.alive & (self._since < 0)
         room = int(open_.sum()) - fault.min_alive
@@ -148,7 +148,7 @@ class Timeline:
         return len(candidates) if everybody else 1
 
     def _order(self, state: State, parts: Parts) -> NDArray[np.float64]:
-        """A number for each robot (n,): those with the lowest are struck first."""
+        """A number for each robot (n,): the lowest are struck first."""
         if self._fault.target == "hub":
             heard_by = np.bincount(parts.topology.links(state)[:, 1], minlength=state.robots)
             return -heard_by.astype(np.float64)
@@ -168,7 +168,7 @@ def _check(fault: Timed, robots: int) -> None:
     if fault.every is not None and fault.at is None:
         raise InputError("every: nothing to count from; expected `at` as well")
     if fault.between is not None and fault.between[1] <= fault.between[0]:
-        raise InputError(f"between: {list(fault.between)} is no time; expected the second to be later")
+        raise InputError(f"between: {list(fault.between)} is empty; expected the second to be later than the first")
     if fault.between is not None and fault.duration is not None:
         raise InputError("duration: `between` says how long already; expected one of them")
     if fault.min_alive >= robots:

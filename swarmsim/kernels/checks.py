@@ -1,4 +1,4 @@
-"""Whether what parts give keeps their contracts; what exactly breaks one is found out where that is told."""
+"""Whether parts' outputs keep their contracts; the callers that report a breach find its details."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def letters_hold(letters, robots, iteration):
 
 @njit(cache=True)
 def messages_hold(ends, sizes, items):
-    """Whether the ends (n,) of messages rise to so many items, and no size (n,) is negative."""
+    """Whether the ends (n,) of messages rise to the number of items, and no size (n,) is negative."""
     last = 0
     for i in range(len(ends)):
         if ends[i] < last or sizes[i] < 0:
@@ -69,10 +69,10 @@ def counts_hold(counts, most):
 def audit(changes, shown, known, known_words, observed_words, turn):
     """Whether changes (c, 3) of maps claim only what was `shown` (n, cells), and lead to what is observed.
 
-    Brings `known` (n, cells) up to date, of which `known_words` is a view of eight cells a word, as `observed_words` is
-    of the maps. Maps are compared in turns, an eighth of them and one more in each `turn`. Gives 0 if all is well; 1
-    and a row of `changes` that names no robot, cell or state; 2 and a row that claims what was not shown; 3 and a robot
-    whose map differs from its changes.
+    Updates `known` (n, cells); `known_words` and, for the maps, `observed_words` are views with eight cells per word.
+    Maps are compared in turns, an eighth of them and one more in each `turn`. Gives 0 if all is well; 1 and a row of
+    `changes` with an unknown robot, cell or state; 2 and a row that claims an unseen cell; 3 and a robot whose map
+    differs from its changes.
     """
     robots, cells = known.shape
     for k in range(len(changes)):

@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept, and which are being compiled: the first run on a machine compiles many."""
+"""The cache of compiled kernels, and those being compiled: the first run on a machine compiles many."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, Use
 
 
 def find_a_place() -> None:
-    """Let numba keep kernels in a temporary folder, where all places that it knows cannot be written.
+    """Let numba keep kernels in a temporary folder if it can write to none of its places.
 
-    Those are the one that NUMBA_CACHE_DIR names, the package's own folder and the user's cache. Raises OSError if
-    there is no temporary folder either.
+    Those are NUMBA_CACHE_DIR, the package's own folder and the user's cache. Raises OSError if there is no temporary
+    folder either.
     """
     known = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
     if not any(place.from_function(find_a_place, __file__) for place in known):
@@ -30,7 +30,7 @@ def makeshift() -> str | None:
 
 
 def _own_folder() -> Path:
-    """A temporary folder that is this user's alone, for what is in it is run; the same one for later runs."""
+    """A temporary folder private to this user, as its contents are executed; the same one for later runs."""
     try:
         folder = Path(tempfile.gettempdir()) / f"swarmsim-kernels-{os.getuid() if os.name == 'posix' else 'here'}"
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -59,7 +59,7 @@ class _Watch(event.Listener):
 
 @contextmanager
 def watched(told) -> Iterator[None]:
-    """While this lasts, call `told` with the name of each kernel whose compilation begins."""
+    """Within the block, call `told` with the name of each kernel whose compilation begins."""
     watch = _Watch(told)
     event.register("numba:compile", watch)
     try:

@@ -1,4 +1,4 @@
-"""What exploring robots do next, for the whole swarm: keep a way, choose a goal, give way, walk off."""
+"""Exploring robots' next steps, for the whole swarm: keep a way, choose a goal, give way, walk off."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from swarmsim.kernels.search import (
 
 
 class Plans(NamedTuple):
-    """What the robots are about to do; row i is robot i. Cells are row-major indices, -1 for none."""
+    """The robots' plans; row i is robot i. Cells are row-major indices, -1 for none."""
 
     goal: NDArray[np.int32]  # (n,): the frontier cell to explore
     path: NDArray[np.int32]  # (n, cells): the way there, first cell first
@@ -32,7 +32,7 @@ class Plans(NamedTuple):
     cursor: NDArray[np.int32]  # (n,): the step of the path that the robot has reached
     anchor: NDArray[np.float64]  # (n, 2): where it last made progress, x and y in m
     waited: NDArray[np.int32]  # (n,): iterations since then
-    idle: NDArray[np.int32]  # (n,): until when a robot that found nothing to do waits for news
+    idle: NDArray[np.int32]  # (n,): until when an idle robot waits for news
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
 
 
@@ -104,7 +104,7 @@ def _drop(plans, i):
 
 @njit(cache=True)
 def _is_done(maps, patrol, i, columns, goal):
-    """Whether nothing is left to do at robot i's goal: on patrol it has been seen since, else it is no frontier."""
+    """Whether robot i's goal is done: seen since on patrol, else no frontier any more."""
     if patrol.since[i] > 0:
         return patrol.seen[i, goal // columns, goal % columns] > patrol.since[i]
     return not is_frontier(maps, i, goal // columns, goal % columns)
@@ -128,7 +128,7 @@ def _reconsider(now, i, arrived, stuck, draw, maps, plans, patrol, rules):
         _drop(plans, i)
     if patrol.since[i] > 0 and plans.goal[i] < 0:
         patrol.since[i] = 0
-        plans.idle[i] = now  # so that it looks for the next at once
+        plans.idle[i] = now  # it looks for the next at once
 
 
 @njit(cache=True)
@@ -158,9 +158,9 @@ def _revisit(now, i, here, maps, plans, patrol, rules, salt, work):
 
 @njit(cache=True)
 def _look_up(now, i, pose, news, maps, plans, patrol, rules, salts):
-    """See where robot i has got to, and drop its plan if it is done with.
+    """Find robot i's cell, and drop its plan if it is done.
 
-    Gives the robot's cell, whether it is due to look for something to explore, whether it is stuck, and its draw.
+    Gives the cell, whether the robot is due to look for something to explore, whether it is stuck, and its draw.
     """
     columns = maps.observed.shape[2]
     u = (pose[i, 0] - rules.x0) / rules.cell
@@ -176,7 +176,7 @@ def _look_up(now, i, pose, news, maps, plans, patrol, rules, salts):
 
 @njit(cache=True)
 def _keep_on(now, i, here, maps, plans, patrol, rules, work):
-    """Let robot i go on to its goal, by another way if this one is no longer open; gives whether it has a way."""
+    """Keep robot i's goal, by another way if this one is no longer open; gives whether it has a way."""
     goal = plans.goal[i]
     count = plans.steps[i]
     keeps = rules.keep or patrol.since[i] > 0
@@ -194,7 +194,7 @@ def _keep_on(now, i, here, maps, plans, patrol, rules, work):
 
 @njit(cache=True)
 def _fall_back(now, i, here, stuck, draw, maps, plans, rules):
-    """Let robot i, which has nothing to explore, stand until its patience ends or, if it is stuck, give way."""
+    """Robot i has nothing to explore: it stands until its patience ends or, if stuck, gives way."""
     if stuck:
         plans.steps[i] = _give_way(maps, i, now, rules, here, scramble(draw), plans.path[i])
         plans.planned[i] = plans.steps[i] > 0
@@ -204,20 +204,20 @@ def _fall_back(now, i, here, stuck, draw, maps, plans, rules):
 
 @njit(cache=True)
 def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts, work):
-    """Choose every live robot's goal and path for this iteration; robot i reads and writes row i alone.
+    """Choose every live robot's goal and path for this iteration; robot i reads and writes only row i.
 
     `pose` (n, 3) in m and rad; `news` (n,) counts the cells new on each robot's map; `salts` and `tie_salts`
-    (n,) are random numbers of the robots' own. The rules:
+    (n,) are the robots' own random numbers. The rules:
 
     1. A goal is kept while it is a frontier and can be reached (`rules.keep`); when the path to it is no
        longer open, another one is planned.
-    2. A frontier that still is one when its robot has arrived yields nothing: it is shunned for a while.
+    2. A frontier that remains one after its robot's arrival yields nothing: it is shunned for a while.
     3. A robot without progress for `rules.patience` iterations is stuck: it bars the next cell of its path
-       to itself for a random while and chooses again.
-    4. If that leaves it nothing to choose, it gives way by a short random walk.
+       to itself for a random time and chooses again.
+    4. If nothing is left to choose, it gives way by a short random walk.
     5. A robot that finds no frontier stands, and looks again when its map grows or its patience ends.
-    6. If robots patrol, it goes instead to the nearest cell at least half as old as the one seen longest ago, until
-       that has been seen by anybody it hears; on the way it looks for frontiers as in 5, and a frontier comes first.
+    6. If robots patrol, it goes instead to the nearest cell at least half as old as the one seen longest ago, until it
+    or any robot it hears has seen it; on the way it looks for frontiers as in 5, and a frontier comes first.
     """
     for i in range(len(alive)):
         plans.planned[i] = False
@@ -249,9 +249,9 @@ def decide(now, pose, alive, news, maps, plans, patrol, rules, salts, tie_salts,
 
 @njit(cache=True)
 def look(now, pose, alive, news, maps, plans, patrol, rules, salts, work):
-    """The same up to the choice: gives where each robot is, whether it has to choose, was stuck, its draw and old goal.
+    """The same up to the choice: gives each robot's cell, whether it has to choose, was stuck, its draw and old goal.
 
-    What is written is for `go`, or `stay`, to complete: rules 1 to 3 of `decide` are done with, nobody patrols.
+    `go` or `stay` completes the plans: rules 1 to 3 of `decide` are done, and no robot patrols.
     """
     count = len(alive)
     here = np.full(count, -1, np.int32)
@@ -272,7 +272,7 @@ def look(now, pose, alive, news, maps, plans, patrol, rules, salts, work):
 
 @njit(cache=True)
 def go(now, i, here, goal, stand, maps, plans, rules, work):
-    """Plan robot i's way from its cell to where it explores a goal from."""
+    """Plan robot i's way from its cell to the cell from which it explores a goal."""
     plans.steps[i] = a_star(maps, i, now, rules, here, stand, work, plans.path[i])
     plans.goal[i] = goal
     plans.planned[i] = True
@@ -288,7 +288,7 @@ def stay(now, i, here, stuck, draw, maps, plans, rules):
 def way_ahead(plans, rules, columns, waypoints):
     """Write the centres (x, y in m) of the cells still ahead of each robot into `waypoints` (n, longest, 2).
 
-    The step that the robot has reached is left out unless it is the last. Gives the counts (n,).
+    The step reached is left out unless it is the last. Gives the counts (n,).
     """
     counts = np.zeros(len(plans.steps), np.int32)
     for i in range(len(counts)):
@@ -301,8 +301,8 @@ def way_ahead(plans, rules, columns, waypoints):
 
 
 def _forget_what_is_stale() -> None:
-    """Drop what numba has kept of this file if `search` is newer, whose edits its cache does not notice."""
-    if config.DISABLE_JIT:  # nothing is compiled, nor kept
+    """Drop numba's cache of this file if `search` is newer: the cache does not notice its edits."""
+    if config.DISABLE_JIT:  # nothing is compiled or cached
         return
     edited = Path(search.__file__).stat().st_mtime
     for index in Path(decide.stats.cache_path).glob(f"{Path(__file__).stem}.*.nbi"):

@@ -21,7 +21,7 @@ def scramble(value):
 
 @njit(cache=True)
 def _share(draw):
-    """The number in [0, 1) that a 64-bit draw stands for."""
+    """A 64-bit draw as a number in [0, 1)."""
     return (draw >> np.uint64(11)) * 2.0**-53
 
 
@@ -51,7 +51,7 @@ def random_senders(salt, iteration, alive, k):
     """Links from every live robot to k live others drawn at random; all of them where there are fewer than k.
 
     Each receiver draws one number for each other robot, from salt, iteration and the two ids alone, and hears the
-    robots with the lowest: the death of one lets only those who heard it hear somebody else.
+    robots with the lowest: if one dies, only its listeners change.
     """
     live = np.flatnonzero(alive)
     each = min(k, len(live) - 1)
@@ -87,8 +87,8 @@ def small_world(salt, robots, k, p):
     """Links of a ring lattice in which every robot hears k < `robots` others, each sender redrawn with probability p.
 
     The lattice: each hears the next higher id, the next lower, the one after the next higher, and so on around. A
-    redrawn sender is any robot but the receiver and those it hears (as in Watts & Strogatz 1998); where there is no
-    other, the link stays.
+    redrawn sender is any robot but the receiver and those it hears (as in Watts & Strogatz 1998); without any other,
+    the link stays.
     """
     links = np.empty((robots * k, 2), np.int32)
     who = np.empty(k, np.int32)

@@ -1,4 +1,4 @@
-"""Wheels and waypoints: what moves each robot within one physics sub-step."""
+"""Wheels and waypoints: each robot's motion within one physics sub-step."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def roll(
     count, dt, engine, written, read, moving, wheels, push, traits,
     waypoints, counts, cursor, ahead, paces, aims, wanted, turning, twisting, rims,
 ):  # fmt: skip
-    """Let `count` sub-steps of `dt` (s) pass: follow waypoints, push, step the engine and read it, each time.
+    """Run `count` sub-steps of `dt` (s): follow waypoints, push, step the engine and read it, each time.
 
     `engine` (7,) are the addresses of: the engine's step, its call for each body, the space, the call that writes
-    forces with its data, and the call that reads motions with its data. `written` and `read` (1,) are how many numbers
-    those have dealt with, in the engine's memory. Robots that are `turning` (n,) have the wheel speeds `twisting`
-    (n, 2) instead of following waypoints. All else is as `forces`, `pursue` and `towards` say.
+    forces with its data, and the call that reads motions with its data. `written` and `read` (1,), in the engine's
+    memory, count the numbers these have handled. Robots that are `turning` (n,) take the wheel speeds `twisting` (n, 2)
+    instead of following waypoints. All else is as in `forces`, `pursue` and `towards`.
     """
     size = written[0]
     for _ in range(count):
@@ -78,8 +78,7 @@ def forces(moving, wheels, wanted, push, dt, traits):
     between the two contact points, and each is cut to the friction circle of radius grip, Coulomb's
     limit for half the weight. `moving` (n, 6) is x, y, yaw and their rates in the world frame, and so are the
     force (N) and the torque (N m) written to `push` (n or more, 3). Semi-implicit Euler applies a force to the
-    motion of the next sub-step, so it is aimed along the heading that the body will have in the middle of that
-    one.
+    motion of the next sub-step, so it is aimed along the body's heading in the middle of that one.
     """
     for i in range(len(wheels)):
         base, mass, moment, acceleration, grip = traits[i, 0], traits[i, 1], traits[i, 2], traits[i, 3], traits[i, 4]
@@ -108,7 +107,7 @@ def forces(moving, wheels, wanted, push, dt, traits):
 
 @njit(cache=True, error_model="numpy")
 def wheels_of(twists, rims, wheels):
-    """Wheel speeds of velocities (n, 3) in m/s ahead, m/s to the left, which wheels cannot, and rad/s.
+    """Wheel speeds of velocities (n, 3) in m/s ahead, m/s to the left (ignored) and rad/s.
 
     `rims` (n, 2) as in `towards`. Slower, on the same arc, where a wheel is too fast. Writes `wheels` (n, 2).
     """
@@ -124,9 +123,9 @@ def wheels_of(twists, rims, wheels):
 def pursue(pose, waypoints, counts, cursor, ahead, paces, aims):
     """The point of its way that each robot heads for, as in pure pursuit (Coulter 1992, CMU-RI-TR-92-01).
 
-    It is its first waypoint at least `ahead` (n,) m away, remembered in `cursor` (n,); it stops at the last one only.
+    It is its first waypoint at least `ahead` (n,) m away, remembered in `cursor` (n,); it stops only at the last one.
     `paces` (n, 2) are each robot's own: top speed (m/s) and braking (m/s^2). Writes `aims` (n, 4): m ahead, m to the
-    left, how far in m, and m/s at most, 0 for those who stand.
+    left, distance in m, and m/s at most, 0 for standing robots.
     """
     for i in range(len(counts)):
         aims[i, 3] = 0.0
@@ -155,8 +154,8 @@ def pursue(pose, waypoints, counts, cursor, ahead, paces, aims):
 def towards(aims, rims, wanted):
     """Wheel speeds that lead to points `aims` (n, 4), as `pursue` gives them, in arcs.
 
-    An arc too tight for its speed is driven slower, a target behind the robot is turned to on the spot. `rims` (n, 2)
-    are each robot's own: top speed (m/s at either wheel rim) and wheel base (m). Writes `wanted` (n, 2).
+    Robots slow down on too tight an arc, and turn on the spot to a target behind. `rims` (n, 2) are each robot's own:
+    top speed (m/s at either wheel rim) and wheel base (m). Writes `wanted` (n, 2).
     """
     for i in range(len(aims)):
         forward, left, distance, limit = aims[i, 0], aims[i, 1], aims[i, 2], aims[i, 3]

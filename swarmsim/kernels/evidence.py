@@ -1,4 +1,4 @@
-"""What one range reading says of the cells along its beam, by Bayes' rule from how the rangefinder errs."""
+"""The evidence of one range reading on the cells along its beam, by Bayes' rule from the rangefinder's errors."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import math
 import numpy as np
 from numba import njit
 
-PASSED = 2.0 / 3.0  # probability that a beam gets through a cell although something stands in it
-STOPPED = 0.5 * (1.0 - PASSED)  # that a cell of which nothing is known stops a beam
+PASSED = 2.0 / 3.0  # probability that a beam gets through an occupied cell
+STOPPED = 0.5 * (1.0 - PASSED)  # that an unknown cell stops a beam
 FAINT = 0.5 * PASSED / (1.0 - STOPPED)  # that a cell is occupied although a beam got through it: 0.4
 CLIPPED = 0.2  # cells: a beam with a shorter way through a cell says nothing about it
-SURE = 3.5  # log-odds, the most that one reading, or a whole tile, says of a cell for a wall ...
+SURE = 3.5  # log-odds, the most that one reading, or a whole tile, gives a cell for a wall ...
 CLEAR = -2.0  # ... and against one
 OCCUPIED = 2.0  # log-odds from which a tile calls a cell occupied: about those of `hit`, which hearers add
-FREE = -0.35  # and free, likewise of `miss`
-ON_EDGE = 0.5  # probability that a surface lies on the edge of its cell, as walls do that are drawn on the lattice
-FINEST = 1e-3  # m, the least standard deviation that is reckoned with
+FREE = -0.35  # and free: about those of `miss`
+ON_EDGE = 0.5  # probability that a surface lies on the edge of its cell, as for walls drawn on the lattice
+FINEST = 1e-3  # m, the least standard deviation used
 ROOT = math.sqrt(2.0 * math.pi)
 STEPS = 64  # cells along a beam at most
 
@@ -98,15 +98,14 @@ def tiles(pose, alive, rays, axis, readings, reach, blind, noise, outliers, latt
     of readings that are anything between `blind` and `reach` (m). `lattice` = (x0, y0, cell).
 
     Along a ray, cell j is the first to stop the beam with probability STOPPED (1 - STOPPED)^j: every cell is occupied
-    with probability 1/2, and an occupied one, of which walls may cover a corner, lets a beam pass with probability
-    PASSED; its surface is on the cell's edge with probability ON_EDGE, or else anywhere in it. The likelihood of the
-    reading for each j is the forward model's; Bayes' rule gives the probability that each cell is occupied, and its
-    log-odds are what the reading says (Thrun, Burgard, Fox, Probabilistic Robotics, 2005, sections 6.3 and 9.3).
-    Outside of its middle a beam's cone says only what is free. Beams err independently, so that their log-odds add, up
-    to CLEAR and SURE.
+    with probability 1/2, and an occupied one, perhaps only at a corner, lets a beam pass with probability PASSED; its
+    surface is on the cell's edge with probability ON_EDGE, or else anywhere in it. The likelihood of the reading for
+    each j is the forward model's; Bayes' rule gives the probability that each cell is occupied, and its log-odds are
+    the reading's evidence (Thrun, Burgard, Fox, Probabilistic Robotics, 2005, sections 6.3 and 9.3). Off its middle, a
+    beam's cone gives evidence only of free cells. Beams err independently, so their log-odds add, up to CLEAR and SURE.
 
-    Writes `evidence` (n, rows, columns), log-odds, and `values`, which call a cell occupied or free where it is sure
-    enough. A robot's own cell is free.
+    Writes `evidence` (n, rows, columns), log-odds, and `values`, which mark only sufficiently certain cells. A robot's
+    own cell is free.
     """
     robots, height, width = values.shape
     x0, y0, cell = lattice

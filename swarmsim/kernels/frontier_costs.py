@@ -1,4 +1,4 @@
-"""What an exploring robot can choose from: its frontiers in pieces, and how far everybody it knows of has to go."""
+"""An exploring robot's choices: its frontiers in pieces, and the ways of all robots it knows of."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FAR = np.iinfo(np.int32).max
 class Ground(NamedTuple):
     """Working memory of surveys of one grid."""
 
-    stands: NDArray[np.bool_]  # (rows + 2, columns + 2): where the robot could stand; the margin is not
+    stands: NDArray[np.bool_]  # (rows + 2, columns + 2): where the robot could stand; False in the margin
     cost: NDArray[np.int32]  # (all of them,): of the way there, FAR where there is none
     own: NDArray[np.int32]  # (all of them,): the same of the robot itself
     buckets: NDArray[np.int32]  # (8, all of them): cells to settle, by their cost modulo 8
@@ -41,7 +41,7 @@ class Ground(NamedTuple):
 
 
 def ground(rows: int, columns: int) -> Ground:
-    """Working memory for grids of such a shape."""
+    """Working memory for grids of this shape."""
     cells, framed = rows * columns, (rows + 2) * (columns + 2)
     cost, own = np.zeros((2, framed), np.int32)
     piece, stack = np.zeros((2, cells), np.int32)
@@ -52,7 +52,7 @@ def ground(rows: int, columns: int) -> Ground:
 
 @njit(cache=True)
 def _find_stands(maps, i, now, rules, stands):
-    """Note in `stands` (rows + 2, columns + 2), which has a margin, where robot i could stand."""
+    """Note in `stands` (rows + 2, columns + 2), with a margin, where robot i could stand."""
     rows, columns = maps.observed.shape[1:]
     stands[:] = False
     for r in range(rows):
@@ -179,8 +179,7 @@ def survey(maps, i, now, rules, here, others, before, grain, reach, salt, work):
     """The pieces of frontier that robot i can reach from the cell `here`.
 
     Frontiers are cut at the lines of a grid of `grain` cells. `others` (h,) are the cells of other robots, `before` the
-    goal that the robot had, -1 for none, `reach` how many cells far its sensor sees; pieces equally near come in an
-    order drawn by `salt`.
+    robot's last goal, -1 for none, `reach` its sensor's reach in cells; `salt` draws the order of equally near pieces.
     """
     rows, columns = maps.observed.shape[1:]
     _find_stands(maps, i, now, rules, work.stands)
@@ -230,10 +229,10 @@ def survey(maps, i, now, rules, here, others, before, grain, reach, salt, work):
 
 @njit(cache=True)
 def descend(maps, i, now, rules, here, others, found, reach, work):
-    """The piece of frontier at which a walk from the cell `here` to the lowest neighbour each time, never back, ends.
+    """The piece of frontier at which a walk from the cell `here`, always to the lowest neighbour, never back, ends.
 
     The potential of a cell falls by size / way for each piece and rises by reach - way for each of the `others` (h,)
-    within `reach` cells, as in `choosing.PotentialField`. Where the walk has nowhere to go, the nearest piece is given.
+    within `reach` cells, as in `choosing.PotentialField`. Gives the nearest piece if the walk has nowhere to go.
     """
     columns = maps.observed.shape[2]
     wide = columns + 2

@@ -1,4 +1,4 @@
-"""Who is near whom.
+"""Which robots are near which.
 
 All functions that call each other live in this file: numba's cache does not notice edits elsewhere. Links are
 (m, 2) int32: receiver, sender; sorted. Edges are (e, 2) int32: two robots in any order, each pair once.
@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-FEW = 48  # robots: comparing all pairs of so many costs less than sorting them first
+FEW = 48  # robots: up to here, comparing all pairs costs less than sorting first
 ROUNDING = 1e-12  # relative: more than the error of a distance or of a sum of two
 
 
@@ -32,7 +32,7 @@ def everybody(alive):
 
 @njit(cache=True)
 def among_live(links, alive):
-    """Those of the links whose two robots are alive, in the same order."""
+    """The links whose two robots are alive, in the same order."""
     kept = np.empty_like(links)
     count = 0
     for m in range(len(links)):
@@ -45,7 +45,7 @@ def among_live(links, alive):
 
 @njit(cache=True)
 def mutual(links):
-    """Those of the links that run both ways, in the same order."""
+    """The links that run both ways, in the same order."""
     kept = np.empty_like(links)
     count = 0
     first = np.searchsorted(links[:, 0], np.arange(links[-1, 0] + 2 if len(links) else 1))
@@ -77,7 +77,7 @@ def both_ways(edges, robots):
             end[i] += 1
     links = np.empty((2 * len(edges), 2), np.int32)
     end = start.copy()
-    for j in range(robots):  # each robot tells its neighbours of itself: they hear of one another in rising order
+    for j in range(robots):  # each robot enters itself at its neighbours, so that their lists rise
         for m in range(start[j], start[j + 1]):
             i = beside[m]
             links[end[i], 0] = i
@@ -106,7 +106,7 @@ def _offer(keys, who, found, key, j):
 
 @njit(cache=True)
 def _write(links, first, receiver, who):
-    """Write the links of one receiver, its senders put in order, from row `first` on."""
+    """Write the links of one receiver, senders sorted, from row `first` on."""
     for m in range(len(who)):
         slot = first + m
         while slot > first and links[slot - 1, 1] > who[m]:
@@ -125,7 +125,7 @@ def _apart(positions, i, j):
 
 @njit(cache=True)
 def _along(positions, live):
-    """The axis along which these robots are spread furthest, and they in order along it."""
+    """The axis along which these robots are spread furthest, and their order along it."""
     axis = 0
     if len(live) > 0:
         x = positions[live, 0]
@@ -137,7 +137,7 @@ def _along(positions, live):
 def nearest(positions, alive, k):
     """Links from every live robot to its k nearest live others; all of them where there are fewer than k.
 
-    `positions` (n, 2 or more): x, y. Of others equally far away the one with the lower id is nearer.
+    `positions` (n, 2 or more): x, y. Ties in distance go to the lower id.
     """
     live = np.count_nonzero(alive)
     if 0 < live - 1 <= k:
@@ -169,7 +169,7 @@ def _nearest_of_few(positions, alive, k):
 
 @njit(cache=True)
 def nearest_around(positions, alive, k, width, height):
-    """As `nearest`, on a page of this size (m) whose opposite edges are one: distances are the shortest around it."""
+    """As `nearest`, on a page of this size (m) whose opposite edges coincide: distances are the shortest around it."""
     live = np.flatnonzero(alive)
     each = min(k, len(live) - 1)
     if each <= 0:
@@ -195,7 +195,7 @@ def nearest_around(positions, alive, k, width, height):
 
 @njit(cache=True)
 def _nearest_of_many(positions, alive, k):
-    """As `nearest`, by looking from every robot outwards along the axis along which the swarm is spread further."""
+    """As `nearest`, by searching outwards from every robot along the axis along which the swarm is spread further."""
     live = np.flatnonzero(alive)
     each = min(k, len(live) - 1)
     if each <= 0:
@@ -208,7 +208,7 @@ def _nearest_of_many(positions, alive, k):
     who = np.empty(each, np.int32)
     for place in range(len(order)):
         found = np.int64(0)
-        limit = math.inf  # m^2: whoever is further away is not among the nearest, rounding allowed for
+        limit = math.inf  # m^2: robots farther away are not among the nearest, with a margin for rounding
         for step in (-1, 1):
             other = place + step
             while 0 <= other < len(order):
@@ -230,7 +230,7 @@ def _nearest_of_many(positions, alive, k):
 def farthest(positions, alive, k):
     """Links from every live robot to its k farthest live others; all of them where there are fewer than k.
 
-    `positions` (n, 2 or more): x, y. Of others equally far away the one with the lower id is chosen first.
+    `positions` (n, 2 or more): x, y. Ties in distance go to the lower id.
     """
     live = np.flatnonzero(alive)
     each = min(k, len(live) - 1)
@@ -251,7 +251,7 @@ def farthest(positions, alive, k):
         found = np.int64(0)
         for other in outside_in:
             j = live[other]
-            # nobody further in is farther away than by way of the middle
+            # no robot further in is farther away than by way of the middle
             if found == each and (off[rank] + off[other]) * (1.0 + ROUNDING) < -keys[each - 1]:
                 break
             if j != i:

@@ -1,4 +1,4 @@
-"""Occupancy grids of the whole swarm: how they learn, forget, change and are counted.
+"""Occupancy grids of the whole swarm: learning, forgetting, changes and counts.
 
 Grids are indexed (robot, row, column).
 """
@@ -11,7 +11,7 @@ from numba import njit
 
 @njit(cache=True)
 def _learn(log_odds, observed, row, column, gain, low, high):
-    """Let a cell of one map gain log-odds, within bounds; gives 1 if nothing was known of it, else 0."""
+    """Add log-odds to a cell of one map, within bounds; gives 1 if it was unknown, else 0."""
     fresh = not observed[row, column]
     observed[row, column] = True
     log_odds[row, column] = min(max(log_odds[row, column] + gain, low), high)
@@ -33,7 +33,7 @@ def _fuse_tile(log_odds, observed, tile, row0, column0, hit, miss, low, high):
 
 @njit(cache=True)
 def _fuse_evidence(log_odds, observed, tile, said, row0, column0, hit, miss, low, high):
-    """As `_fuse_tile`, but cells gain what the sensor `said` of them, where that is a number."""
+    """As `_fuse_tile`, but cells gain the sensor's evidence `said`, where that is a number."""
     rows, columns = tile.shape
     fresh = 0
     for r in range(max(0, -row0), min(rows, observed.shape[0] - row0)):
@@ -49,7 +49,7 @@ def _fuse_evidence(log_odds, observed, tile, said, row0, column0, hit, miss, low
 
 @njit(cache=True)
 def note_observed(tiles, origins, observed):
-    """Mark in `observed` (rows, columns) the cells that any of the `tiles` (n, r, c) at `origins` (n, 2) tells of."""
+    """Mark in `observed` (rows, columns) the cells that any of the `tiles` (n, r, c) at `origins` (n, 2) shows."""
     for i in range(min(len(tiles), len(origins))):
         row0, column0 = origins[i]
         for r in range(max(0, -row0), min(tiles.shape[1], observed.shape[0] - row0)):
@@ -67,7 +67,7 @@ def fuse(
     `log_odds` and `observed` (n, rows, columns), `tiles` (n, r, c), `heard` (m, r, c) for `receivers`
     (m,). A cell seen occupied gains `hit`, one seen free gains `miss` (< 0), clamped to [low, high]; of the robot's
     own tile it gains `evidence` (n, r, c) instead, unless that has no rows or is NaN.
-    Writes to `fresh` (n + m,) how many cells each tile was the first to tell its robot.
+    Writes to `fresh` (n + m,) how many cells each tile was the first to show its robot.
     """
     robots = len(alive)
     for i in range(robots):
@@ -101,11 +101,11 @@ def _spare_tile(tile, row0, column0, v, u, reach):
 
 @njit(cache=True)
 def spare(tiles, origins, receivers, heard, heard_origins, fresh, reach):
-    """Call unknown what robots take for occupied where they know a robot to be.
+    """Mark occupied cells at a robot's known place as unknown.
 
-    A robot is in the middle of its tile, give or take half a cell. Robot i knows where itself is, and those whose tiles
-    of now it heard: `heard` (m, r, c) for `receivers` (m,), if they are `fresh` (m,). Changes `tiles` (n, r, c) at
-    `origins` (n, 2) and `heard` at `heard_origins` (m, 2), within `reach` cells.
+    A robot is in the middle of its tile, give or take half a cell. Robot i knows its own place, and those of robots
+    whose present tiles it heard: `heard` (m, r, c) for `receivers` (m,), if they are `fresh` (m,). Changes `tiles`
+    (n, r, c) at `origins` (n, 2) and `heard` at `heard_origins` (m, 2), within `reach` cells.
     """
     half_v = 0.5 * tiles.shape[1]
     half_u = 0.5 * tiles.shape[2]
@@ -131,10 +131,10 @@ def spare(tiles, origins, receivers, heard, heard_origins, fresh, reach):
 
 @njit(cache=True)
 def fill(log_odds, observed, receivers, pieces, origins, hit, miss, low, high, fresh):
-    """Let robots take over what others believe of cells that they have not observed, as if seen once.
+    """Copy others' estimates of cells that a robot has not observed, as if seen once.
 
     `log_odds` and `observed` (n, rows, columns), `pieces` (m, r, c) of maps at `origins` (m, 2) for `receivers`
-    (m,), in that order. Writes to `fresh` (m,) how many cells each piece was the first to tell its robot.
+    (m,), in that order. Writes to `fresh` (m,) how many cells each piece was the first to show its robot.
     """
     rows, columns = observed.shape[1:]
     for m in range(len(receivers)):
@@ -153,10 +153,10 @@ def fill(log_odds, observed, receivers, pieces, origins, hit, miss, low, high, f
 
 @njit(cache=True)
 def fade(log_odds, observed, alive, kept, least):
-    """Let every live robot's map grow old by one iteration: what it holds for sure becomes less sure.
+    """Age every live robot's map by one iteration: its cells become less certain.
 
     The log-odds (n, cells) are multiplied by `kept` (0 to 1). Where their absolute value falls below `least`, the
-    cell is as if never observed.
+    cell becomes unobserved.
     """
     for i in range(len(alive)):
         if not alive[i]:
@@ -180,10 +180,10 @@ def _see_tile(seen, tile, row0, column0, when):
 
 @njit(cache=True)
 def see(seen, now, alive, tiles, origins, receivers, heard, heard_origins, sources, sensed):
-    """Note in `seen` (n, rows, columns) when each robot's cells were last seen, by itself or by who told it.
+    """Note in `seen` (n, rows, columns) when each robot's cells were last seen, by itself or by others it heard.
 
-    Iterations count from 1 in `seen` and `now`, from 0 in `sensed` (m,); otherwise as in `fuse`. A piece of
-    somebody's map (`sources` -1) does not say when its cells were seen, and changes nothing.
+    Iterations count from 1 in `seen` and `now`, from 0 in `sensed` (m,); otherwise as in `fuse`. A piece of a map
+    (`sources` -1) does not say when its cells were seen, and changes nothing.
     """
     for i in range(len(alive)):
         if alive[i]:
@@ -195,7 +195,7 @@ def see(seen, now, alive, tiles, origins, receivers, heard, heard_origins, sourc
 
 @njit(cache=True)
 def _note(log_odds, observed, held, robot, cell, found):
-    """Append the cell's state (0 unknown, 1 free, 2 occupied) to `found` (c, 3) if it is not the one `held`."""
+    """Append the cell's state (0 unknown, 1 free, 2 occupied) to `found` (c, 3) if it differs from `held`."""
     state = (1 + (log_odds[robot, cell] > 0.0)) * observed[robot, cell]
     if held[robot, cell] == state:
         return 0
@@ -217,9 +217,9 @@ def _note_under(log_odds, observed, held, robot, row0, column0, shape, columns, 
 
 @njit(cache=True)
 def changes_under(log_odds, observed, held, robots, origins, receivers, heard_origins, shape, columns, found):
-    """Which cells of the maps differ from `held` (n, cells), looked for under tiles alone; brings `held` up to date.
+    """The cells of the maps that differ from `held` (n, cells), only under tiles; updates `held`.
 
-    `log_odds` and `observed` (n, cells) are row-major with so many columns; tiles of `shape` (rows, columns) lie at
+    `log_odds` and `observed` (n, cells) are row-major with `columns` columns; tiles of `shape` (rows, columns) lie at
     `origins` (n, 2) of the maps of `robots` (n,) and at `heard_origins` (m, 2) of those of `receivers` (m,). Writes
     robot, cell and state to `found` (c, 3); gives their number.
     """
@@ -257,11 +257,11 @@ def mark(shown, alive, tiles, origins, receivers, heard, heard_origins):
 
 @njit(cache=True)
 def recount(changes, held, holders, domain, each):
-    """Bring the counts of known cells up to date with `changes` (c, 3) of maps: robot, cell, state.
+    """Update the counts of known cells by `changes` (c, 3) of maps: robot, cell, state.
 
     `held` (n, cells) says which cells each robot's map held before, `holders` (cells,) how many maps hold each; both
-    are brought up to date. `each` (n,) counts the cells of the `domain` (cells,) in each map. Gives by how much the
-    number of cells of the domain that any map holds has grown.
+    are updated. `each` (n,) counts the cells of the `domain` (cells,) in each map. Gives the growth of the number of
+    cells of the domain that any map holds.
     """
     grown = 0
     for k in range(len(changes)):
@@ -280,7 +280,7 @@ def recount(changes, held, holders, domain, each):
 
 @njit(cache=True)
 def changes_anywhere(log_odds, observed, held, found):
-    """As `changes_under`, but looked for in every cell; `found` has room for all of them."""
+    """As `changes_under`, but in every cell; `found` has room for all of them."""
     count = 0
     for robot in range(len(observed)):
         for cell in range(observed.shape[1]):

@@ -1,4 +1,4 @@
-"""Where each robot's knowledge of each cell comes from, and how old it is."""
+"""The origin and age of each robot's knowledge of each cell."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-UNSEEN = -1  # who sensed a cell that nobody did
+UNSEEN = -1  # the sensor of a cell that no robot has sensed
 
 
 class Origins(NamedTuple):
     """The latest reading behind each cell of each robot's map, and sums over the cells that have one."""
 
     sensed: NDArray[np.int32]  # (n, rows, columns): the iteration in which it was sensed, from 1; 0: never
-    by: NDArray[np.int32]  # (n, rows, columns): the robot that did; UNSEEN
+    by: NDArray[np.int32]  # (n, rows, columns): the robot that sensed it; UNSEEN
     hops: NDArray[np.uint8]  # (n, rows, columns): links that it came over; 0 is the robot's own
     cells: NDArray[np.int64]  # (n,): cells with a reading
     total: NDArray[np.int64]  # (n,): sum of `sensed` over them
     links: NDArray[np.int64]  # (n,): sum of `hops`
-    heard: NDArray[np.int64]  # (n,): cells whose reading is somebody else's
+    heard: NDArray[np.int64]  # (n,): cells known from another robot's reading
 
 
 @njit(cache=True)
@@ -41,11 +41,11 @@ def _set(origins, i, r, c, sensed, by, hops):
 
 @njit(cache=True)
 def trace(origins, now, alive, tiles, corners, receivers, senders, heard, heard_corners, sources, sensed, hops):
-    """Bring the origins up to date with an iteration: own tiles (n, ...), then what was taken in of what was heard.
+    """Update the origins by an iteration: own tiles (n, ...), then the messages taken in.
 
     `now` counts from 1, `sensed` (m,) from 0; `hops` (m,) are the links over which each tile has come. Of two readings
-    the later counts, of equally late ones that which came over fewer links. A piece of the sender's map (`sources` -1)
-    fills cells of which the receiver has no reading, with the sender's own, one link further.
+    the later counts, of equally late ones that over fewer links. A piece of the sender's map (`sources` -1) fills cells
+    without a reading at the receiver with the sender's own, one link further.
     """
     rows, columns = origins.sensed.shape[1:]
     height, width = tiles.shape[1:]

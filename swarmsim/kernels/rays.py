@@ -1,4 +1,4 @@
-"""Beams against exact wall segments, and the cells those beams prove free or occupied.
+"""Beams against exact wall segments, and the cells that they prove free or occupied.
 
 All functions that call each other live in this file: numba's cache does not notice edits elsewhere.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 ENDPOINT_SLACK = 1e-12  # of a segment's length: beams at a shared corner must not slip between two walls
-INSIDE = 1e-6  # m: how far behind the surface a hit is looked up, so that it falls into the wall's own cell
+INSIDE = 1e-6  # m behind the surface at which a hit is looked up, so that it falls into the wall's own cell
 ROUNDING = 1e-9  # cells: a beam that ends on a cell's edge has crossed that cell
 CLIPPED = 0.2  # cells: a beam with a shorter way through a cell says nothing about it
 
@@ -68,7 +68,7 @@ def cast(origin, angles, reach, walls, discs):
     `origin` (2,) in m, `angles` (b,) in rad in the world frame, `reach` in m, `walls` (s, 4) as
     x1, y1, x2, y2 and `discs` (d, 3) as x, y, radius, both in m. Gives the distances (b,), at most
     `reach`, and the hits (b,): the wall's row, s + the disc's row, or -1 for nothing within reach.
-    Of two walls met at the same distance the later row is named.
+    Of two walls at the same distance the later row counts.
     """
     distance = np.empty(len(angles))
     hit = np.empty(len(angles), np.int64)
@@ -92,7 +92,7 @@ def bins(walls, reach, x0, y0, side, rows, columns):
             east = max(walls[s, 0], walls[s, 2])
             south = min(walls[s, 1], walls[s, 3])
             north = max(walls[s, 1], walls[s, 3])
-            # One square more on each side, so that rounding here leaves the choice to the comparison below.
+            # One more square on each side, so that rounding leaves the choice to the comparison below.
             first_row = max(int(math.floor((south - reach - y0) / side)) - 1, 0)
             last_row = min(int(math.floor((north + reach - y0) / side)) + 1, rows - 1)
             first_column = max(int(math.floor((west - reach - x0) / side)) - 1, 0)
@@ -162,7 +162,7 @@ def _mark(tile, row0, column0, u, v, du, dv, length, reached_wall):
 
 @njit(cache=True, error_model="numpy")
 def _facing(x, y, walls, start, members, coarse, near):
-    """Write the walls that a robot at (x, y) may see from their front into `near`; gives their number."""
+    """Write the walls whose front a robot at (x, y) may see into `near`; gives their number."""
     row = int(math.floor((y - coarse[1]) / coarse[2]))
     column = int(math.floor((x - coarse[0]) / coarse[2]))
     if not (0 <= row < coarse[3] and 0 <= column < coarse[4]):
@@ -183,7 +183,7 @@ def _facing(x, y, walls, start, members, coarse, near):
 def _behind(walls, s, px, py):
     """The point just behind the surface of wall s at (px, py), and just off the wall's ends.
 
-    Walls on the edges of cells so keep to their own cells.
+    So walls on the edges of cells stay in their own cells.
     """
     ex = walls[s, 2] - walls[s, 0]
     ey = walls[s, 3] - walls[s, 1]
@@ -197,7 +197,7 @@ def _behind(walls, s, px, py):
 
 @njit(cache=True, error_model="numpy")
 def _square(x, y, coarse):
-    """The row and column of the square of a place; of one beside the grid, that of the nearest edge."""
+    """The row and column of the square of a place; beside the grid, of the nearest edge."""
     row = min(max(int(math.floor((y - coarse[1]) / coarse[2])), 0), int(coarse[3]) - 1)
     column = min(max(int(math.floor((x - coarse[0]) / coarse[2])), 0), int(coarse[4]) - 1)
     return row, column
@@ -205,7 +205,7 @@ def _square(x, y, coarse):
 
 @njit(cache=True, error_model="numpy")
 def _by_square(pose, alive, coarse):
-    """Live robots as lists, one for each square: the first of each, and who follows whom; -1 for nobody."""
+    """Live robots as lists, one for each square: the first of each, and the next after each; -1 at the end."""
     first = np.empty(int(coarse[3]) * int(coarse[4]), np.int64)
     following = np.empty(len(pose), np.int64)
     first[:] = -1
@@ -262,10 +262,10 @@ def sense(
 
     `pose` (n, 3), `alive` (n,), `ring` (b, 2) cosine and sine of each beam's angle to the heading, `reach`
     in m, `walls` (s, 4) with the solid side on the left; `start` and `members` from `bins`, whose grid is
-    `coarse` = (x0, y0, side, rows, columns); `movers` (p, 3), discs as x, y, radius, are obstacles as walls are;
+    `coarse` = (x0, y0, side, rows, columns); `movers` (p, 3), discs as x, y, radius, are obstacles like walls;
     `lattice` = (x0, y0, cell). Robots, discs of `radii` (n,), stop beams if `occlude`, and count as occupied cells if
-    `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2), and into `ranges` (n, b), unless it has no rows,
-    how far beams go that something stops.
+    `obstacle`. Writes `tiles` (n, rows, columns) and `origins` (n, 2) and, unless `ranges` (n, b) has no rows, the
+    lengths of stopped beams into it.
 
     A cell is free when some beam crosses at least a fifth of a cell of it (or starts there) on its way,
     and occupied, which outweighs free, when some beam ends in it.
@@ -304,7 +304,7 @@ def sense(
         solid = len(walls) + others  # hits from here on are robots
         if occlude:
             found = _within(x, y, reach + largest, pose, first, following, coarse, around)
-            for m in range(found):  # in the order of their ids, by which ties are decided
+            for m in range(found):  # in the order of their ids, which decides ties
                 j = around[m]
                 apart = math.hypot(pose[j, 0] - x, pose[j, 1] - y)
                 if j != i and apart <= reach + radii[j]:

@@ -1,4 +1,4 @@
-"""Omnidirectional wheels and steered ones: commands within their limits, and the traction that they give."""
+"""Omnidirectional and steered wheels: commands within their limits, and their traction."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RELEASED = 0.5  # of the tightest bend: a car that backs out goes on once the be
 
 @njit(cache=True, error_model="numpy")
 def omni_command(twists, traits, wanted):
-    """The velocities (n, 3) that wheels can give: slower, in the same proportions, where one is too fast.
+    """The velocities (n, 3) that wheels can give: scaled down in proportion where one would be too fast.
 
     `traits` (n, 6) are each robot's own: top speed (m/s) of a wheel, its distance from the middle (m), mass (kg),
     moment of inertia (kg m^2), acceleration (m/s^2) and grip (N) of a wheel. No wheel is faster than the body plus its
@@ -37,9 +37,9 @@ def omni_approach(aims, wanted):
 def omni_forces(moving, wheels, wanted, push, dt, traits):
     """Traction of three omnidirectional wheels at thirds of a turn, one of them behind, for one sub-step.
 
-    `wheels` (n, 3) is the velocity of a body that they would roll with, m/s ahead, m/s to the left and rad/s; it moves
-    towards `wanted` (n, 3) straight, no wheel by more than its acceleration times `dt`. A wheel pushes along its own
-    direction alone, as rollers let it slide along its axle; the three pushes that together would give the body that
+    `wheels` (n, 3) is the body velocity at which they would roll, m/s ahead, m/s to the left and rad/s; it moves
+    straight towards `wanted` (n, 3), no wheel by more than its acceleration times `dt`. A wheel pushes only along its
+    own direction, as rollers let it slide along its axle; the three pushes that together would give the body that
     velocity are each cut to the grip, Coulomb's limit for a third of the weight. All else as in `drive.forces`.
     """
     for i in range(len(wheels)):
@@ -73,9 +73,9 @@ def car_command(twists, traits, wanted):
     """Speeds and steering angles (n, 2) for velocities (n, 3).
 
     `traits` (n, 8) are each robot's own: top speed (m/s), distance of the axles (m), largest steering angle (rad) and
-    its rate (rad/s), mass (kg), moment of inertia (kg m^2), acceleration (m/s^2) and grip of an axle (N). A turn that
-    is too tight for the speed ahead is driven in the tightest bend, as fast as it has to be for that turn; what is
-    wanted to the side is not there.
+    its rate (rad/s), mass (kg), moment of inertia (kg m^2), acceleration (m/s^2) and grip of an axle (N). A turn too
+    tight for the speed ahead is driven in the tightest bend, at the speed that this turn needs; velocity to the side is
+    ignored.
     """
     for i in range(len(twists)):
         speed, turn = twists[i, 0], twists[i, 2]
@@ -91,9 +91,9 @@ def car_command(twists, traits, wanted):
 def car_approach(aims, traits, backing, wanted):
     """Speeds and steering angles (n, 2) that lead to points `aims` (n, 4) as in `Kinematics.approach`.
 
-    The rear axle takes the arc of pure pursuit: ahead to what lies ahead of the middle, backwards to what lies behind.
-    Where that is tighter than the car can turn, it drives away from the point, turning towards it, until the bend that
-    is left is wide enough; `backing` (n,) keeps which way: 1 ahead, -1 backwards, 0 for no such thing.
+    The rear axle takes the arc of pure pursuit: ahead to points ahead of the middle, backwards to points behind.
+    If that is tighter than the car can turn, it drives away from the point, turning towards it, until the remaining
+    bend is wide enough; `backing` (n,) keeps the direction: 1 ahead, -1 backwards, 0 for none.
     """
     for i in range(len(aims)):
         wanted[i, 0], wanted[i, 1] = 0.0, 0.0
@@ -117,14 +117,13 @@ def car_approach(aims, traits, backing, wanted):
 
 @njit(cache=True, error_model="numpy")
 def car_forces(moving, wheels, wanted, push, dt, traits):
-    """Traction of a car's two axles, as far before and behind the middle, for one sub-step: the bicycle model.
+    """Traction of a car's two axles, equally far before and behind the middle, for one sub-step: the bicycle model.
 
-    `wheels` (n, 2) is the speed of the rear axle (m/s) and the steering angle (rad), each of which moves towards
-    `wanted` (n, 2) at its own rate; in a bend the front axle, which is the faster one, has the top speed at most. Both
-    axles roll without slipping if the middle moves at that speed ahead and at half the turn times the distance of the
-    axles to the left. The force for this is shared by the axles, which are both driven, with equal pushes along their
-    wheels, and each share is cut to the friction circle of radius grip, Coulomb's limit for half the weight. All else
-    as in `drive.forces`.
+    `wheels` (n, 2) is the speed of the rear axle (m/s) and the steering angle (rad); each moves towards `wanted` (n, 2)
+    at its own rate; in a bend the front axle, the faster one, has the top speed at most. Both axles roll without
+    slipping if the middle moves at that speed ahead and at half the turn times the distance of the axles to the left.
+    The axles, both driven, share the force for this, with equal pushes along their wheels, and each share is cut to the
+    friction circle of radius grip, Coulomb's limit for half the weight. All else as in `drive.forces`.
     """
     for i in range(len(wheels)):
         base, mass, moment, grip = traits[i, 1], traits[i, 4], traits[i, 5], traits[i, 7]
@@ -140,7 +139,7 @@ def car_forces(moving, wheels, wanted, push, dt, traits):
         along = mass * (speed - moving[i, 3] * cos - moving[i, 4] * sin) / dt
         across = mass * (0.5 * base * turn - moving[i, 4] * cos + moving[i, 3] * sin) / dt
         spin = moment * (turn - moving[i, 5]) / dt
-        # In the body's frame: what turns it is the difference of the pushes to the side, half a base from the middle.
+        # In the body's frame: the difference of the pushes to the side turns it, half a base from the middle.
         front_y, rear_y = 0.5 * across + spin / base, 0.5 * across - spin / base
         front_x = (along - front_y * math.sin(steering)) / (1.0 + math.cos(steering))
         rear_x = along - front_x

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 SQRT2 = math.sqrt(2.0)
 DROWS = np.array([0, -1, 1, 0, -1, -1, 1, 1])  # west, south, north, east, then the diagonal neighbours ...
 DCOLUMNS = np.array([-1, 0, 0, 1, -1, 1, -1, 1])
-FRONTIER = -1  # a search's goal: whatever can be explored
+FRONTIER = -1  # a search's goal: any frontier
 NOWHERE = -2  # a search's goal: none, so that all cells in reach are settled
 BESIDE = np.array([[0, 1], [1, 3], [0, 2], [2, 3]])  # ... and between which two of the first four each lies
 
 
 class Maps(NamedTuple):
-    """What the robots know and remember of each cell; every array is (n, rows, columns)."""
+    """The robots' knowledge and memory of each cell; every array is (n, rows, columns)."""
 
     log_odds: NDArray[np.float32]  # of being occupied
     observed: NDArray[np.bool_]
@@ -30,7 +30,7 @@ class Maps(NamedTuple):
 
 
 class Patrol(NamedTuple):
-    """What robots need to know that patrol where nothing is left to explore; `seen` is (n, 0, 0) if nobody does."""
+    """What patrolling robots need once nothing is left to explore; `seen` is (n, 0, 0) if none patrols."""
 
     seen: NDArray[np.int32]  # (n, rows, columns): when a cell was last seen, counted from 1; 0 for never
     since: NDArray[np.int32]  # (n,): the iteration in which the goal was chosen for its age; 0 for no such goal
@@ -43,7 +43,7 @@ class Rules(NamedTuple):
     y0: float  # m, its lower edge
     cell: float  # m
     footprint: NDArray[np.int32]  # (f, 2): offsets of the cells under a robot centred in its cell, its own first
-    span: int  # cells: from how far off a frontier is explored in which the robot does not fit
+    span: int  # cells: from how far off the robot explores a frontier in which it does not fit
     neighbours: int  # 4 or 8
     keep: bool  # keep a goal while it is a frontier and can be reached
     patience: int  # iterations without progress that make a robot stuck
@@ -64,7 +64,7 @@ class Scratch(NamedTuple):
 
 
 def scratch(cells: int) -> Scratch:
-    """Working memory for grids of so many cells."""
+    """Working memory for a search of a grid."""
     counts = np.zeros((3, cells), np.int32)
     return Scratch(
         counts[0], counts[1], counts[2], np.zeros(cells, np.int64),
@@ -74,7 +74,7 @@ def scratch(cells: int) -> Scratch:
 
 @njit(cache=True)
 def is_frontier(maps, i, r, c):
-    """Whether robot i knows a cell to be free, and one across an edge of it not at all (Yamauchi 1997)."""
+    """Whether a cell is known free to robot i, and a cell across an edge unknown (Yamauchi 1997)."""
     rows, columns = maps.observed.shape[1:]
     return (maps.observed[i, r, c] and maps.log_odds[i, r, c] < 0.0) and (
         (r > 0 and not maps.observed[i, r - 1, c])
@@ -236,9 +236,8 @@ def _search(maps, i, now, rules, start, goal, salt, work):
 def nearest_frontier(maps, i, now, rules, start, salt, work):
     """The nearest frontier cell that robot i can reach from the cell `start`, and where to explore it from.
 
-    Distance is the length of the way through cells that the robot knows to be free. Of cells equally near
-    the first in row-major order is taken or, with a `salt` other than 0, the first in an order drawn by
-    it. Gives (-1, -1) if there is none.
+    Distance is the length of the way through cells known free. Ties go to the first in row-major order or, with a
+    `salt` other than 0, in an order drawn by it. Gives (-1, -1) if there is none.
     """
     columns = maps.observed.shape[2]
     stand = _search(maps, i, now, rules, start, np.int64(FRONTIER), salt, work)
@@ -251,9 +250,9 @@ def nearest_frontier(maps, i, now, rules, start, salt, work):
 def nearest_stale(maps, patrol, i, now, rules, start, salt, work):
     """Of the cells that robot i can reach from `start`, the nearest that is at least half as old as the oldest, or -1.
 
-    The age of a cell counts from when it was last seen. Going for the oldest itself would send robots with equal maps
-    to the same cell, and back across the building as soon as one of them has seen it. Ties go to the order that `salt`
-    draws, as in `nearest_frontier`. The start itself and cells seen in this iteration (`now`) do not count.
+    The age of a cell counts from when it was last seen. Choosing the very oldest would send robots with equal maps to
+    the same cell, and back across the building once one of them has seen it. Ties go to the order that `salt` draws, as
+    in `nearest_frontier`. The start itself and cells seen in this iteration (`now`) do not count.
     """
     _search(maps, i, now, rules, start, np.int64(NOWHERE), salt, work)
     settled = 2 * work.number[0] + 1

@@ -13,10 +13,10 @@ from numba import njit
 
 @njit(cache=True)
 def in_sight(positions, edges, walls, start, members, coarse):
-    """Those of the edges (e, 2) between robots at `positions` (n, 2 or more) that no wall crosses or touches.
+    """The edges (e, 2) between robots at `positions` (n, 2 or more) that no wall crosses or touches.
 
     `walls` (s, 4): x1, y1, x2, y2 in m. Square i (row-major) of the grid `coarse` = (x0, y0, side, rows, columns)
-    is touched by the walls members[start[i]:start[i + 1]] alone; no wall is outside of the grid.
+    is touched only by the walls members[start[i]:start[i + 1]]; no wall is outside of the grid.
     """
     kept = np.empty_like(edges)
     count = 0
@@ -55,11 +55,11 @@ def _sees(x1, y1, x2, y2, walls, start, members, coarse):
 
 @njit(cache=True)
 def _meet(x1, y1, x2, y2, wall):
-    """Whether the line from (x1, y1) to (x2, y2), x1 <= x2, has a point in common with the wall."""
+    """Whether the line from (x1, y1) to (x2, y2), x1 <= x2, meets the wall."""
     wx1, wy1, wx2, wy2 = wall[0], wall[1], wall[2], wall[3]
     if max(wx1, wx2) < x1 or min(wx1, wx2) > x2 or max(wy1, wy2) < min(y1, y2) or min(wy1, wy2) > max(y1, y2):
         return False
-    # Walls that share a corner find it on the same side of the line: no line slips between them.
+    # Walls that share a corner place it on the same side of the line: no line slips between them.
     first = (x2 - x1) * (wy1 - y1) - (y2 - y1) * (wx1 - x1)
     second = (x2 - x1) * (wy2 - y1) - (y2 - y1) * (wx2 - x1)
     if (first > 0.0 and second > 0.0) or (first < 0.0 and second < 0.0):

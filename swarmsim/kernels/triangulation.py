@@ -13,7 +13,7 @@ from numba import njit
 
 @njit(cache=True)
 def opposite_angles(points, corners, beside):
-    """The edges of a triangulation, and the angles under which its corners on either side see each.
+    """The edges of a triangulation, and the angles at which the corners on either side see each.
 
     `points` (p, 2), `corners` (t, 3) of each triangle, `beside` (t, 3): the triangle opposite each corner, -1 for
     none. Gives edges (e, 2) and angles (e, 2), 0 to pi; where there is no corner the angle is 0.
@@ -50,9 +50,9 @@ def _angle(points, corner, a, b):
 
 @njit(cache=True)
 def with_empty_lunes(points, edges, slack):
-    """Those of the edges (e, 2) between `points` (p, 2) such that no point is nearer to both ends than they are.
+    """The edges (e, 2) between `points` (p, 2) with no point nearer to both ends than these are to each other.
 
-    Nearer is what is nearer by more than the share `slack` of the edge's length.
+    Nearer means by more than the share `slack` of the edge's length.
     """
     if len(edges) == 0:
         return edges
@@ -71,7 +71,7 @@ def with_empty_lunes(points, edges, slack):
         empty = True
         for step in (-1, 1):
             other = i + step
-            while empty and 0 <= other < len(order):  # outwards until the way along the axis is too long already
+            while empty and 0 <= other < len(order):  # outwards until the way along the axis alone is too long
                 along = (x[other] - x[i]) ** 2
                 if along >= nearer:
                     break

@@ -1,4 +1,4 @@
-"""Occupancy grids of robots that do not believe all that they hear."""
+"""Occupancy grids of robots that do not trust all messages."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 
 class Votes(NamedTuple):
-    """On whose word each cell stands; arrays are (n, rows, columns), the sets empty, (n, 0, 0), for a quorum of 1.
+    """Which robots vouch for each cell; arrays are (n, rows, columns), the sets empty, (n, 0, 0), for a quorum of 1.
 
     A set of senders is a word of 64 bits: the bit of a sender is its id modulo 64, so that in larger swarms
     two senders may count as one, never one as two.
     """
 
     own: NDArray[np.bool_]  # whether the robot has sensed the cell itself
-    free: NDArray[np.uint64]  # who has said that it is free ...
+    free: NDArray[np.uint64]  # senders that called it free ...
     occupied: NDArray[np.uint64]  # ... and that it is occupied
     quorum: int  # how many must say the same
 
@@ -27,12 +27,11 @@ def fuse_warily(
     log_odds, observed, witnesses, alive, tiles, evidence, origins, receivers, senders, pieces, heard, heard_origins,
     hit, miss, low, high, fresh,
 ):  # fmt: skip
-    """Update every occupancy grid with the robot's own tile, then with as much as it believes of what it heard.
+    """Update every occupancy grid with the robot's own tile, then with the messages that it accepts.
 
-    As `occupancy.fuse`, and with `pieces` (m,) for those of the `heard` tiles that are pieces of maps, as
-    `occupancy.fill` after the others, but: what is heard changes no cell that the robot has sensed itself; the first
-    time it senses one, all that it heard of it is void; what it hears counts once `witnesses.quorum` senders have said
-    the same.
+    As `occupancy.fuse` and then, for the `heard` tiles that are `pieces` (m,) of maps, `occupancy.fill`, but: messages
+    change no cell that the robot has sensed itself; the first time it senses one, all that it heard of it is void; a
+    message counts once `witnesses.quorum` senders have said the same.
     """
     robots = len(alive)
     for i in range(robots):
@@ -103,7 +102,7 @@ def _hear(log_odds, observed, witnesses, i, sender, believed, tile, row0, column
 
 @njit(cache=True)
 def _forget(witnesses, i, row, column):
-    """Drop who said what of an unknown cell that has been known before, for then it has been forgotten since."""
+    """Drop the senders of an unknown cell that was known before: it has been forgotten since."""
     sensed = witnesses.own[i, row, column]
     told = _reaches(witnesses.free[i, row, column], witnesses.quorum)
     if sensed or told or _reaches(witnesses.occupied[i, row, column], witnesses.quorum):
@@ -114,7 +113,7 @@ def _forget(witnesses, i, row, column):
 
 @njit(cache=True)
 def _reaches(senders, quorum):
-    """Whether a set has so many members."""
+    """Whether a set has at least `quorum` members."""
     count = 0
     while senders != np.uint64(0) and count < quorum:
         senders &= senders - np.uint64(1)  # without its lowest bit

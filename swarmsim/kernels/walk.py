@@ -1,4 +1,4 @@
-"""People on foot: discs that follow waypoints and stop for whoever is in their way."""
+"""Pedestrians: discs that follow waypoints and stop for anything in their way."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def _nears(x, y, to_x, to_y, other_x, other_y, room):
 
 @njit(cache=True)
 def _is_blocked(discs, k, to_x, to_y, pose, solid, radius, clearance):
-    """Whether a step of disc k to (to_x, to_y) leads it on to a robot or another disc, as in `walk`."""
+    """Whether a robot or another disc blocks a step of disc k to (to_x, to_y), as in `walk`."""
     for i in range(len(pose)):
         room = discs[k, 2] + radius + clearance
         if solid[i] and _nears(discs[k, 0], discs[k, 1], to_x, to_y, pose[i, 0], pose[i, 1], room):
@@ -33,9 +33,9 @@ def walk(discs, ways, counts, cursor, waited, speed, pose, solid, radius, cleara
     """Move every disc straight towards its next waypoint for `dt` (s) at `speed` (m/s), in the order of their rows.
 
     `discs` (p, 3) are x, y, radius in m; disc k uses the first counts[k] of its waypoints `ways` (p, longest, 2) from
-    cursor[k] on. It stands for this time if its step would lead it closer to a robot, a disc of `radius` at `pose`
-    (n, 3) that is `solid` (n,), than `clearance` (m) from touching, or into another disc. Writes `discs`,
-    `cursor`, the time `waited` (p,) in s since each last moved, and `velocity` (p, 2) in m/s.
+    cursor[k] on. It stands still if its step would lead it closer than `clearance` (m) to a robot, a disc of `radius`
+    at `pose` (n, 3) that is `solid` (n,), or into another disc. Writes `discs`, `cursor`, the time `waited` (p,) in s
+    since each last moved, and `velocity` (p, 2) in m/s.
     """
     for k in range(len(discs)):
         velocity[k, 0] = 0.0

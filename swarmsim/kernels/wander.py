@@ -1,4 +1,4 @@
-"""Where robots that wander turn, by how far their beams go."""
+"""The turns of wandering robots, by their beams' ranges."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numba import njit
 
 @njit(cache=True, error_model="numpy")
 def steer_clear(bearings, ranges, alive, turns, clearance, speed, period):
-    """Velocities (n, 2), m/s ahead and rad/s, that lead away from whatever beams end at nearer than `clearance` (m).
+    """Velocities (n, 2), m/s ahead and rad/s, that lead away from anything nearer than `clearance` (m).
 
-    `bearings` (b,) in rad; `ranges` (n, b) in m, infinite or NaN for nothing; `turns` (n,) in rad, by which each
-    robot's way bends besides. Each beam that ends at r pushes the wanted direction, ahead at first, back along itself
-    by clearance / r - 1, the gradient of a potential as in Khatib (1986), over the number of beams in a quarter turn.
+    `bearings` (b,) in rad; `ranges` (n, b) in m, infinite or NaN for nothing; `turns` (n,) in rad, the further bend of
+    each robot's way. Each beam that ends at r pushes the wanted direction, ahead at first, back along itself by
+    clearance / r - 1, the gradient of a potential as in Khatib (1986), over the number of beams in a quarter turn.
     Within a `period` (s) the robot turns to that direction, driving as fast as it points there.
     """
     beams = len(bearings)

@@ -1,1 +1,1 @@
-"""Who hears whom, and what of it arrives."""
+"""Which robots hear which others, and which messages arrive."""

@@ -1,7 +1,7 @@
-"""What a network does over time, in numbers: who hears how many, in how many pieces, for how long, and who at last.
+"""A network over time in numbers: degrees, components, contacts, and how far robots have heard each other.
 
 A graph is given as links (m, 2), receiver and sender, one array for each iteration of a window, and the robots alive
-(iterations, n) in it. It may say who is linked or who was heard. A[i, j] = 1 means that robot i hears robot j.
+(iterations, n) in it. Links may be those of the topology or of messages heard. A[i, j] = 1: robot i hears robot j.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy import stats
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-Links = NDArray[np.int32]  # (m, 2): receiver, sender; a pair that is there several times counts once
+Links = NDArray[np.int32]  # (m, 2): receiver, sender; repeated pairs count once
 Alive = NDArray[np.bool_]  # (n,) or (iterations, n)
 Ints = NDArray[np.int64]
 Reals = NDArray[np.float64]
@@ -23,41 +23,41 @@ Reals = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinkGraph:
-    """The graph of one iteration; NaN is what it does not define."""
+    """The graph of one iteration; undefined numbers are NaN."""
 
-    degrees: Ints  # (live robots,), by id: how many others each hears (in-degree), also senders that have died since
+    degrees: Ints  # (live robots,), by id: how many others each hears (in-degree), including senders that died since
     listeners: Ints  # (live robots,), by id: how many others hear each (out-degree)
-    reciprocity: float  # share of the links that are answered by a link back; NaN without links
+    reciprocity: float  # share of the links with a link back; NaN without links
     clustering: float  # mean over live robots, 0 to 1; NaN without any
     weak_components: int  # pieces in which every robot reaches every other if links led both ways
     strong_components: int  # pieces in which every robot reaches every other along the links
     weak_share: float  # of the live robots, in the largest weak component; NaN without any
-    strong_share: float  # likewise, strong
+    strong_share: float  # the same for the largest strong component
     turnover: float  # 1 - mean Jaccard index of neighbour sets with the iteration before; NaN in the first
 
     @property
     def mean_degree(self) -> float:
-        """How many others a live robot hears on average; NaN if none is alive."""
+        """The mean number of others that a live robot hears; NaN if none is alive."""
         return float(self.degrees.mean()) if len(self.degrees) else np.nan
 
     @property
     def least_degree(self) -> float:
-        """How many the live robot hears that hears fewest; NaN if none is alive."""
+        """The least number of others that a live robot hears; NaN if none is alive."""
         return float(self.degrees.min()) if len(self.degrees) else np.nan
 
     @property
     def most_degree(self) -> float:
-        """How many the live robot hears that hears most; NaN if none is alive."""
+        """The largest number of others that a live robot hears; NaN if none is alive."""
         return float(self.degrees.max()) if len(self.degrees) else np.nan
 
     @property
     def least_listeners(self) -> float:
-        """How many hear the live robot that fewest hear; NaN if none is alive."""
+        """The least number of robots that hear a live robot; NaN if none is alive."""
         return float(self.listeners.min()) if len(self.listeners) else np.nan
 
     @property
     def most_listeners(self) -> float:
-        """How many hear the live robot that most hear; NaN if none is alive."""
+        """The largest number of robots that hear a live robot; NaN if none is alive."""
         return float(self.listeners.max()) if len(self.listeners) else np.nan
 
 
@@ -69,7 +69,7 @@ class Spells:
     start: Ints  # (s,): the first iteration of each spell
     length: Ints  # (s,): iterations, at least 1
     begun: NDArray[np.bool_]  # (s,): whether its beginning was seen; if not, it may have begun before the window
-    ended: NDArray[np.bool_]  # (s,): whether its end was seen; if not, it lasted at least so long
+    ended: NDArray[np.bool_]  # (s,): whether its end was seen; if not, it lasted at least this long
 
     def survival(self) -> tuple[Reals, Reals]:
         """Lengths (k,), ascending, and the share of spells (k,) that last longer (Kaplan and Meier 1958).
@@ -84,7 +84,7 @@ class Spells:
         return estimate.quantiles, estimate.probabilities
 
     def median(self) -> float | None:
-        """The shortest length that at most half of the spells outlast, or None if fewer than half were seen to end."""
+        """The shortest length outlasted by at most half of the spells, or None if fewer than half were seen to end."""
         lengths, outlasting = self.survival()
         reached = np.flatnonzero(outlasting <= 0.5 + 1e-12)  # a product of quotients, which rounds
         return float(lengths[reached[0]]) if len(reached) else None
@@ -92,17 +92,17 @@ class Spells:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reach:
-    """What the graphs of a window come to together, each link on its own: nothing is passed on.
+    """The graphs of a window together, direct links only: nothing is passed on.
 
     Robots count if they were alive in some iteration of the window; iterations are numbered as in the run.
     """
 
     first_heard: Ints  # (n, n): the first iteration in which robot i (row) heard robot j (column); -1 for never
     present: NDArray[np.bool_]  # (n,): which robots count
-    share: Reals  # (iterations, n): of the others that count, how many each robot has heard by then; NaN if none does
+    share: Reals  # (iterations, n): share of the others that count heard by each robot by then; NaN without any
     all_heard: int | None  # the first iteration by which every robot had heard every other, or None
-    all_met: int | None  # the first iteration by which of every two robots one had heard the other, or None
-    strongly_connected: bool  # whether in the union of the graphs every robot reaches every other along the links
+    all_met: int | None  # the first iteration by which in every pair one robot had heard the other, or None
+    strongly_connected: bool  # whether every robot reaches every other along the links of all graphs together
 
     @property
     def union(self) -> NDArray[np.bool_]:
@@ -147,12 +147,12 @@ def meetings(links: Links) -> Links:
 def contacts(links: Sequence[Links], alive: Alive, first: int = 0) -> tuple[Spells, Spells]:
     """Contact times and inter-contact times of all pairs that were in contact (Chaintreau et al. 2007).
 
-    A contact is a longest stretch of iterations in all of which the link is there; the time between contacts is
-    that from one contact's last iteration to the next one's first, both left out. Pairs are ordered, receiver first,
-    or not, as `links` are (see `meetings`). `first` is the window's first iteration in the run: a window that opens
-    with the run, at 0, sees all beginnings. A contact still there in the last iteration is censored; so is the time
-    after a pair's last contact, at the end of the window or, if that is earlier, of one robot's life. What comes
-    before a pair's first contact is no time between contacts. Raises ValueError as `snapshots` does.
+    A contact is a maximal run of iterations with the link; the time between contacts runs from one contact's last
+    iteration to the next one's first, both excluded. Pairs are ordered, receiver first, or not, as `links` are (see
+    `meetings`). `first` is the window's first iteration in the run: a window that opens with the run, at 0, sees all
+    beginnings. A contact still there in the last iteration is censored; so is the time after a pair's last contact, at
+    the end of the window or, if earlier, of one robot's life. The time before a pair's first contact does not count as
+    time between contacts. Raises ValueError as `snapshots` does.
     """
     _check(links, alive)
     span, robots = alive.shape
@@ -177,10 +177,9 @@ def contacts(links: Sequence[Links], alive: Alive, first: int = 0) -> tuple[Spel
 
 
 def reach(links: Sequence[Links], alive: Alive, first: int = 0) -> Reach:
-    """Whom each robot hears, at first and at all, in a window that begins with iteration `first` of the run.
+    """When each robot first hears each other one, in a window that begins with iteration `first` of the run.
 
-    Only what a robot hears itself counts, as in one-hop sharing; nothing is relayed. Raises ValueError as
-    `snapshots` does.
+    Only direct messages count, as in one-hop sharing; nothing is relayed. Raises ValueError as `snapshots` does.
     """
     _check(links, alive)
     span, robots = alive.shape
@@ -203,7 +202,7 @@ def reach(links: Sequence[Links], alive: Alive, first: int = 0) -> Reach:
 
 
 def _last(when: Ints, never: int) -> int | None:
-    """The latest of the iterations (n, n) off the diagonal; None if there is none or one is `never`."""
+    """The latest of the iterations (n, n) off the diagonal; None if there are none or one is `never`."""
     latest = max(when[~np.eye(len(when), dtype=np.bool_)].tolist(), default=never)
     return None if latest == never else int(latest)
 

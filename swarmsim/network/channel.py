@@ -1,4 +1,4 @@
-"""Channels: what arrives of what is said, and how one channel lies over another."""
+"""Channels: which messages arrive, and how one channel lies over another."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Perfect(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class PerfectChannel:
-    """Delivers every message within the iteration in which it was said."""
+    """Delivers every message within the iteration in which it is sent."""
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
         """One message for each link."""
@@ -39,7 +39,7 @@ class PerfectChannel:
 
 
 class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A channel that lies over another: what the one below delivers is all that it gets.
+    """A channel that lies over another, and gets only what that one delivers.
 
     `over` is the channel below, which may lie over a further one.
     """
@@ -80,7 +80,7 @@ def in_order(unsorted: Packets) -> Packets:
 
 
 def but_lost(delivery: Delivery, reason: str, lost: NDArray[np.bool_]) -> Delivery:
-    """The delivery in which those of the messages heard that are marked in `lost` (m,) are lost for this reason."""
+    """The delivery without the messages heard that are marked in `lost` (m,); they are lost for this reason."""
     if not lost.any():
         return delivery
     heard = delivery.heard

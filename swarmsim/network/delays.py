@@ -17,7 +17,7 @@ from swarmsim.core.parts import Links, NetworkChannel
 from swarmsim.core.state import State
 from swarmsim.network.channel import Layer, but_lost, in_order
 
-SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whole ones by rounding
+SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whole seconds by rounding
 
 Income = Callable[[int], NDArray[np.float64]]  # bytes that each robot (n,) may send in an iteration
 
@@ -37,7 +37,7 @@ class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return True
 
     def build(self, context: BuildContext) -> LatentChannel:
-        """The channel. Raises InputError for a fixed delay that is no whole number."""
+        """The channel. Raises InputError for a fixed delay that is not a whole number."""
         below = self.below(context)
         if self.law == "fixed":
             if not self.delay.is_integer():
@@ -58,7 +58,7 @@ class LatentChannel:
     """Messages on the air, each with the iteration in which it is due."""
 
     def __init__(self, below: NetworkChannel, delays: Callable[[Packets], NDArray[np.int64]]) -> None:
-        """`delays` gives, for messages (m, 4), how many iterations each is under way."""
+        """`delays` gives how many iterations each of the messages (m, 4) is under way."""
         self._below = below
         self._delays = delays
         self._letters = np.empty((0, 4), np.int32)
@@ -77,12 +77,12 @@ class LatentChannel:
 class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot sends at a limited rate (bytes/s), each message separately to each receiver, first in first out.
 
-    What cannot be sent waits. A robot saves up no time in which it had nothing to send.
+    Unsent messages wait. Idle time is not saved up.
     """
 
     bytes_per_second: Annotated[float, Meta(gt=0.0)]  # bytes that a sender can send in a second
     queue: Annotated[int, Meta(ge=0)] | None = None  # messages that can wait from one iteration to the next
-    expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations since it was said after which none is sent
+    expiry: Annotated[int, Meta(ge=0)] | None = None  # iterations, the oldest age at which a message is sent
 
     @property
     def delays(self) -> bool:
@@ -96,17 +96,17 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Time division: robots take turns, and send what waits when the slot of their own begins.
+    """Time division: robots take turns, and send waiting messages when their own slot begins.
 
     Robot i's slot is number i mod `slots` of each frame of `slots` times `slot` seconds; the defaults are ten slots
     of 0.1 s in a frame of 1 s. A message whose slot begins within an iteration is heard in that iteration. Robots
-    with the same slot are taken to be out of each other's way.
+    with the same slot are assumed not to collide.
     """
 
     slots: Annotated[int, Meta(ge=1)] = 10  # in a frame
     slot: Annotated[float, Meta(gt=0.0)] = 0.1  # s, from one slot to the next
-    expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s since it was said after which none is sent
-    bytes: Annotated[float, Meta(gt=0.0)] | None = None  # that fit into a slot; default: any number
+    expiry: Annotated[float, Meta(ge=0.0)] = 1.4  # s, the oldest age at which a message is sent
+    bytes: Annotated[float, Meta(gt=0.0)] | None = None  # per slot; default: any number
 
     @property
     def delays(self) -> bool:
@@ -131,23 +131,23 @@ class QueueingChannel:
     def __init__(
         self, below: NetworkChannel, queues: TransmitQueues, income: Callable[[int], NDArray[np.float64]]
     ) -> None:
-        """`income` gives, for an iteration, how many bytes each robot (n,) may send in it."""
+        """`income` gives how many bytes each robot (n,) may send in an iteration."""
         self._below = below
         self._queues = queues
         self._income = income
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What is sent in this iteration of all that waits."""
+        """The waiting messages that are sent in this iteration."""
         below = self._below.deliver(state, links, sizes)
         return self._queues.send(state, below, self._income(state.iteration))
 
 
 class TransmitQueues:
-    """What waits in each robot's radio, first in first out; of one iteration's messages, that to the lowest id first.
+    """The messages waiting in each robot's radio, first in first out; within an iteration, lowest receiver id first.
 
-    Bytes that a robot may send add up while something waits, so that a message can be longer than what one
-    iteration carries. Messages are lost as "sender dead" with the robot in whose radio they wait, as "expired" if
-    they get too old, as "queue full" if too many wait, and as "receiver dead" if no receiver is alive.
+    A robot's unused bytes add up while something waits, so that a message can be longer than one iteration's bytes.
+    Messages are lost as "sender dead" with the robot in whose radio they wait, as "expired" if they get too old, as
+    "queue full" if too many wait, and as "receiver dead" if the receiver has died.
     """
 
     def __init__(self, robots: int, limit: int | None, expiry: int | None) -> None:
@@ -158,7 +158,7 @@ class TransmitQueues:
         self._credit = np.zeros(robots)  # bytes
 
     def send(self, state: State, below: Delivery, income: NDArray[np.float64]) -> Delivery:
-        """Take up what the channel `below` delivers, then send as many bytes more as `income` (n,) says."""
+        """Queue what the channel `below` delivers, then send up to `income` (n,) more bytes."""
         waiting = np.concatenate([self._waiting, below.heard])
         all_ = Delivery(waiting[np.argsort(waiting[:, 1], kind="stable")], below.lost, below.oldest)
         all_ = but_lost(all_, "sender dead", ~state.alive[all_.heard[:, 1]])
@@ -179,14 +179,14 @@ class TransmitQueues:
 
 
 def _running(amounts: NDArray[np.integer], groups: NDArray[np.int32]) -> NDArray[np.int64]:
-    """The sum of the `amounts` (m,) up to and with each, within its own of the sorted `groups` (m,)."""
+    """The running sums of the `amounts` (m,) within each of the sorted `groups` (m,)."""
     total = np.cumsum(amounts, dtype=np.int64)
     first = np.searchsorted(groups, groups, side="left")
     return np.asarray(total - (total - amounts)[first])
 
 
 def _received(state: State, arrived: Packets, rest: Delivery, under_way: Packets) -> Delivery:
-    """The delivery of what has `arrived`, besides what else was lost, while more is still `under_way`."""
+    """The delivery of the messages that `arrived` and the losses so far, while more are `under_way`."""
     oldest = min(rest.oldest, state.iteration, int(under_way[:, 2].min(initial=state.iteration)))
     delivery = Delivery(in_order(arrived), rest.lost, oldest)
     return but_lost(delivery, "receiver dead", ~state.alive[delivery.heard[:, 0]])

@@ -1,4 +1,4 @@
-"""Topologies of distance and sight: who is within radio range, who is in view, who is farthest away."""
+"""Topologies of distance and sight: robots within radio range, in view, or farthest away."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Range = Annotated[float, Meta(gt=0.0)]
 class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot hears all others at most `radius` (m) away, centre to centre: the disc model of radio.
 
-    The dead neither hear nor speak; nothing else changes with them.
+    Dead robots neither hear nor speak; other links stay.
     """
 
     radius: Range  # m
@@ -31,7 +31,7 @@ class Radius(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class RadiusLinks:
-    """Links among live robots at most so far apart."""
+    """Links among live robots within the radius."""
 
     def __init__(self, radius: float) -> None:
         self._radius = radius
@@ -43,10 +43,10 @@ class RadiusLinks:
 
 
 class LineOfSight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot hears all others between whose centre and its own there is no wall, as far as `radius` (m) if given.
+    """Each robot hears all others with no wall between the two centres, up to `radius` (m) if given.
 
-    A line that touches a wall in one point is blocked. Other robots do not block it. The dead neither hear nor speak;
-    nothing else changes with them.
+    A line that touches a wall in one point is blocked. Other robots do not block it. Dead robots neither hear nor
+    speak; other links stay.
     """
 
     radius: Range | None = None  # m
@@ -56,7 +56,7 @@ class LineOfSight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
 
 class SightLinks:
-    """Links among live robots that the walls of this moment leave in view of each other."""
+    """Links among live robots with no wall between them now."""
 
     def __init__(self, radius: float, building: Building) -> None:
         self._radius, self._sight = radius, Sight(building)
@@ -69,10 +69,10 @@ class SightLinks:
 
 
 class FarthestRobots(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot hears the k others farthest away: directed, and moving with the robots; knn turned inside out.
+    """Each robot hears the k others farthest away: directed, and moving with the robots; the opposite of knn.
 
-    Of others equally far away the one with the lower id is chosen first. Everybody hears the k farthest live robots,
-    or all of them once fewer than k others are left.
+    Ties in distance go to the lower id. Each robot hears the k farthest live robots, or all of them once fewer than k
+    others are left.
     """
 
     k: Degree  # others heard

@@ -22,7 +22,7 @@ Law = Callable[[State, Packets], NDArray[np.bool_]]  # which of the messages (m,
 
 
 class LossyChannel:
-    """Loses, for one reason, those messages that a law names; asks the law in every iteration."""
+    """Loses the messages that a law selects, for one reason; calls the law in every iteration."""
 
     def __init__(self, below: NetworkChannel, reason: str, law: Law) -> None:
         self._below = below
@@ -30,7 +30,7 @@ class LossyChannel:
         self._law = law
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What the channel below delivers, but for what the law loses of it."""
+        """What the channel below delivers, less the law's losses."""
         delivery = self._below.deliver(state, links, sizes)
         return but_lost(delivery, self._reason, self._law(state, delivery.heard))
 
@@ -55,7 +55,7 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     In every iteration a good pair turns bad with probability p and a bad one good with probability r
     (Gilbert 1960, Elliott 1963). With r = 1 / `burst` and p = `loss` r / (1 - `loss`) the mean loss and the
-    mean length of a burst are as asked.
+    mean length of a burst are as given.
     """
 
     loss: Annotated[float, Meta(ge=0.0, lt=1.0)]  # mean share of messages lost
@@ -75,7 +75,7 @@ class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class PairStates:
-    """The good or bad state of every directed pair, linked or not, so that links never change another's fate."""
+    """The good or bad state of every directed pair, linked or not, so that links never affect each other."""
 
     def __init__(self, salt: int, robots: int, loss: float, failure: float, recovery: float) -> None:
         """`failure` and `recovery` are the probabilities per iteration of turning bad and good."""
@@ -99,9 +99,9 @@ class PairStates:
 
 
 class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Messages arrive up to a distance between the two robots, and never beyond."""
+    """Messages arrive up to a distance between two robots, and never beyond."""
 
-    metres: Annotated[float, Meta(gt=0.0)]  # m, as far as messages go
+    metres: Annotated[float, Meta(gt=0.0)]  # m, range of messages
 
     def build(self, context: BuildContext) -> LossyChannel:
         """The channel, which loses messages for the reason "range"."""
@@ -114,14 +114,14 @@ class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Messages arrive if enough power does, after distance, walls and shadowing.
+    """Messages arrive if enough power is left after distance, walls and shadowing.
 
     The loss in dB is pl0 + 10 exponent log10(d / 1 m) + wall_loss walls + X, with X normal of standard deviation
     sigma: the log-distance model with log-normal shadowing and partition losses (Rappaport 2002, chapter 4).
-    Nearer than 1 m the loss of distance stays pl0.
+    Below 1 m the distance loss stays pl0.
     """
 
-    power: float = 15.0  # dBm, transmitted (default of the simulator MAES)
+    power: float = 15.0  # dBm, transmitted (default of the MAES simulator)
     sensitivity: float = -82.0  # dBm, the weakest signal understood (default of MAES)
     pl0: Annotated[float, Meta(ge=0.0)] = 40.0  # dB at 1 m: free space at 2.4 GHz (Friis 1946)
     exponent: Annotated[float, Meta(ge=0.0)] = 2.0  # free space (Friis 1946): walls are counted apart
@@ -147,14 +147,14 @@ class Reception:
         ends = np.sort(heard[:, :2], axis=1)
         pairs, which = np.unique(ends, axis=0, return_inverse=True)
         margin = self.received(state, pairs) - self._parameters.sensitivity
-        # Walls only weaken: they are looked for where the signal would arrive without them.
+        # Walls only weaken a signal: look for them only where it would arrive without them.
         near = np.flatnonzero(margin >= 0.0)
         here, there = state.pose[pairs[near, 0], :2], state.pose[pairs[near, 1], :2]
         margin[near] -= self._parameters.wall_loss * walls_between(here, there, self._building.walls.copy())
         return np.asarray(margin < 0.0)[which.reshape(-1)]
 
     def received(self, state: State, pairs: NDArray[np.int32]) -> NDArray[np.float64]:
-        """The power in dBm between unordered `pairs` (p, 2) of robots, lower id first, were there no walls.
+        """The power in dBm between unordered `pairs` (p, 2) of robots, lower id first, without walls.
 
         The shadowing of each pair is drawn anew in every iteration.
         """
@@ -169,8 +169,8 @@ def walls_between(here: NDArray[np.float64], there: NDArray[np.float64], walls: 
     """How many walls stand between the points `here` and `there` (p, 2 each).
 
     Walls are the outlines of solids, crossed once on the way in and once on the way out, so half the crossings
-    are counted. What lies on a line counts as left of it, so that a way in through a corner crosses one of the
-    two segments that meet there, and a way past it crosses both or neither.
+    are counted. Points on a line count as left of it, so that a way in through a corner crosses one of the two
+    segments that meet there, and a way past it crosses both or neither.
     """
     along = walls[:, 2:] - walls[:, :2]
     offset = _cross(along, walls[:, :2])

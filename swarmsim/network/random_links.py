@@ -19,7 +19,7 @@ Probability = Annotated[float, Meta(ge=0.0, le=1.0)]
 class RandomLinks(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot hears each other with probability p, drawn anew for every ordered pair in every iteration.
 
-    The dead neither hear nor speak; no other link changes with them. A directed G(n, p) (Gilbert 1959).
+    Dead robots neither hear nor speak; other links stay. A directed G(n, p) (Gilbert 1959).
     """
 
     p: Probability  # probability of a link
@@ -43,10 +43,10 @@ class PairLottery:
 
 
 class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot hears k others drawn anew in every iteration: as many as with `knn`, but near or far.
+    """Each robot hears k others drawn anew in every iteration: as many as with `knn`, near or far.
 
-    When a robot dies, those who would have heard it hear another each, or all the others once fewer than k are left;
-    all other links stay.
+    When a robot dies, each of its listeners hears another instead, or all the others once fewer than k are left; other
+    links stay.
     """
 
     k: Degree  # others heard
@@ -58,7 +58,7 @@ class RandomNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
 
 
 class SenderLottery:
-    """Links to k live others each, any of them as probable as any other; to all of them once fewer are left."""
+    """Links to k live others each, all equally probable; to all of them once fewer are left."""
 
     def __init__(self, salt: np.uint64, k: int) -> None:
         self._salt = salt
@@ -74,9 +74,9 @@ class SmallWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Static: each robot hears k others, its neighbours in a ring of ids, each of them redrawn with probability p.
 
     Neighbours in the ring are, until there are k, the next higher id, the next lower, the one after the next higher,
-    and so on. After Watts & Strogatz 1998, except that links are directed and that everybody hears exactly k others
-    whatever p is: from p = 0, a ring for k = 2, to p = 1, a random net. Drawn once, at the start; a dead robot leaves
-    a gap.
+    and so on. After Watts & Strogatz 1998, except that links are directed and that each robot hears exactly k others
+    for any p: from p = 0, a ring for k = 2, to p = 1, a random net. Drawn once, at the start; a dead robot leaves a
+    gap.
     """
 
     k: Degree  # others heard

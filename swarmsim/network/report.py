@@ -1,4 +1,4 @@
-"""The network of a recorded run in numbers: who was linked, who was heard, how that changed, what was lost."""
+"""The network of a recorded run in numbers: robots linked, robots heard, changes, losses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from swarmsim.recording.reader import Recording
 
 BUSIEST: Final = 5  # links listed
-#: What is measured of each graph in each iteration, with what it is called in tables.
+#: The measures of each graph in each iteration, with their names in tables.
 MEASURES: Final = {
     "mean_degree": "others heard by a live robot (in-degree): mean",
     "least_degree": "... least",
@@ -52,7 +52,7 @@ class Spread(TypedDict):
     most: float
 
 
-#: How many spells there are of each length: seen from beginning to end, or not.
+#: The number of spells of each length: seen from beginning to end, or not.
 SpellCounts = TypedDict(
     "SpellCounts",
     {
@@ -64,7 +64,7 @@ SpellCounts = TypedDict(
     },
 )
 
-#: All measures of one graph; None where nothing is defined.
+#: All measures of one graph; None where undefined.
 GraphNumbers = TypedDict(
     "GraphNumbers",
     {
@@ -91,7 +91,7 @@ class Fate(TypedDict):
 
 
 class BusyLink(TypedDict):
-    """A link over which much was heard."""
+    """A busy link."""
 
     receiver: int
     sender: int
@@ -122,7 +122,7 @@ class Graph:
     snapshots: list[LinkGraph]
     reach: Reach
     ordered: tuple[Spells, Spells]  # contacts and times between them, receiver and sender
-    unordered: tuple[Spells, Spells]  # of two robots, whichever hears
+    unordered: tuple[Spells, Spells]  # of two robots, in either direction
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +222,7 @@ def _counted(lengths: NDArray[np.int64]) -> dict[int, int]:
 
 
 def _messages(recording: Recording, window: range) -> tuple[dict[str, Fate], list[BusyLink]]:
-    """Messages and bytes by fate, and the links over which most was heard."""
+    """Messages and bytes by fate, and the busiest links."""
     letters = np.concatenate([recording.letters(t) for t in window])
     fates: dict[str, Fate] = {
         name: {"messages": int((letters[:, 4] == fate).sum()), "bytes": int(letters[letters[:, 4] == fate, 3].sum())}

@@ -27,9 +27,9 @@ def check_degree(k: int, robots: int) -> None:
 class NearestNeighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot hears its k nearest others, moving with the robots: directed, or only where both chose each other.
 
-    Ties in distance go to the lower id. Dead robots are ignored: everybody hears
-    the k nearest live robots, or all of them once fewer than k others are left. On a `periodic` page, as particles can
-    have, distances are the shortest around it.
+    Ties in distance go to the lower id. Dead robots are ignored: each robot hears the k nearest live robots, or all of
+    them once fewer than k others are left. On a `periodic` page, as particles can have, distances are the shortest
+    around it.
     """
 
     k: Degree  # others heard
@@ -48,7 +48,7 @@ class NearestNeighbourLinks:
     """Links to the k nearest live others, ties by id; to all of them once fewer than k are left."""
 
     def __init__(self, k: int, around: tuple[float, float] | None = None) -> None:
-        """`around`: the width and the height in m of a page whose opposite edges are one."""
+        """`around`: width and height in m of a page whose opposite edges coincide."""
         self._k, self._around = k, around
 
     def links(self, state: State) -> Links:
@@ -61,7 +61,7 @@ class NearestNeighbourLinks:
 
 
 class MutualNeighbourLinks:
-    """Those of the links to the nearest that both ends chose: at most k a robot, perhaps none."""
+    """The links to the nearest that both ends chose: at most k per robot, perhaps none."""
 
     def __init__(self, nearest: NearestNeighbourLinks) -> None:
         self._nearest = nearest
@@ -80,7 +80,7 @@ class Isolated(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Chain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Static: each robot hears those with the next lower and the next higher id; the two ends hear one.
+    """Static: each robot hears those with the next lower and the next higher id; the two end robots hear one.
 
     A dead robot leaves a gap: the chain is cut in two.
     """
@@ -98,7 +98,7 @@ class Ring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Static: the hub hears everybody, and everybody hears the hub. Once the hub is dead, no robot hears another."""
+    """Static: the hub hears all robots, and all hear the hub. Once the hub is dead, no robot hears another."""
 
     hub: Id = 0  # id of the robot in the middle
 
@@ -111,7 +111,7 @@ class Star(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Edges(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Static: the links of a list of pairs [receiver, sender], which may stand in a file: {file = "net.csv"}.
+    """Static: the links of a list of pairs [receiver, sender], also from a file: {file = "net.csv"}.
 
     A dead robot's links are gone, and no other robot takes its place.
     """
@@ -144,7 +144,7 @@ class FixedLinks:
         self._links: Links = np.array(sorted(links), np.int32).reshape(-1, 2)
 
     def links(self, state: State) -> Links:
-        """Those of the links whose two robots are alive."""
+        """The links whose two robots are alive."""
         links: Links = graph.among_live(self._links, state.alive)
         return links
 

@@ -1,11 +1,11 @@
 """Topologies from the Delaunay triangulation of the live robots: neighbours without another robot between them.
 
-Each contains the next: `delaunay`, `gabriel`, `relative-neighbourhood`. Their definitions name no triangulation, which
-is not unique where four robots stand on one circle, but the robots' places alone:
+Each contains the next: `delaunay`, `gabriel`, `relative-neighbourhood`. They are defined by the robots' places alone,
+as a triangulation is not unique where four robots stand on one circle:
 
 - robots in the same place hear each other, and the same others;
 - robots all on one line hear the next on either side, in all three topologies;
-- angles and lengths that differ by less than one part in 10^9 count as equal, lest rounding decide.
+- angles and lengths that differ by less than one part in 10^9 count as equal, so that rounding does not decide.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ Points = NDArray[np.float64]  # (p, 2): x, y in m
 class Delaunay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Two robots hear each other if some circle through both has every other robot strictly outside.
 
-    These are the edges that all Delaunay triangulations of the robots share, and the robots whose Voronoi cells have
-    a side in common; of four robots on one circle, opposite ones do not hear each other. The triangulation is of the
-    live robots: around a dead one it closes.
+    These are the edges that all Delaunay triangulations of the robots share; the Voronoi cells of such robots have a
+    side in common. Of four robots on one circle, opposite ones do not hear each other. Only live robots are
+    triangulated: the graph closes around a dead one.
     """
 
     def build(self, context: BuildContext) -> ProximityLinks:
@@ -44,8 +44,8 @@ class Delaunay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Gabriel(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Two robots hear each other if the closed disc with them at opposite ends holds no other live robot.
 
-    Gabriel & Sokal 1969; that these are Delaunay edges that both corners beside them see under an acute angle:
-    Matula & Sokal 1980. Around a dead robot the graph closes.
+    Gabriel & Sokal 1969; equivalent to Delaunay edges seen under an acute angle from both adjacent corners: Matula &
+    Sokal 1980. Around a dead robot the graph closes.
     """
 
     def build(self, context: BuildContext) -> ProximityLinks:
@@ -53,7 +53,7 @@ class Gabriel(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class RelativeNeighbourhood(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Two robots hear each other if no other live robot is nearer to both of them than they are to each other.
+    """Two robots hear each other if no other live robot is nearer to both than they are to each other.
 
     Toussaint 1980: the lune of the two, open, is empty. Around a dead robot the graph closes.
     """
@@ -63,7 +63,7 @@ class RelativeNeighbourhood(Struct, frozen=True, forbid_unknown_fields=True, kw_
 
 
 class ProximityLinks:
-    """Links among live robots along the edges that some rule picks from their triangulation."""
+    """Links among live robots along the edges that a rule picks from their triangulation."""
 
     def __init__(self, pick: Callable[[Mesh], Edges]) -> None:
         self._pick = pick
@@ -82,7 +82,7 @@ class Mesh:
     """A Delaunay triangulation of points, or the line on which all of them lie."""
 
     points: Points
-    place: NDArray[np.intp]  # (p,): which point stands in the edges for the place of each; most often itself
+    place: NDArray[np.intp]  # (p,): which point represents the place of each in the edges; mostly itself
     edges: Edges
     angles: NDArray[np.float64]  # (e, 2), rad: under which the corners on either side see an edge; 0 without corner
 
@@ -93,7 +93,7 @@ def triangulate(points: Points) -> Mesh:
     place = np.arange(len(points))
     order = _in_line(points)
     if order is not None:
-        # What follows closely along the line is in the same place.
+        # Points close together along the line share one place.
         apart = np.linalg.norm(np.diff(points[order], axis=0), axis=1)
         fresh = np.concatenate([[True], apart > EQUAL * apart.sum()])[: len(order)]
         stops = order[fresh]
@@ -106,7 +106,7 @@ def triangulate(points: Points) -> Mesh:
 
 
 def _in_line(points: Points) -> NDArray[np.intp] | None:
-    """The order of the points along the line on which all of them lie; none if they do not."""
+    """The order of the points along the line on which all of them lie; None if they are on no line."""
     if not len(points):
         return np.arange(0)
     from_first = points - points[0]
@@ -118,7 +118,7 @@ def _in_line(points: Points) -> NDArray[np.intp] | None:
 
 
 def _between_all(edges: Edges, place: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The edges (e, 2) among all points, given those among the ones that stand for a place."""
+    """The edges (e, 2) among all points, given those among the representative points."""
     if np.array_equal(place, np.arange(len(place))):
         return edges.astype(np.intp)
     near = np.eye(len(place), dtype=np.bool_)

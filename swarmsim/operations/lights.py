@@ -1,4 +1,4 @@
-"""A colour that robots pass on by sight: each takes that of the nearest one that it sees shining."""
+"""A colour that robots pass on by sight: each takes that of the nearest shining robot that it sees."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ CURVE: Final = Curve("lit", "robots that shine, %", scale=100.0, high=100.0, for
 
 
 class Mimic(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A robot that is dark takes the colour of the nearest one that it sees shining, and keeps it.
+    """A dark robot takes the colour of the nearest shining robot that it sees, and keeps it.
 
-    The `first` robots shine in `colour` from the start. All drive as another strategy decides. Their sensor
-    `neighbours` has to see the light.
+    The `first` robots shine in `colour` from the start. Another strategy drives all robots. Their sensor `neighbours`
+    has to see the light.
     """
 
     drive: Part[AnyStrategy] = Part("strategy", {"use": "stand"})
@@ -36,7 +36,7 @@ class Mimic(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     light: Name = "led"  # the channel of the actuator
 
     def build(self, context: BuildContext) -> Mimicry:
-        """The strategy. Raises InputError for a light or a robot that there is not."""
+        """The strategy. Raises InputError for an unknown light or robot."""
         _check_light(self.light, context)
         for robot in self.first:
             if robot >= context.swarm:
@@ -52,16 +52,16 @@ class Mimicry:
         self._light, self._sees = parameters.light, f"neighbours_{parameters.light}"
         self._first = np.zeros((len(context.ids), 3), np.uint8)
         self._first[np.isin(context.ids, parameters.first)] = parameters.colour
-        #: The channels of sensors that it cannot do without.
+        #: The channels of sensors that it needs.
         self.requires = (self._sees, *getattr(self._drive, "requires", ()))
 
     @property
     def requires_knowledge(self) -> type[Knowledge]:
-        """What the strategy that drives needs."""
+        """The knowledge that the driving strategy needs."""
         return self._drive.requires_knowledge
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """What that one decides, with the colour that each robot has, or has just seen."""
+        """The driving strategy's intents, with the colour that each robot has, or has just seen."""
         shown = (self._first if senses.decided is None else senses.decided.commands[self._light]).copy()
         seen = senses.readings[self._sees]  # (n, most, 3), the nearest first
         shines: NDArray[np.bool_] = seen.max(axis=2) > 0
@@ -78,7 +78,7 @@ class Lit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     light: Name = "led"  # the channel of the actuator
 
     def build(self, context: BuildContext) -> LitTask:
-        """The task. Raises InputError for a light that there is not."""
+        """The task. Raises InputError for an unknown light."""
         _check_light(self.light, context)
         return LitTask(self)
 
@@ -104,7 +104,7 @@ class LitTask:
 
 
 def _check_light(name: str, context: BuildContext) -> None:
-    """Raise InputError unless an actuator of the robots shines in colours under this name."""
+    """Raise InputError unless the robots have a coloured light of this name."""
     lights = {one.name: one for one in context.actuators if one.is_colour}
     if name not in lights:
         raise InputError(

@@ -1,4 +1,4 @@
-"""From a wanted velocity in the plane to what wheels can do, with walls in the way."""
+"""From a wanted velocity in the plane to what wheels can do, avoiding walls."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import OCCUPIED, Intents, Senses
 
-STILL: Final = 0.01  # of the top speed: whoever wants to go slower than that stands
+STILL: Final = 0.01  # of the top speed: below it, robots stand
 
 
 def wrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -25,7 +25,7 @@ def away_from_walls(
 ) -> NDArray[np.float64]:
     """The push (n, 2) on robots at places (n, 2) away from occupied cells of their tiles nearer than `clearance` (m).
 
-    The gradient of a potential, as in Khatib (1986); 1 at half the clearance from one cell. None without tiles.
+    The gradient of a potential, as in Khatib (1986); 1 at half the clearance from one cell. 0 without tiles.
     """
     count = len(place)
     if tiles is None or clearance == 0.0:
@@ -39,9 +39,9 @@ def away_from_walls(
 
 
 class Steering:
-    """Turns wanted velocities into twists: on the spot to what lies behind, on a bend to what lies ahead.
+    """Turns wanted velocities into twists: robots turn on the spot to points behind, on a bend to points ahead.
 
-    Who can move to the side has the velocity wanted, and does not turn.
+    Robots that can move to the side take the wanted velocity, and do not turn.
     """
 
     def __init__(self, context: BuildContext, speed: float | None, clearance: float) -> None:
@@ -52,13 +52,13 @@ class Steering:
         self._sideways = context.sideways
 
     def towards(self, place: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The velocities (n, 2) that lead from places to targets (n, 2) within a period, as far as speed allows."""
+        """The velocities (n, 2) from places to targets (n, 2) within a period, as far as speed allows."""
         wanted = (target - place) / self._period
         size = np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), 1e-12)
         return np.asarray(wanted * np.minimum(1.0, self.speed / size)[:, None])
 
     def intents(self, senses: Senses, wanted: NDArray[np.float64]) -> Intents:
-        """The twists that follow wanted velocities (n, 2) in m/s, walls avoided; slow ones and the dead stand."""
+        """The twists for wanted velocities (n, 2) in m/s, avoiding walls; slow and dead robots stand."""
         place = senses.pose[:, :2]
         push = away_from_walls(place, senses.readings.tiles, self._lattice, self._clearance)
         wanted = wanted + self.speed * push

@@ -1,4 +1,4 @@
-"""Robots that wander about and keep clear of what their beams meet: the plainest swarm there is."""
+"""Robots that wander and keep clear of obstacles that their beams meet: the simplest swarm."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ AHEAD: Final = 256  # iterations whose draws are made at once
 
 
 class Wander(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot drives on at constant speed along a way that bends at random, away from what its beams end at.
+    """Each robot drives at constant speed along a randomly bending way, away from obstacles that its beams meet.
 
-    Its sensor has to tell it how far beams go, `ranges = true`. In each iteration the way bends by a normal angle of
-    the standard deviation `bend` sqrt(period), a correlated random walk (Kareiva and Shigesada 1983).
+    Its sensor has to give ranges, `ranges = true`. In each iteration the way bends by a normal angle of the standard
+    deviation `bend` sqrt(period), a correlated random walk (Kareiva and Shigesada 1983).
     """
 
     speed: Positive | None = None  # m/s; default: two thirds of what wheels can
@@ -52,7 +52,7 @@ class Wandering:
         self._block, self._turns = -1, np.empty((0, 0))
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """On, away from what is near."""
+        """Drive on, away from near obstacles."""
         readings = senses.readings
         block, within = divmod(senses.iteration, AHEAD)
         if block != self._block:
@@ -67,14 +67,14 @@ class Wandering:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EmptyMessage(MessageBatch):
-    """What silent robots say: that they are there."""
+    """The message of silent robots: that they exist."""
 
     flag: NDArray[np.uint8]  # (t,): 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NoKnowledge(Knowledge):
-    """What robots know that remember nothing: nothing."""
+    """Empty knowledge."""
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """None."""
@@ -86,7 +86,7 @@ class NoKnowledge(Knowledge):
 
 
 class Reactive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots that compute nothing: they remember nothing, and what they say is a single byte."""
+    """Robots that compute nothing: they remember nothing and send a single byte."""
 
     def build(self, context: BuildContext) -> Reacting:
         return Reacting(len(context.ids))
@@ -102,7 +102,7 @@ class Reacting:
         self._said = Broadcast.each(EmptyMessage(np.zeros(robots, np.uint8)), self.codec.size)
 
     def say(self, senses: Senses) -> Broadcast[EmptyMessage]:
-        """That they are there."""
+        """A single byte."""
         return self._said
 
     def hear(self, senses: Senses, inbox: Inbox[EmptyMessage]) -> NoKnowledge:
@@ -117,7 +117,7 @@ class Reacting:
 
 
 class Travelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The robots have driven so far, on the mean."""
+    """The robots have driven `distance` on average."""
 
     distance: Positive  # m
 
@@ -133,11 +133,11 @@ class TravelTask:
 
     def __init__(self, distance: float, context: BuildContext) -> None:
         self._distance, self._way = distance, 0.0
-        self._leap = 2.0 * context.robots.speed * context.period  # m; whoever is that far was carried there
+        self._leap = 2.0 * context.robots.speed * context.period  # m; a robot that moved this far was carried
         self._last: State | None = None
 
     def measure(self, done: Done[Knowledge]) -> Measured:
-        """The mean way so far, in m."""
+        """The mean distance driven so far, in m."""
         state, last = done.state, self._last
         if last is not None:
             step = state.pose[:, :2] - last.pose[:, :2]

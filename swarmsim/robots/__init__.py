@@ -1,1 +1,1 @@
-"""What robots are made of: bodies, sensors, localisation and motion."""
+"""The parts of robots: bodies, sensors, localisation and motion."""

@@ -23,8 +23,8 @@ from swarmsim.kernels import drive
 from swarmsim.robots.kinematics import TwoWheels, differential, drives_of
 from swarmsim.robots.motion import WaypointFollower
 
-STRIDE = 0.25  # of its radius, the farthest that a robot may drive in a sub-step: more would let it pass thin walls
-MOST = 100_000  # sub-steps of an iteration, which is simulated in one go
+STRIDE = 0.25  # of its radius, the most that a robot may drive in a sub-step: more would let it pass thin walls
+MOST = 100_000  # sub-steps of an iteration
 READ = (
     batch.BodyFields.POSITION | batch.BodyFields.ANGLE | batch.BodyFields.VELOCITY | batch.BodyFields.ANGULAR_VELOCITY
 )
@@ -42,7 +42,7 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return True
 
     def build(self, context: BuildContext) -> RigidDiscs:
-        """The bodies, where the robots start. Raises InputError for an iteration of more sub-steps than MOST."""
+        """The bodies at the robots' starts. Raises InputError for an iteration of more sub-steps than MOST."""
         stride = longest_stride(context.robots, self)
         if context.period > MOST * stride:
             raise InputError(
@@ -53,13 +53,13 @@ class Pymunk(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class RigidDiscs:
-    """A swarm of discs on wheels, among walls and people who walk.
+    """A swarm of discs on wheels, among walls and walking people.
 
-    Walls stand still, but are others when the building changes; people are moved by their crowd, not by contacts.
+    Walls stand still, but are replaced when the building changes; people are moved by their crowd, not by contacts.
 
     Sub-steps are at most `physics.substep` long, and so short that no robot drives farther than STRIDE of its radius
-    in one. Contacts are found after the overlap, which therefore
-    reaches about speed times sub-step between a robot and a wall and twice that between two robots.
+    in one. Contacts are found after the overlap, which reaches about speed times sub-step between a robot and a wall
+    and twice that between two robots.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class RigidDiscs:
         pose: NDArray[np.float64],
         drives: Drives | None = None,
     ) -> None:
-        """By default everybody has two wheels."""
+        """By default all robots have two wheels."""
         self._substep = longest_stride(robots, physics)
         mass, radii = robots.each("mass"), robots.each("radius")
         moments = [pymunk.moment_for_circle(*one) for one in zip(mass, np.zeros(len(mass)), radii, strict=True)]
@@ -79,7 +79,7 @@ class RigidDiscs:
         self.space.iterations = 10
         self.space.collision_slop = 0.001 * float(radii.min())  # Chipmunk's default is made for pixels
         self.space.collision_bias = 0.2**60  # of an overlap, a fifth remains after a 60th of a second
-        self._friction = math.sqrt(physics.friction)  # of a shape: Chipmunk multiplies those of the two that touch
+        self._friction = math.sqrt(physics.friction)  # of a shape: Chipmunk multiplies those of two touching shapes
         self._building = building
         self._walls: list[pymunk.Segment] = []
         self._walkers: list[list[pymunk.Body]] = []  # by crowd
@@ -100,14 +100,14 @@ class RigidDiscs:
         self._prepare()
 
     def _prepare(self) -> None:
-        """Put up what stands in the building, and let in who walks there, at this moment."""
+        """Add the present walls and people."""
         self._build_walls()
         self._admit_walkers()
         self._open_buffers()
         self._version, self._stirred = self._building.version, True
 
     def _build_walls(self) -> None:
-        """Put up the walls of this moment in the place of those that stood before."""
+        """Replace the walls by the present ones."""
         self.space.remove(*self._walls)
         ground = self.space.static_body
         self._walls = [pymunk.Segment(ground, (x1, y1), (x2, y2), 0.0) for x1, y1, x2, y2 in self._building.walls]
@@ -116,7 +116,7 @@ class RigidDiscs:
         self.space.add(*self._walls)
 
     def _admit_walkers(self) -> None:
-        """Give those who are new a body that nothing can push."""
+        """Give new people a body that nothing can push."""
         for crowd in self._building.crowds[len(self._walkers) :]:
             walkers = []
             for x, y, radius in crowd.discs:
@@ -132,7 +132,7 @@ class RigidDiscs:
         """Map the arrays that pymunk's batch calls read and write.
 
         Bodies are never removed from the space, so robot i keeps row i; the static body and those of people have
-        rows after them. The array that is read into belongs to pymunk, which would reallocate one of ours.
+        rows after them. The read buffer belongs to pymunk, which would reallocate one of ours.
         """
         identities = batch.Buffer()
         batch.get_space_bodies(self.space, batch.BodyFields.BODY_ID, identities)
@@ -148,7 +148,7 @@ class RigidDiscs:
         self._engine, self._written, self._read, self._batched = _addresses(self.space, self._reading, self._writing)
 
     def state(self) -> State:
-        """Where everybody is now; the arrays are copies."""
+        """The robots' present state; the arrays are copies."""
         return State(
             self._iteration,
             self._moving[:, :3].copy(),
@@ -159,11 +159,11 @@ class RigidDiscs:
 
     @property
     def solid(self) -> NDArray[np.bool_]:
-        """Whose bodies (n,) are in the world, alive or crashed."""
+        """Which robots (n,) have bodies in the world, alive or crashed."""
         return np.array([disc.space is not None for disc in self._discs], np.bool_)
 
     def remove(self, robots: NDArray[np.int64]) -> None:
-        """Take robots (r,) out of the world: nothing meets them any more, and their bodies rest."""
+        """Take robots (r,) out of the world: nothing collides with them, and their bodies rest."""
         for robot in robots:
             disc = self._discs[robot]
             if disc.space is not None:
@@ -179,7 +179,7 @@ class RigidDiscs:
         self._wheels[robots] = 0.0
 
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again, but for those retired."""
+        """Put dead robots (r,) at `pose` (r, 3), at rest and alive again, except retired ones."""
         robots, pose = robots[~self._retired[robots]], pose[~self._retired[robots]]
         for robot, (x, y, yaw) in zip(robots, pose, strict=True):
             disc = self._discs[robot]
@@ -200,13 +200,13 @@ class RigidDiscs:
         self._moving[robots, 3:5] = velocity
 
     def retire(self, robots: NDArray[np.int64]) -> None:
-        """Let nothing bring these robots (r,) back that are out, or will be."""
+        """Never revive these robots (r,)."""
         self._retired[robots] = True
 
     def _meet_crowds(self) -> list[tuple[Crowd, list[pymunk.Body], NDArray[np.bool_]]]:
         """The crowds, their bodies, and which robots (n,) they see.
 
-        The bodies are put exactly where their crowds say, as the sum of many sub-steps is rounded otherwise.
+        The bodies are put exactly where their crowds say: summing many sub-steps would round differently.
         """
         for crowd, walkers in zip(self._building.crowds, self._walkers, strict=True):
             for body, (x, y, _) in zip(walkers, crowd.discs.tolist(), strict=True):
@@ -214,7 +214,7 @@ class RigidDiscs:
         return [(*pair, self.solid) for pair in zip(self._building.crowds, self._walkers, strict=True)]
 
     def drive(self, motion: Motion, period: float) -> State:
-        """The state one period (s) later, with `motion` asked for commands at every sub-step."""
+        """The state one period (s) later; `motion` gives commands at every sub-step."""
         if self._version != self._building.version:
             self._prepare()
         crowds = self._meet_crowds()
@@ -223,8 +223,8 @@ class RigidDiscs:
         space, clear = self.space, self._reading.clear
         moving, wheels, push = self._moving, self._wheels, self._push
         pose = moving[:, :3]
-        # A period in which nobody walks, nothing wraps the motion and all have two wheels is one compiled call, but for
-        # a first sub-step of pymunk's own after something was added to the space or removed from it.
+        # With no people, an unwrapped motion and two wheels each, a period is one compiled call, except for a first
+        # sub-step of pymunk's own after something was added to the space or removed from it.
         kind = self._drives.alone
         rolls = (motion, kind) if isinstance(motion, WaypointFollower) and isinstance(kind, TwoWheels) else None
         asked = substeps if crowds or rolls is None else int(self._stirred)
@@ -247,18 +247,18 @@ class RigidDiscs:
 
 
 def longest_stride(robots: Crew, physics: Pymunk) -> float:
-    """The longest sub-step (s) in which no robot drives farther than STRIDE of its radius, if `substep` is not less."""
+    """The longest sub-step (s), at most `substep`, in which no robot drives farther than STRIDE of its radius."""
     return min(physics.substep, STRIDE * float((robots.each("radius") / robots.each("speed")).min()))
 
 
 def _addresses(
     space: pymunk.Space, reading: batch.Buffer, writing: batch.Buffer
 ) -> tuple[NDArray[np.uint64], NDArray[np.int32], NDArray[np.int32], Any]:
-    """Where in memory Chipmunk's functions and their data lie, for `drive.roll`: `engine`, `written` and `read`.
+    """The addresses of Chipmunk's functions and their data, for `drive.roll`: `engine`, `written` and `read`.
 
-    The last is what lies there, to be kept as long as it is used.
+    The last item is the data, to be kept as long as it is used.
 
-    They are what pymunk's `Space.step` and batch calls use; pymunk is pinned exactly because of that.
+    pymunk's `Space.step` and batch calls use the same; therefore pymunk is pinned exactly.
     """
     data, counters = [], []
     for fields, buffer in ((WRITE, writing), (READ, reading)):

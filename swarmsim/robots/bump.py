@@ -1,4 +1,4 @@
-"""Which side of each robot touches something: a wall, another robot or somebody."""
+"""Which side of each robot touches something: a wall, another robot or a person."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Bump(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     margin: ClassVar[int] = 0  # cells that it maps
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_bump
-    sectors: Annotated[int, Meta(ge=1, le=360)] = 4  # equal ones all round, each of which tells whether it touches
+    sectors: Annotated[int, Meta(ge=1, le=360)] = 4  # equal ones all round; each tells whether it touches
     slack: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.005  # m, up to which a gap is a contact
 
     def build(self, context: BuildContext) -> BumpSensor:
@@ -37,7 +37,7 @@ class BumpSensor:
         self.channels = Channels(Channel("bump", "?", (parameters.sectors,), axis=tuple(middles.tolist())))
 
     def sense(self, state: State) -> Readings:
-        """Which sectors (n, sectors) touch; none of the dead."""
+        """Which sectors (n, sectors) touch; none of a dead robot."""
         found = self.channels["bump"].blanks(state.robots)
         walls, people = self._building.walls, self._building.walkers()
         bodies = np.column_stack([state.pose[:, :2], self._radii])

@@ -1,4 +1,4 @@
-"""What the floor under each robot is like: a grey level, a colour or any other value that a field gives."""
+"""The floor under each robot: a grey level, a colour or any other value of a field."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class GroundColour(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """The value of the floor under the robot's middle, one for each of `floors`: one for grey, three for a colour.
 
     Each is a field as in `[field]`, such as {use = "picture", values = {file = "floor.png"}} or a formula. With
-    `steps`, what is told is how many of these values it reaches: 0 or 1 with one step, as of black and white.
+    `steps`, the reading is the number of these values reached: 0 or 1 with one step, as for black and white.
     """
 
     gives: ClassVar[dict[str, str]] = {"ground": ""}
@@ -27,11 +27,11 @@ class GroundColour(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_ground
     floors: Annotated[tuple[Part[Field], ...], Meta(min_length=1, max_length=16)]
-    steps: tuple[float, ...] = ()  # rising values, in the unit of the floor; none: the value itself is told
+    steps: tuple[float, ...] = ()  # rising values, in the unit of the floor; none: the reading is the value itself
     error: Annotated[float, Meta(ge=0.0)] = 0.0  # standard deviation, in the unit of the floor, before steps
 
     def build(self, context: BuildContext) -> GroundSensor:
-        """The sensor. Raises InputError for a floor that is no field, and for steps that do not rise."""
+        """The sensor. Raises InputError for a floor that is not a field, and for steps that do not rise."""
         if sorted(set(self.steps)) != list(self.steps):
             raise InputError(f"steps: {list(self.steps)}; expected numbers that rise")
         floors = [part.build(context, f"floors[{number}]") for number, part in enumerate(self.floors)]
@@ -39,7 +39,7 @@ class GroundColour(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 class GroundSensor:
-    """Samples what lies under the robots."""
+    """Samples the floor under the robots."""
 
     def __init__(self, parameters: GroundColour, floors: list[Field], context: BuildContext) -> None:
         self._floors, self._steps, self._error = floors, np.array(parameters.steps), parameters.error

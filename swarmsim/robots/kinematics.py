@@ -1,4 +1,4 @@
-"""Wheels that robots have: two of a differential drive, three that go anywhere, or those of a car."""
+"""The robots' wheels: two of a differential drive, three omnidirectional ones, or those of a car."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from swarmsim.core.crew import Crew, Length
 from swarmsim.core.kinematics import Drives, Wheels
 from swarmsim.kernels import drive, rolling
 
-GRAVITY = 9.81  # m/s^2, only for how much traction a robot's weight gives
+GRAVITY = 9.81  # m/s^2, only for the traction of a robot's weight
 
 
 class Differential(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -41,7 +41,7 @@ class Omni(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Car(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Two axles, the front one steered: robots drive bends, ahead and backwards, and cannot turn on the spot."""
 
-    wheelbase: Length = 0.10  # m, between the axles, in whose middle the body's is
+    wheelbase: Length = 0.10  # m, between the axles; the body's middle is half-way
     steering: Annotated[float, Meta(ge=0.01, le=1.4)] = 0.6  # rad, to each side
     steering_rate: Annotated[float, Meta(gt=0.0, le=1e3)] = 3.0  # rad/s
 
@@ -56,12 +56,12 @@ class Car(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 def drives_of(context: BuildContext) -> Drives:
-    """The kinematics of the swarm that parts are built for; differential if nothing is said of it."""
+    """The kinematics of the swarm that parts are built for; differential by default."""
     return context.kinematics or differential(context.robots, context.swarm)
 
 
 def differential(robots: Crew, count: int) -> Drives:
-    """The kinematics of so many robots on two wheels each."""
+    """The kinematics of `count` robots on two wheels each."""
     return Drives([Wheels("differential", TwoWheels(robots), slice(0, count), False, 0.0)])
 
 
@@ -72,7 +72,7 @@ def inertia(robots: Crew) -> NDArray[np.float64]:
 
 
 def grip(robots: Crew, wheels: int) -> NDArray[np.float64]:
-    """The most that one of so many wheels, which carry the weight alike, can push (n,), N."""
+    """The largest push (n,) of one wheel, N; all wheels carry equal weight."""
     return 1.0 / wheels * robots.each("traction") * robots.each("mass") * GRAVITY
 
 
@@ -94,7 +94,7 @@ class TwoWheels:
         return self._wanted
 
     def approach(self, aims: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The speeds of both wheels (r, 2) on an arc to what is ahead; what is behind is turned to on the spot."""
+        """The speeds of both wheels (r, 2) on an arc to points ahead; robots turn on the spot to points behind."""
         drive.towards(aims, self.rims, self._wanted)
         return self._wanted
 
@@ -119,7 +119,7 @@ class ThreeWheels:
         self._wanted, self._push = np.zeros((len(arm), 3)), np.zeros((len(arm), 3))
 
     def command(self, twists: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Velocities (r, 3), in their proportions, that no wheel is too slow for."""
+        """Velocities (r, 3), scaled down in proportion where a wheel would be too fast."""
         rolling.omni_command(twists, self._traits, self._wanted)
         return self._wanted
 
@@ -137,7 +137,7 @@ class ThreeWheels:
 
 
 class Bicycle:
-    """A car, each axle of which has its wheels in the middle."""
+    """A car, with each axle's wheels in the middle."""
 
     columns = (("speed", "m/s"), ("steering", "rad"))
 
@@ -153,7 +153,7 @@ class Bicycle:
         self._wanted, self._push = np.zeros((count, 2)), np.zeros((count, 3))
 
     def command(self, twists: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Speeds and steering angles (r, 2); who wants to turn on the spot drives the tightest bend."""
+        """Speeds and steering angles (r, 2); a turn on the spot becomes the tightest bend."""
         rolling.car_command(twists, self._traits, self._wanted)
         return self._wanted
 

@@ -1,4 +1,4 @@
-"""Localisation: where each robot believes it is."""
+"""Localisation: each robot's estimated pose."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ class Noisy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Odometry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Every robot knows where it starts, and from then on counts the turns of its wheels, which drifts.
+    """Every robot knows its start, and from then on counts wheel turns, which drifts.
 
     A way is a turn, a straight piece and another turn, each measured with a normal error whose variance grows with its
     size (Thrun, Burgard, Fox, Probabilistic Robotics, 2005, section 5.4); robots that move to the side do not turn
-    before and after. Wheels slip by `slip` on a metre, the
-    heading goes astray by `veer` on a metre and by `spin` on a radian. Unequal wheels add a constant bend of each
-    robot's own, with the standard deviation `bias`. Ticks of the encoders, `tick` apart, add their rounding.
+    before and after. Wheels slip by `slip` per metre; the heading errs by `veer` per metre and by `spin` per radian.
+    Unequal wheels add a constant bend per robot, with the standard deviation `bias`. Ticks of the encoders, `tick`
+    apart, add their rounding.
     """
 
     slip: Spread = 0.01  # m, standard deviation of a measured way of 1 m
@@ -77,7 +77,7 @@ class Erring(ABC):
     exact = False
 
     def __init__(self, context: BuildContext) -> None:
-        #: What each robot's estimate (n, 3) is more than its true pose: m, m, rad.
+        #: Each robot's estimate minus its true pose (n, 3): m, m, rad.
         self.error: NDArray[np.float64] = np.zeros((context.swarm, 3))
         self._belief = Belief(self.error, np.ones(context.swarm, np.bool_), context.lattice)
 
@@ -92,11 +92,11 @@ class Erring(ABC):
 
     @abstractmethod
     def err(self, state: State) -> None:
-        """Let the errors become those of this iteration."""
+        """Update the errors to this iteration."""
 
 
 class NoisyLocalisation(Erring):
-    """Errors that know nothing of those before."""
+    """Errors independent of earlier ones."""
 
     def __init__(self, parameters: Noisy, context: BuildContext) -> None:
         super().__init__(context)
@@ -122,7 +122,7 @@ class OdometryLocalisation(Erring):
         self._sideways = drives_of(context).sideways
 
     def err(self, state: State) -> None:
-        """Add what was measured wrong since the last iteration; who has just come knows where it is."""
+        """Add the measuring errors since the last iteration; a robot that has just entered knows its pose."""
         if self._before is None:
             self._before = state.pose.copy()
         came = state.alive & ~self._alive
@@ -156,22 +156,22 @@ def _salt(context: BuildContext) -> int:
 
 
 def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same angle between half a turn to the right and half a turn to the left."""
+    """The angle wrapped to half a turn either way."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def tracked(localisation: Localisation, context: BuildContext) -> Tracking:
-    """The localisation; one that says nothing of the time between two iterations is taken to err."""
+    """The localisation; one that gives no estimates between iterations is wrapped, with constant errors in between."""
     return localisation if isinstance(localisation, Tracking) else Tracked(localisation, context)
 
 
 class Tracked:
-    """A localisation whose errors are taken to stay the same from one iteration to the next."""
+    """A localisation whose errors are assumed constant between iterations."""
 
     exact = False
 
     def __init__(self, inner: Localisation, context: BuildContext) -> None:
-        #: Whose contract it is to keep.
+        #: The wrapped part, which has to keep its contract.
         self.written_by = registry.author_of(inner)
         self._inner, self._error = inner, np.zeros((context.swarm, 3))
         self._belief = Belief(self._error, np.ones(context.swarm, np.bool_), context.lattice)
@@ -189,18 +189,18 @@ class Tracked:
 
 
 class Belief:
-    """Where robots believe to be: their poses with their errors, but never off the lattice of their maps."""
+    """The robots' estimated poses: true ones plus errors, but never off the lattice of their maps."""
 
     def __init__(self, error: NDArray[np.float64], active: NDArray[np.bool_], lattice: Lattice) -> None:
         """`error` (n, 3) and `active` (n,) are live views; rows that are not active pass unchanged."""
         self._error, self.active = error, active
         left, right, low, high = lattice.extent
-        # By a millionth of a cell inside, so that rounding never finds the cell beyond the edge.
+        # A millionth of a cell inside, so that rounding never yields the cell beyond the edge.
         inset = 1e-6 * lattice.cell
         self._low, self._high = np.array([left, low]) + inset, np.array([right, high]) - inset
 
     def of(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The poses (n, 3) believed of these true ones."""
+        """The estimates (n, 3) of these true poses."""
         if not self.active.any():
             return pose
         believed = pose + self._error

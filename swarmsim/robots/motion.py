@@ -1,4 +1,4 @@
-"""From waypoints to what wheels do, within their limits."""
+"""From waypoints to wheel commands, within the wheels' limits."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from swarmsim.robots.kinematics import TwoWheels, drives_of
 class PurePursuit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Steer towards the path a little ahead, without stopping at waypoints.
 
-    Small enough a distance keeps the robot from cutting corners that a path one cell wide goes around. A car looks as
-    far ahead as its tightest bend is wide, at least.
+    A small distance keeps the robot from cutting corners of a path one cell wide. A car looks ahead at least as far as
+    its tightest bend is wide.
     """
 
     look_ahead: Annotated[float, Meta(gt=0.0)] = 0.05  # m
@@ -43,11 +43,11 @@ class WaypointFollower:
         self._counts = np.zeros(count, np.int32)
         self._aims = np.zeros((count, 4))
         self._wanted = np.zeros((count, self._drives.width))
-        self._turning = np.zeros(count, np.bool_)  # who moves at a velocity ...
+        self._turning = np.zeros(count, np.bool_)  # robots that move at a velocity ...
         self._twisting = np.zeros((count, self._drives.width))  # ... and the command for that
 
     def follow(self, intents: Intents) -> None:
-        """Start on new waypoints. Raises InputError for robots that shall move to the side and cannot."""
+        """Start on new waypoints. Raises InputError for a move to the side by robots that cannot."""
         self._waypoints, self._counts = intents.waypoints, intents.counts
         self._cursor[:] = 0
         self._turning[:] = False
@@ -55,7 +55,7 @@ class WaypointFollower:
             self._turn(intents.twists)
 
     def _turn(self, twists: NDArray[np.float64]) -> None:
-        """Take up velocities (n, 2 or 3)."""
+        """Set velocities (n, 2 or 3)."""
         self._turning[:] = ~np.isnan(twists).any(axis=1)
         wanted = np.zeros((len(twists), 3))
         wanted[:, 0], wanted[:, 2] = np.where(self._turning[:, None], twists[:, :2], 0.0).T
@@ -76,7 +76,7 @@ class WaypointFollower:
         return self._wanted
 
     def course(self, wheels: TwoWheels) -> tuple[Any, ...]:
-        """What `drive.roll` follows: the arguments from `waypoints` on, for robots on two wheels."""
+        """The arguments of `drive.roll` from `waypoints` on, for robots on two wheels."""
         return (
             self._waypoints, self._counts, self._cursor, self._ahead, self._paces, self._aims, self._wanted,
             self._turning, self._twisting, wheels.rims,

@@ -1,4 +1,4 @@
-"""Range and bearing: where the robots nearby are, and where they head, as seen from each robot."""
+"""Range and bearing: places and headings of nearby robots, as seen from each robot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Spread = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
 class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How far off the nearest robots are, in which direction, and how they are turned against the robot's own heading.
+    """Distance and bearing of the nearest robots, and their headings relative to the robot's own.
 
     The nearest come first, ties by number; walls hide robots, robots do not. Errors are normal, and a robot is missed
     with the probability `missed`, both drawn for each pair and iteration. With `groups` they are told apart by the
@@ -36,17 +36,17 @@ class Neighbours(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     name: Called | None = None  # of one of several on a robot: its channel is called NAME_neighbours
     reach: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # m, centre to centre
-    most: Annotated[int, Meta(ge=1, le=1000)] | None = None  # how many are told; default: all others, up to 8
+    most: Annotated[int, Meta(ge=1, le=1000)] | None = None  # robots reported; default: all others, up to 8
     view: Annotated[float, Meta(gt=0.0, le=360.0)] = 360.0  # degrees, with the middle straight ahead
     error: Spread = 0.0  # m, standard deviation of distances
     error_angle: Spread = 0.0  # rad, of bearings and headings
     missed: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # share of robots that are not seen in an iteration
     walls: bool = True  # whether they hide what is behind them
-    groups: bool | None = None  # whether it tells of which group each is: a channel neighbours_group; default: no
-    sees: tuple[Name, ...] = ()  # channels of actuators, such as led: what each robot told is gives neighbours_led
+    groups: bool | None = None  # whether it reports each one's group, in a channel neighbours_group; default: no
+    sees: tuple[Name, ...] = ()  # channels of actuators, such as led: the neighbours' values, in neighbours_led
 
     def build(self, context: BuildContext) -> NeighbourSensor:
-        """The sensor. Raises InputError for an actuator that robots do not have, and for groups that are too many."""
+        """The sensor. Raises InputError for an unknown actuator, and for too many groups."""
         if self.groups and len(context.robots.names) > NO_GROUP:
             raise InputError(f"groups: {len(context.robots.names)} cannot be told apart; expected {NO_GROUP} at most")
         for name in self.sees:
@@ -74,7 +74,7 @@ class NeighbourSensor:
         self._salt = int(context.streams.open(f"neighbours {context.number}").integers(0, 2**64, dtype=np.uint64))
 
     def sense(self, state: State) -> Readings:
-        """The nearest robots of each; none for the dead, which nobody sees either."""
+        """The nearest robots of each; the dead neither see nor are seen."""
         given, at, pose = self._parameters, state.iteration, state.pose
         near = graph.within(pose, state.alive, given.reach)
         seer, seen = graph.both_ways(near if self._sight is None else self._sight.clear(pose, near), state.robots).T
@@ -104,5 +104,5 @@ class NeighbourSensor:
 
 
 def _turn(angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same angle between half a turn to the right and half a turn to the left."""
+    """The angle wrapped to half a turn either way."""
     return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

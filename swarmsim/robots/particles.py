@@ -16,17 +16,17 @@ from swarmsim.robots.kinematics import drives_of
 
 
 class Particles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Self-propelled points for comparison with models that know no physics: nothing is in their way.
+    """Self-propelled points for comparison with models without physics: nothing is in their way.
 
-    On the page of the floor plan they are held at its edges or, if it is `periodic`, leave at one and enter at the
-    opposite one. Wheels turn at once as they are told, and between two orders a robot drives an exact arc.
+    They stop at the edges of the floor plan's page or, if it is `periodic`, leave at one and enter at the opposite one.
+    Wheels obey at once, and between two commands a robot drives an exact arc.
     """
 
     periodic: bool = False
-    substeps: Annotated[int, Meta(ge=1, le=1000)] = 1  # orders within a period; robots that follow ways need several
+    substeps: Annotated[int, Meta(ge=1, le=1000)] = 1  # commands within a period; robots that follow ways need several
 
     def build(self, context: BuildContext) -> PointBodies:
-        """The bodies, where the robots start. Raises InputError for robots that have not two wheels."""
+        """The bodies at the robots' starts. Raises InputError for robots without two wheels each."""
         if other := sorted(drives_of(context).names - {"differential"}):
             raise InputError(
                 f"use: particles move as on two wheels, not as {' or '.join(map(repr, other))}; expected "
@@ -49,13 +49,13 @@ class PointBodies:
         self._iteration = 0
 
     def state(self) -> State:
-        """Where everybody is now; the arrays are copies."""
+        """The robots' present state; the arrays are copies."""
         moving = (self._pose.copy(), self._velocity.copy(), self._wheels.copy())
         return State(self._iteration, *moving, self._alive.copy())
 
     @property
     def solid(self) -> NDArray[np.bool_]:
-        """Who is in the world (n,), alive or crashed."""
+        """Which robots (n,) are in the world, alive or crashed."""
         return self._there.copy()
 
     def remove(self, robots: NDArray[np.int64]) -> None:
@@ -64,12 +64,12 @@ class PointBodies:
         self.crash(robots)
 
     def crash(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) stand for good."""
+        """Stop robots (r,) for good."""
         self._alive[robots] = False
         self._wheels[robots], self._velocity[robots] = 0.0, 0.0
 
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots (r,) at `pose` (r, 3), at rest and alive again, but for those retired."""
+        """Put robots (r,) at `pose` (r, 3), at rest and alive again, except retired ones."""
         robots, pose = robots[~self._retired[robots]], pose[~self._retired[robots]]
         self._pose[robots], self._wheels[robots], self._velocity[robots] = pose, 0.0, 0.0
         self._alive[robots], self._there[robots] = True, True
@@ -79,7 +79,7 @@ class PointBodies:
         raise InputError("use: particles have no mass, and cannot be pushed; expected physics.use = 'pymunk'")
 
     def retire(self, robots: NDArray[np.int64]) -> None:
-        """Let nothing bring these robots (r,) back."""
+        """Never revive these robots (r,)."""
         self._retired[robots] = True
 
     def drive(self, motion: Motion, period: float) -> State:

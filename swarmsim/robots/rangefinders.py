@@ -1,4 +1,4 @@
-"""Rangefinders that err: noise, blind zones, cones, drop-outs and outliers, and what their readings are worth."""
+"""Rangefinders that err: noise, blind zones, cones, drop-outs and outliers, and the evidence in their readings."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ ACROSS: Final = 5  # rays that stand for the cone of a beam; odd, so that one is
 
 
 class RangefinderSensor:
-    """Measures how far each beam of each robot goes, with errors, and fills tiles with what that is worth.
+    """Measures how far each beam of each robot goes, with errors, and fills tiles by the evidence.
 
-    Errors are drawn for the robot, the beam and the iteration, so that one more robot shifts nobody's.
+    Errors are drawn for the robot, the beam and the iteration, so that one more robot shifts no other's.
     """
 
     def __init__(self, whole: WholeRing, context: BuildContext) -> None:
@@ -51,7 +51,7 @@ class RangefinderSensor:
         self._prepare()
 
     def _prepare(self) -> None:
-        """Sort the walls of this moment by place."""
+        """Sort the present walls by place."""
         self._walls, self._version = self._building.walls.copy(), self._building.version
         self._near = rays.bins(self._walls, self._whole.reach, *self._coarse)
 
@@ -82,7 +82,7 @@ class RangefinderSensor:
         return Readings(self.channels, (values, origins, said, *((readings,) if whole.ranges else ())))
 
     def _distances(self, state: State, occlude: bool) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """How far each beam (n, b) goes before it meets the first thing within its cone, and the tiles' origins."""
+        """How far each beam (n, b) goes to the first thing within its cone, and the tiles' origins."""
         ring = self._rays.reshape(-1, 2)
         values = np.empty((state.robots, *self._whole.shape), np.uint8)
         origins = np.empty((state.robots, 2), np.int32)
@@ -98,7 +98,7 @@ class RangefinderSensor:
         whole, salt, at = self._whole, self._salt, state.iteration
         robot, beam = np.arange(state.robots)[:, None], np.arange(len(self._working))
         constant, share, square = self._drawn
-        with np.errstate(invalid="ignore"):  # what is infinite stays so
+        with np.errstate(invalid="ignore"):  # infinities stay
             sigma = np.sqrt(constant**2 + (share * seen) ** 2 + (square * seen**2) ** 2)
             readings = np.where(np.isfinite(seen), seen + sigma * chance.normal(salt, at, robot, beam, 0), np.inf)
         lost = seen < whole.blind

@@ -1,4 +1,4 @@
-"""A ring of beams with all of its numbers, and how its tiles lie on the lattice."""
+"""A ring of beams with all its numbers, and how its tiles lie on the lattice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from swarmsim.core.state import State
 
 
 class WholeRing(Struct, frozen=True, kw_only=True):
-    """The keys of an `IrRing` once its preset has filled in those that a scenario leaves out."""
+    """The keys of an `IrRing`, with those that a scenario leaves out taken from its preset."""
 
     tile: tuple[int, int]  # rows, columns
     frame: Literal["map", "robot"]
@@ -34,13 +34,13 @@ class WholeRing(Struct, frozen=True, kw_only=True):
 
     @property
     def errs(self) -> bool:
-        """Whether there is anything about it that is not ideal, but for the number of beams."""
+        """Whether anything but the number of beams is not ideal."""
         spread = self.error or self.error_share or self.error_square or self.step
         return bool(spread or self.blind or self.cone or self.drop_out or self.outliers)
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of the tile in cells of the map; one that turns needs room to."""
+        """Rows and columns of the tile in cells of the map, with room to turn if it turns."""
         side = math.ceil(math.hypot(*self.tile)) + 1
         return self.tile if self.frame == "map" else (side, side)
 
@@ -55,7 +55,7 @@ class WholeRing(Struct, frozen=True, kw_only=True):
         return np.asarray(np.arange(self.beams) * (2.0 * np.pi / self.beams))
 
     def channels(self, evidence: bool) -> Channels:
-        """What such a ring gives, with or without what its tiles are worth."""
+        """The channels of such a ring, with or without its tiles' evidence."""
         angles = self.angles()
         ahead = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)
         ranges = (range_channel(ahead, self.reach),) if self.ranges else ()
@@ -63,7 +63,7 @@ class WholeRing(Struct, frozen=True, kw_only=True):
 
 
 def radii_of(radii: NDArray[np.float64], state: State) -> NDArray[np.float64]:
-    """The radii (n,) of the robots of a state; of more robots than a sensor was built for, the largest."""
+    """The radii (n,) of the robots of a state; the largest for more robots than the sensor was built for."""
     return radii if len(radii) == state.robots else np.full(state.robots, radii.max())
 
 

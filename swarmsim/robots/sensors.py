@@ -28,7 +28,7 @@ Share = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Error = Annotated[float, Meta(ge=0.0, le=10.0)]
 SIX: Final = (0.0, 45.0, 90.0, 180.0, -90.0, -45.0)  # degrees, the bearings of the reference paper's robots
 
-#: What each preset says where a scenario says nothing; docs/sensors.md names the sources.
+#: The presets' values for keys that a scenario leaves out; docs/sensors.md names the sources.
 PRESETS: Final[dict[str, dict[str, Any]]] = {
     "ideal": {},
     "sharp-gp2y0a21": {
@@ -46,14 +46,14 @@ PRESETS: Final[dict[str, dict[str, Any]]] = {
 class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Infra-red beams around the robot, cast against the exact walls.
 
-    Without errors a beam tells free cells from occupied ones beyond doubt. A reading at d errs with the standard
-    deviation sqrt(error^2 + (error_share d)^2 + (error_square d^2)^2); the last is the law of triangulation sensors
-    such as Sharp's, whose voltage falls as 1 / d. Then each reading says of each cell how likely it is occupied, by
-    Bayes' rule (`kernels.evidence`), which goes into the robot's own map; a tile calls free or occupied what is sure
-    enough, and all else unknown. Numbers that a scenario leaves out are those of the preset.
+    Without errors a beam tells free cells from occupied ones for certain. A reading at d errs with the standard
+    deviation sqrt(error^2 + (error_share d)^2 + (error_square d^2)^2); the last term is the law of triangulation
+    sensors such as Sharp's, whose voltage falls as 1 / d. Then each reading gives each cell's probability of being
+    occupied, by Bayes' rule (`kernels.evidence`), for the robot's own map; the tile marks only sufficiently certain
+    cells. Numbers that a scenario leaves out are those of the preset.
 
     `frame` says how the tile lies: along the rows and columns of the map, or turning with the robot, so that its
-    columns run ahead; then it is told in the cells of the map whose centres it holds.
+    columns run ahead; then it is given in the map's cells whose centres it holds.
     """
 
     gives: ClassVar[dict[str, str]] = {"tiles": "", "ranges": "ranges = true"}
@@ -61,20 +61,20 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Called | None = None  # of one of several on a robot: its channels are called NAME_tiles and so on
     preset: Literal["ideal", "sharp-gp2y0a21", "gternal", "ebot"] = "ideal"
     tile: tuple[Annotated[int, Meta(ge=1, le=99)], Annotated[int, Meta(ge=1, le=99)]] = (6, 7)  # rows, columns
-    frame: Literal["map", "robot"] = "map"  # what the tile's rows and columns keep to
+    frame: Literal["map", "robot"] = "map"  # what the tile's rows and columns follow
     beams: Annotated[int, Meta(ge=1, le=10_000)] | None = None  # evenly round the robot; 72 without bearings
     bearings: Bearings | None = None  # degrees, + is to the left
     reach: Annotated[float, Meta(gt=0.0)] | None = None  # m; 1 by default
     blind: Annotated[float, Meta(ge=0.0)] | None = None  # m, nearer than this nothing is measured
-    cone: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # degrees, of which a beam sees the nearest thing
+    cone: Annotated[float, Meta(ge=0.0, le=90.0)] | None = None  # degrees; a beam sees the nearest thing in it
     error: Error | None = None  # m, the same at any distance
     error_share: Error | None = None  # of the distance
     error_square: Error | None = None  # 1/m, times the square of the distance
     drop_out: Share | None = None  # of readings that are missing
-    outliers: Share | None = None  # of readings that are anything within reach
+    outliers: Share | None = None  # of readings that are arbitrary within reach
     step: Error | None = None  # m, to which readings are rounded
     robots: Literal["ignored", "occlude", "occupied"] = "ignored"  # how other robots appear to the beams
-    ranges: bool = False  # whether minds are given how far each beam goes besides the tile
+    ranges: bool = False  # whether minds also get how far each beam goes
 
     def __post_init__(self) -> None:
         given = PRESETS[self.preset]
@@ -105,13 +105,13 @@ class IrRing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def rays(self) -> tuple[int, float, bool]:
-        """How many beams there are, how far they go, in m, and whether it matters beyond the tile."""
+        """The number of beams, their reach in m, and whether it matters beyond the tile."""
         whole = self.whole
         return whole.beams, whole.reach, whole.ranges
 
     @property
     def surveying(self) -> IrRing:
-        """The ring that finds out what can be observed at all: as far, without gaps, errors or others, and unturned."""
+        """The ring that finds all that can be observed: same reach, no gaps, errors or other robots, unturned."""
         dense = max(72, math.ceil(2.0 * math.pi * self.margin / 0.8))
         ideal = self.bearings is None and not self.whole.errs and self.frame == "map"
         return IrRing(tile=self.tile, reach=self.reach, beams=self.beams if ideal else dense)
@@ -138,7 +138,7 @@ class IrRingSensor:
 
     def __init__(self, whole: WholeRing, context: BuildContext) -> None:
         lattice = context.lattice
-        # What lies beyond the tile is looked for only if ranges are asked for.
+        # Look beyond the tile only if ranges are wanted.
         self._reach = whole.reach if whole.ranges else min(whole.reach, whole.corner(lattice.cell))
         side = max(0.5 * self._reach, lattice.cell)
         rows = math.ceil(lattice.rows * lattice.cell / side)
@@ -163,7 +163,7 @@ class IrRingSensor:
         return left
 
     def _prepare(self) -> None:
-        """Sort the walls of this moment by place."""
+        """Sort the present walls by place."""
         self._walls, self._version = self._building.walls.copy(), self._building.version
         self._near = rays.bins(self._walls, self._reach, *self._coarse)
 
@@ -204,7 +204,7 @@ class IrRingSensor:
 
 
 class NoSensor(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots that sense nothing but where they are."""
+    """Robots that sense only their pose."""
 
     @property
     def margin(self) -> int:

@@ -1,4 +1,4 @@
-"""Several sensors as one: those of a robot side by side, those of a mixed swarm one below the other; and actuators."""
+"""Several sensors as one: of a robot side by side, of a mixed swarm one below the other; and actuators."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ class BeamSensor(Protocol):
 
 @runtime_checkable
 class Around(Protocol):
-    """A sensor around others, some of which may be rings."""
+    """A sensor around others, which may include rings."""
 
     def maimed(self, beams: Sequence[int], active: NDArray[np.bool_]) -> Sensor:
-        """The same with beams dead of its rings, as `maimed`."""
+        """The same with dead beams in its rings, as `maimed`."""
         ...
 
 
 def maimed(sensor: Sensor, beams: Sequence[int], active: NDArray[np.bool_]) -> Sensor:
-    """The sensor, of which active robots (n,), a live view, lack these beams.
+    """The sensor without these beams for active robots (n,), a live view.
 
     Raises InputError for a sensor without beams, or without these.
     """
@@ -46,7 +46,7 @@ def maimed(sensor: Sensor, beams: Sequence[int], active: NDArray[np.bool_]) -> S
 
 
 def checked(beams: Sequence[int], count: int) -> list[int]:
-    """The numbers of beams, of so many. Raises InputError for one that is not there."""
+    """The beams' numbers, below `count`. Raises InputError for one that does not exist."""
     for beam in sorted(beams):
         if not 0 <= beam < count:
             raise InputError(f"beams: there is no beam {beam}; expected 0 to {count - 1}")
@@ -54,26 +54,26 @@ def checked(beams: Sequence[int], count: int) -> list[int]:
 
 
 class DegradedRing:
-    """A ring of beams of which some robots lack some: what these measure is NaN, and their tiles know nothing of it."""
+    """A ring in which some robots lack beams: these read NaN and add nothing to tiles."""
 
     def __init__(self, whole: Sensor, lacking: Sensor, active: NDArray[np.bool_]) -> None:
-        """`active` (n,) is a live view of those that lack beams."""
+        """`active` (n,): a live view of the robots that lack beams."""
         self.channels = whole.channels
         self._whole, self._lacking, self._active = whole, lacking, active
 
     def without(self, beams: Sequence[int]) -> DegradedRing:
-        """The same with these beams dead for everybody. Raises InputError for one not there."""
+        """The same with these beams dead for all robots. Raises InputError for one that does not exist."""
         whole, lacking = (one.without(beams) for one in (self._whole, self._lacking) if isinstance(one, BeamSensor))
         return DegradedRing(whole, lacking, self._active)
 
     def sense(self, state: State) -> Readings:
-        """The readings, those of robots that lack beams sensed without these."""
+        """The readings; robots that lack beams sense without them."""
         whole = self._whole.sense(state)
         return whole.joined(self._lacking.sense(state), self._active) if self._active.any() else whole
 
 
 class TwiceError(InputError):
-    """Two sensors, or two actuators, of the same robots have channels of one name."""
+    """Two sensors, or two actuators, of the same robots have channels of the same name."""
 
     def __init__(self, name: str, first: int, second: int) -> None:
         super().__init__(f"two parts give {name!r}")
@@ -88,7 +88,7 @@ class TwiceError(InputError):
 
 
 def _together(parts: Sequence[Sensor | Actuator], names: Sequence[str]) -> Channels:
-    """The channels of several parts; those of one that has a name are called NAME_CHANNEL. Raises TwiceError."""
+    """The channels of several parts; those of a named part are called NAME_CHANNEL. Raises TwiceError."""
     found: dict[str, int] = {}
     channels: list[Channel] = []
     for number, (part, name) in enumerate(zip(parts, names, strict=True)):
@@ -105,12 +105,12 @@ class Rig:
     """The actuators of all robots; there may be none."""
 
     def __init__(self, actuators: Sequence[Actuator], names: Sequence[str]) -> None:
-        """Each with its name, or an empty one. Raises TwiceError for channels of one name."""
+        """Each with its name, or an empty one. Raises TwiceError for channels of the same name."""
         self._actuators = actuators
         self.channels = _together(actuators, names)
 
     def act(self, commands: Readings, state: State) -> Readings:
-        """What all of them are."""
+        """The values of all actuators."""
         columns: list[Column] = []
         for one in self._actuators:
             own = slice(len(columns), len(columns) + len(one.channels))
@@ -122,7 +122,7 @@ class Suite:
     """Several sensors of the same robots."""
 
     def __init__(self, sensors: Sequence[Sensor], names: Sequence[str] = ()) -> None:
-        """What sensors that have a name give is called NAME_CHANNEL. Raises TwiceError for channels of one name."""
+        """Channels of named sensors are called NAME_CHANNEL. Raises TwiceError for channels of the same name."""
         self._sensors, self._names = sensors, names or [""] * len(sensors)
         self.channels = _together(sensors, self._names)
 
@@ -133,7 +133,7 @@ class Suite:
         return Suite(sensors, self._names)
 
     def sense(self, state: State) -> Readings:
-        """What all of them measure."""
+        """The readings of all sensors."""
         return Readings(self.channels, tuple([one for sensor in self._sensors for one in sensor.sense(state).columns]))
 
 
@@ -143,15 +143,15 @@ class Member:
 
     robots: NDArray[np.int64]  # (r,)
     column: int  # of the group's readings
-    part: tuple[slice, slice] | None = None  # which part of a larger tile; None: all of what the whole has
-    aside: NDArray[np.int32] | None = None  # (2,): what is taken from origins, since their tiles lie in larger ones
+    part: tuple[slice, slice] | None = None  # which part of a larger tile; None: all of it
+    aside: NDArray[np.int32] | None = None  # (2,): subtracted from origins, since their tiles lie in larger ones
 
 
 class MixedSensor:
     """The sensors of a mixed swarm: each group of robots has its own.
 
     A channel that all groups declare alike is one column. Each other one is NAME.GROUP, blank for the robots of other
-    groups. Tiles alone are one whatever their sizes: a smaller one lies in the middle of the largest.
+    groups. Only tiles are always one column: a smaller tile lies in the middle of the largest.
     """
 
     def __init__(self, sensors: Sequence[tuple[Sensor, NDArray[np.int64]]]) -> None:
@@ -209,7 +209,7 @@ class MixedSensor:
         return plan
 
     def _alike(self, name: str) -> bool:
-        """Whether all groups declare a channel, and the same."""
+        """Whether all groups declare a channel alike."""
         found = {channel for sensor, _ in self._sensors for channel in sensor.channels if channel.name == name}
         return len(found) == 1 and all(name in sensor.channels for sensor, _ in self._sensors)
 

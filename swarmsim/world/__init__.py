@@ -1,1 +1,1 @@
-"""The world a swarm lives in: walls, free space, spawn areas and the truth about every cell."""
+"""The swarm's world: walls, free space, spawn areas and the truth about every cell."""

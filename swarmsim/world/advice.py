@@ -1,4 +1,4 @@
-"""What a file of a stranger says of itself, before anybody decides how to read it."""
+"""What an unknown file says about itself, before deciding how to read it."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from swarmsim.world.doors import cut_by_symbols
 from swarmsim.world.plan import SOLID_LAYERS
 from swarmsim.world.shapes import Drawing
 
-LEAVES: Final = (0.7, 0.85, 1.0)  # m, how wide leaves of doors are: least, usual, most
-MUCH: Final = 0.1  # of what is drawn; more of it outside of the layers deserves a question
+LEAVES: Final = (0.7, 0.85, 1.0)  # m, widths of door leaves: least, usual, most
+MUCH: Final = 0.1  # share of the drawing; more than this outside of the layers deserves a question
 _SCALE: Final = re.compile(r"\b1\s*:\s*([1-9][0-9]{1,3})\b")
 _WIDTHS: Final = (2.0, 5.0, 12.0, 30.0, 75.0, 190.0)  # m of a page, at which door symbols are looked for
-_FEWEST: Final = 2  # symbols that say how large a drawing is
+_FEWEST: Final = 2  # door symbols that give a drawing's size
 
 
 @dataclass(frozen=True, slots=True)
 class LayerAdvice:
-    """What one layer, or group, of a drawing shows."""
+    """The contents of one layer, or group, of a drawing."""
 
     name: str  # empty for shapes in none
-    layer: str  # the layer of a floor plan that it is taken for; empty for none
+    layer: str  # the floor plan's layer that it counts as; empty for none
     shapes: int
     share: float  # of all that is drawn
 
 
 def groups(drawing: Drawing) -> list[LayerAdvice]:
-    """The groups of a drawing, those that show most first."""
+    """The groups of a drawing, largest first."""
     count: Counter[tuple[str, str]] = Counter()
     ink: defaultdict[tuple[str, str], float] = defaultdict(float)
     for shape in drawing.shapes:
@@ -43,14 +43,14 @@ def groups(drawing: Drawing) -> list[LayerAdvice]:
 
 
 def decoration(drawing: Drawing) -> list[LayerAdvice]:
-    """The groups outside of a drawing's layers that show much, and may hold walls."""
+    """The large groups outside of a drawing's layers, which may hold walls."""
     if not drawing.says_solid:
         return []
     return [group for group in groups(drawing) if not group.layer and group.name and group.share >= MUCH]
 
 
 def figures(drawing: Drawing) -> list[str]:
-    """What a drawing holds, in sentences."""
+    """A drawing's contents, in sentences."""
     filled = sum(not shape.fill.is_empty for shape in drawing.shapes)
     lines = sum(shape.fill.is_empty and not shape.stroke.is_empty for shape in drawing.shapes)
     areas = f"{filled} filled area{'' if filled == 1 else 's'}"
@@ -76,7 +76,7 @@ def stated_scale(drawing: Drawing) -> int | None:
 def width_by_doors(drawing: Drawing) -> tuple[float, float, float, int] | None:
     """How wide (m) the page would be if its door symbols were real doors: at least, likely, at most, and their number.
 
-    None where there are too few symbols to say.
+    None for too few symbols.
     """
     left, _, right, _ = drawing.page
     lined = [shape for shape in drawing.shapes if shape.lines]

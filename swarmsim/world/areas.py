@@ -1,4 +1,4 @@
-"""What the paint of a shape covers: a fill its area, a stroke its width along the outline."""
+"""The area that a shape's paint covers: a fill its inside, a stroke its width along the outline."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _MOST_STEPS = 2_000_000_000  # pieces that an outline cuts itself into, times it
 
 
 class OutOfReachError(ElementError):
-    """A shape has a point farther from the page than anything can be."""
+    """A shape has a point too far from the page."""
 
     def __init__(self, low: Points, high: Points) -> None:
         super().__init__(f"a point lies farther than {LARGEST:g} m from the page; is the scale right?")
@@ -51,13 +51,13 @@ class OutOfReachError(ElementError):
 def covered(
     element: Element, style: Style, matrix: Matrix, page: Page, paints: tuple[bool, bool]
 ) -> tuple[MultiPolygon, MultiPolygon, Outlines, float]:
-    """What a shape's fill and stroke cover, in metres, if it is `paints` of these; `matrix` leads from user units.
+    """The areas of a shape's fill and stroke, in metres, for those in `paints`; `matrix` leads from user units.
 
-    A fill closes open outlines, as SVG has it; what has no extent covers nothing. Dashes count as whole lines. Gives
-    the outlines in metres, and the pen's width in m, as well.
+    A fill closes open outlines, as in SVG; shapes without extent cover nothing. Dashes count as whole lines. Also gives
+    the outlines and the pen's width, in m.
     """
     try:
-        with np.errstate(all="ignore"):  # overflows are found by looking at the coordinates
+        with np.errstate(all="ignore"):  # the coordinates are checked for overflows
             return _painted(element, style, matrix, page, paints)
     except shapely.errors.GEOSException as error:
         raise ElementError(f"its geometry cannot be built ({error}); redraw it") from None
@@ -68,7 +68,7 @@ def united(geometries: Iterable[BaseGeometry]) -> MultiPolygon:
     shapes = np.array(list(geometries), dtype=object)
     if len(shapes) < _MANY:
         return polygons(shapely.union_all(shapes, grid_size=_GRID))
-    # Most of many shapes touch no other: they need no union, which takes much longer than finding that out.
+    # Most of many shapes touch no other: they need no union, which takes much longer than this check.
     piece = connected(shapes)
     order = np.argsort(piece, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(piece[order])) + 1)
@@ -80,7 +80,7 @@ def united(geometries: Iterable[BaseGeometry]) -> MultiPolygon:
 
 def connected(shapes: NDArray[np.object_]) -> NDArray[np.int32]:
     """The number (n,) of the connected piece that each of some shapes (n,) belongs to."""
-    from scipy import sparse  # takes a while, and only some drawings need it
+    from scipy import sparse  # slow to import, and only some drawings need it
 
     one, other = shapely.STRtree(shapes).query(shapes, predicate="intersects")
     links = sparse.coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(len(shapes), len(shapes)))
@@ -88,7 +88,7 @@ def connected(shapes: NDArray[np.object_]) -> NDArray[np.int32]:
 
 
 def joined(shapes: Iterable[MultiPolygon]) -> MultiPolygon:
-    """The union of valid shapes, which stay as they are where there is one alone."""
+    """The union of valid shapes; a single one stays unchanged."""
     solid = [shape for shape in shapes if not shape.is_empty]
     return solid[0] if len(solid) == 1 else united(solid) if solid else MultiPolygon()
 
@@ -156,13 +156,13 @@ def _painted(
 
 @lru_cache(maxsize=1024)
 def _stretched(a: float, b: float, c: float, d: float) -> tuple[float, float]:
-    """How much a matrix lengthens what it lengthens most, and least."""
+    """The largest and the least stretch of a matrix."""
     stretch, squeeze = np.linalg.svd(np.array([[a, c], [b, d]]), compute_uv=False)
     return float(stretch), float(squeeze)
 
 
 def _simply_filled(lines: Outlines, placed: Outlines) -> MultiPolygon | None:
-    """What a single outline that does not cross itself encloses; None for any other."""
+    """The inside of a single outline that does not cross itself; None for any other."""
     if len(lines) != 1:
         return None
     points, corners = lines[0][0], placed[0][0]
@@ -176,14 +176,14 @@ def _simply_filled(lines: Outlines, placed: Outlines) -> MultiPolygon | None:
 
 
 def _filled(outlines: Outlines, even_odd: bool) -> BaseGeometry:
-    """What the outlines enclose by the fill rule."""
+    """The inside of the outlines by the fill rule."""
     rings = []
     for points, _ in outlines:
         ring = points[np.append(True, np.any(np.diff(points, axis=0), axis=1))]
         if len(ring) >= 3:
             rings.append(np.vstack([ring, ring[:1]]))
     _check_crossings(rings)
-    # Cut the plane along all rings at once, and ask each piece how often the rings wind around it.
+    # Cut the plane along all rings at once, and count the rings' windings around each piece.
     cuts = shapely.union_all([shapely.LineString(ring) for ring in rings])
     pieces = shapely.get_parts(shapely.polygonize(shapely.get_parts(cuts)))
     if len(pieces) * sum(map(len, rings)) > _MOST_STEPS:
@@ -234,7 +234,7 @@ def _pen(style: Style, page: Page) -> float:
 
 
 def _stroked(outlines: Outlines, style: Style, page: Page, flatness: float, width: float) -> BaseGeometry:
-    """What a pen of this width covers; a mitre beyond its limit is cut there."""
+    """The area under a pen of this width; a mitre beyond its limit is cut there."""
     limit = page.units(style["stroke-miterlimit"], "stroke-miterlimit")
     try:
         cap, join = _CAPS[style["stroke-linecap"]], _JOINS[style["stroke-linejoin"]]

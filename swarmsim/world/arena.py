@@ -32,9 +32,9 @@ _MOST_CELLS = 25_000_000  # beyond it, the drawing's millimetres were read as me
 class Arena:
     """Walls, free space and spawn areas of one world on one lattice."""
 
-    name: str  # what messages call the world
+    name: str  # the world's name in messages
     plan: FloorPlan
-    solid: MultiPolygon  # walls, the border of an open building, and boxes that stand in it
+    solid: MultiPolygon  # walls, the border of an open building, and boxes in it
     lattice: Lattice
     occupied: Cells  # whether walls cover any of a cell
     unmapped: Cells  # whether part of a cell is unmapped; such cells never count
@@ -44,9 +44,9 @@ class Arena:
     def open(cls, plan: FloorPlan, cell: float, margin: int, name: str) -> Arena:
         """The arena of `plan` with cells of side `cell` (m), whose edges lie on multiples of it from the page's corner.
 
-        The lattice covers page and walls, and `margin` cells more on each side, so that a tile around a robot
-        inside never leaves it; it is 1 or more. More columns on the right fill the last word. Raises InputError if
-        that is more cells than a run can hold.
+        The lattice covers page and walls, and `margin` (1 or more) further cells on each side, so that a tile around a
+        robot inside never leaves it. More columns on the right fill the last word. Raises InputError for more cells
+        than a run can hold.
         """
         if margin < 1:
             raise ValueError(f"margin is {margin} cells; the border of the lattice has to be outside of the walls")
@@ -68,9 +68,9 @@ class Arena:
         return cls(name, plan, solid, lattice, shares(segments, lattice) > _SLIVER, unmapped, segments)
 
     def area_name(self, spawn: str) -> str:
-        """The name of the spawn area that a scenario means; if it leaves it out, `spawn`, or else the largest.
+        """The name of the scenario's spawn area; by default `spawn`, or else the largest.
 
-        Raises InputError if there is none of that name.
+        Raises InputError for an unknown name.
         """
         spawns = self.plan.spawns
         if not spawns:
@@ -89,8 +89,8 @@ class Arena:
     def spawn_cells(self, spawn: str) -> Cells:
         """The free cells (rows, columns) whose centres lie in the spawn area.
 
-        An area may run over walls and pillars, where it does not count. Raises InputError if there is no such
-        area, if walls cover half of it or more (then it was drawn in the wrong place), or if no cell is free.
+        Parts of an area over walls and pillars do not count. Raises InputError if there is no such area, if walls
+        cover half of it or more (then it was drawn in the wrong place), or if no cell is free.
         """
         spawn = self.area_name(spawn)
         area = self.plan.spawns[spawn]
@@ -114,7 +114,7 @@ class Arena:
     def floor(self, spawn: str) -> Cells:
         """The free cells (rows, columns) that are 4-connected to the spawn area, for a robot of any size.
 
-        Where the area touches several unconnected pieces of floor, the one that holds most of it counts.
+        If the area touches several unconnected pieces of floor, the one with most of it counts.
         Raises InputError as `spawn_cells` does, and if the outline of the world is open.
         """
         spawn = self.area_name(spawn)
@@ -125,11 +125,10 @@ class Arena:
         return floor
 
     def reachable(self, spawn: str, radius: float) -> Cells:
-        """The cells (rows, columns) that a robot of `radius` (m) can get to from the spawn area.
+        """The cells (rows, columns) that a robot of `radius` (m) can reach from the spawn area.
 
-        They are free, a disc of `radius` at their centre is clear of all walls, and they are 4-connected to the
-        spawn area through such cells. Raises InputError as `floor` does, and if the robot fits nowhere in the
-        spawn area.
+        They are free, a disc of `radius` at their centre is clear of all walls, and they are 4-connected to the spawn
+        area through such cells. Raises InputError as `floor` does, and if the robot fits nowhere in the spawn area.
         """
         spawn = self.area_name(spawn)
         self.floor(spawn)
@@ -144,7 +143,7 @@ class Arena:
 
     def standing(self, radius: float) -> Cells:
         """The free cells (rows, columns) at whose centre a disc of `radius` (m) is clear of all walls."""
-        reach = math.ceil(radius / self.lattice.cell)  # farther from every occupied cell, nothing is in the way
+        reach = math.ceil(radius / self.lattice.cell)  # beyond it, no occupied cell is in the way
         close = around(self.occupied, reach) & ~self.occupied
         edges = STRtree(np.asarray(shapely.linestrings(self.segments.reshape(-1, 2, 2))))
         places = np.argwhere(close)
@@ -158,26 +157,26 @@ class Arena:
     def explorable(self, reachable: Cells, observed: Cells) -> Cells:
         """The cells (rows, columns) that can be explored.
 
-        `reachable` is what the method of that name gives, `observed` the cells seen from the centres of these. They
-        are the observed free cells that are 4-connected to reachable ones through free cells, and the observed
-        wall cells 4-adjacent to those, so that all can be explored in the end.
+        `reachable` comes from the method of that name, `observed` are the cells seen from the centres of these. Cells
+        that can be explored are the observed free cells 4-connected to reachable ones through free cells, and the
+        observed wall cells 4-adjacent to those.
         """
         free = (flood(~self.occupied, reachable) >= 0) & observed & ~self.unmapped
         found: Cells = free | (grown(free) & self.occupied & observed)
         return found
 
     def with_boxes(self, boxes: Sequence[Box]) -> Arena:
-        """The same world on the same lattice with boxes standing in it besides; they lie on its page."""
+        """The same world on the same lattice with these further boxes, which lie on its page."""
         walls = shapely.union_all([self.solid, *(shapely.box(*box) for box in boxes)])
         segments = boundary(walls)
         solid = MultiPolygon(list(shapely.get_parts(walls)))
         return replace(self, solid=solid, occupied=shares(segments, self.lattice) > _SLIVER, segments=segments)
 
     def still_reachable(self, before: Cells, home: Cells, boxes: Sequence[Box], radius: float) -> Cells:
-        """What the boxes in this world leave of the cells that a robot of `radius` (m) could reach `before`.
+        """The cells that a robot of `radius` (m) could reach `before` and still can with this world's boxes.
 
-        These are 4-connected to one piece, the one with most of the cells of `home`, the spawn area, or the largest
-        where none of that is left; rooms that the boxes cut off are left out. Raises InputError if no cell is left.
+        They form one 4-connected piece, the one with most of the cells of `home`, the spawn area, or the largest if
+        none of that is left; rooms that the boxes cut off are left out. Raises InputError if no cell is left.
         """
         fits = before & ~self.occupied
         centres = self._centres()
@@ -198,7 +197,7 @@ class Arena:
         return spot(*self.lattice.centres(np.asarray(cell)).tolist())
 
     def _leak(self, seeds: Cells, spawn: str) -> str:
-        """Where the floor runs out of the walls: the place between walls that is nearest to the spawn area."""
+        """Where the floor leaks out of the walls: the place between walls nearest to the spawn area."""
         hops = flood(~self.occupied, seeds)
         passages = between(self.occupied)
         outside = flood(~self.occupied & ~passages, rim(~self.occupied)) >= 0

@@ -1,4 +1,4 @@
-"""Which lines without a width are the two sides of a wall, and what lies between them."""
+"""Which lines without a width are the two sides of a wall, and the space between them."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 
 from swarmsim.world.shapes import Line
 
-NEAR: Final = (0.05, 0.6)  # m, how far the two sides of a wall are apart
+NEAR: Final = (0.05, 0.6)  # m, between the two sides of a wall
 _PARALLEL: Final = 0.05  # the sine of the largest angle between them
-_SHARE: Final = 0.5  # of a line, from which on a partner counts
-_BORDER: Final = 0.8  # of what encloses the inside of a wall, that its sides are at least
+_SHARE: Final = 0.5  # least share of a line beside its partner
+_BORDER: Final = 0.8  # least share of sides in the border of a wall's inside
 _LOOSE: Final = 1e-2  # m, curves are compared by chords this close
 _TOUCHING: Final = 1e-3  # m
 _GAP: Final = 5e-3  # m, of careless drawing: lines this close were meant to meet
-_GRID: Final = 1e-6  # m, on which lines that touch have a corner in common
-_THINNEST: Final = 0.06  # m, of what is filled: the leaf of a door is thinner
+_GRID: Final = 1e-6  # m, on which touching lines share a corner
+_THINNEST: Final = 0.06  # m, of fills: the leaf of a door is thinner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cavities:
-    """What was found between lines."""
+    """The walls found among lines."""
 
     paired: NDArray[np.bool_]  # (n,) whether a line is a side or an end of a wall drawn with two lines
     between: NDArray[np.object_]  # (m,) polygons: the insides of such walls
@@ -36,9 +36,9 @@ def cavities(lines: Sequence[Line], others: Sequence[Line] = ()) -> Cavities:
     """The sides of walls among n lines, and the closed insides of these walls.
 
     A line is a side if another runs parallel to at least half of it, 0.05 to 0.6 m away; its own other side counts, as
-    in a narrow rectangle. What closes such walls is a side as well: a line of up to 0.6 m, also one of `others`, that
-    ends on two sides. Two sides that end beside each other are closed where they end, and lines that miss each other by
-    5 mm meet. An inside is at most as wide as such walls are, and has sides of walls along most of its border.
+    in a narrow rectangle. A line that closes such walls is also a side: up to 0.6 m long, perhaps one of `others`, and
+    ending on two sides. Two sides that end beside each other are closed there, and lines that miss each other by 5 mm
+    meet. An inside is at most as wide as such walls, and most of its border is sides of walls.
     """
     geometries = np.array([shapely.LineString(line) for line in lines], dtype=object)
     paired = _has_partner(geometries)
@@ -58,7 +58,7 @@ def cavities(lines: Sequence[Line], others: Sequence[Line] = ()) -> Cavities:
 def _bordered(
     faces: NDArray[np.object_], lines: NDArray[np.object_], paired: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which faces have sides of walls along most of their border, and the line along the longest piece of it."""
+    """Which faces are mostly bordered by sides of walls, and the line along the longest piece of each border."""
     rings, face = shapely.get_rings(faces, return_index=True)
     corners, ring = shapely.get_coordinates(rings, return_index=True)
     same: NDArray[np.bool_] = ring[1:] == ring[:-1]
@@ -98,7 +98,7 @@ def _has_partner(lines: NDArray[np.object_]) -> NDArray[np.bool_]:
     one, other = one[(one != other) & (np.abs(sine) < _PARALLEL)], other[(one != other) & (np.abs(sine) < _PARALLEL)]
 
     def projected(point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How far along `one` and how far beside it a point is, m."""
+        """The distance of a point along `one` and beside it, m."""
         offset = point - start[one]
         return (offset * along[one]).sum(axis=1), along[one, 0] * offset[:, 1] - along[one, 1] * offset[:, 0]
 
@@ -119,7 +119,7 @@ def _covered(
     """The length of the union of intervals, of each of `count` segments, m."""
     order = np.lexsort((low, which))
     which, low, high = which[order], low[order], high[order]
-    shift = which * (1.0 + (high.max() if len(high) else 0.0))  # so that the segments' intervals lie apart
+    shift = which * (1.0 + (high.max() if len(high) else 0.0))  # keeps the segments' intervals apart
     reached = np.maximum.accumulate(high + shift)
     before = np.concatenate([[-1.0], reached[:-1]])[: len(low)]
     added = np.maximum(high + shift - np.maximum(low + shift, before), 0.0)
@@ -140,7 +140,7 @@ def _ends(lines: NDArray[np.object_], sides: shapely.STRtree) -> NDArray[np.bool
 
 
 def _caps(sides: NDArray[np.object_]) -> list[shapely.LineString]:
-    """Lines from the loose ends of sides to what they miss by little, or to each other where they end beside it."""
+    """Lines from the loose ends of sides to lines that they narrowly miss, or to each other if they end together."""
     tips, ways, own = [], [], []
     for number, side in enumerate(sides):
         corners = shapely.get_coordinates(side)

@@ -1,4 +1,4 @@
-"""Sets of cells, as boolean arrays: which hang together, which are neighbours, which lie between others."""
+"""Sets of cells, as boolean arrays: connected pieces, neighbours, and cells between others."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Cells = NDArray[np.bool_]  # (rows, columns)
 
 
 def flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
-    """Steps (rows, columns) between 4-neighbours in `open_cells` from the nearest seed; -1 where there is no way."""
+    """Steps (rows, columns) between 4-neighbours in `open_cells` from the nearest seed; -1 without a way."""
     width = open_cells.shape[1] + 2
     free = np.pad(open_cells, 1).ravel()
     front = np.flatnonzero(np.pad(seeds & open_cells, 1))
@@ -27,7 +27,7 @@ def flood(open_cells: Cells, seeds: Cells) -> NDArray[np.int32]:
 def spread(open_cells: Cells, labels: NDArray[np.int32]) -> NDArray[np.int32]:
     """The labels (rows, columns), 0 for none, of the nearest labelled cell by steps between 4-neighbours in open cells.
 
-    The lowest of equally near ones counts.
+    Ties go to the lowest label.
     """
     width = open_cells.shape[1] + 2
     free = np.pad(open_cells, 1).ravel()
@@ -46,7 +46,7 @@ def spread(open_cells: Cells, labels: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def richest_piece(open_cells: Cells, seeds: Cells) -> Cells:
-    """The 4-connected piece of `open_cells` that holds most of `seeds`; the lowest row and column break a tie."""
+    """The 4-connected piece of `open_cells` with most of `seeds`; the lowest row and column break a tie."""
     best, most = np.zeros_like(seeds), 0
     left = seeds & open_cells
     while left.any():
@@ -80,7 +80,7 @@ def around(cells: Cells, reach: int) -> Cells:
 
 
 def rim(cells: Cells) -> Cells:
-    """Those of `cells` that lie on the border of the lattice."""
+    """The `cells` on the border of the lattice."""
     outer = cells.copy()
     outer[1:-1, 1:-1] = False
     return outer

@@ -1,4 +1,4 @@
-"""Doors of drawings: those that are drawn as a leaf and the arc of its swing, and those that closed rooms are given."""
+"""Doors of drawings: those drawn as a leaf and the arc of its swing, and those made for closed rooms."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from swarmsim.core.events import Box
 from swarmsim.world.areas import joined, polygons
 from swarmsim.world.shapes import NOTHING, Line, Shape
 
-LEAF: Final = (0.5, 1.35)  # m, how wide leaves of doors are
-SWING: Final = (math.radians(12.0), math.radians(115.0))  # how far their arcs turn
-SLACK: Final = 0.12  # of a leaf; drawings are no more exact than that
-THICK: Final = 0.45  # m, the thickest wall that a door is made in
-CAVITY: Final = 0.35  # m, 2 area / perimeter; closed pieces below it are insides of walls, no rooms
-FURNITURE: Final = 8.0  # m2; closed pieces up to it that stand free are furniture
+LEAF: Final = (0.5, 1.35)  # m, widths of door leaves
+SWING: Final = (math.radians(12.0), math.radians(115.0))  # angles of their arcs
+SLACK: Final = 0.12  # of a leaf, the error of drawings
+THICK: Final = 0.45  # m, the thickest wall that gets a door
+CAVITY: Final = 0.35  # m, 2 area / perimeter; closed pieces below it are insides of walls, not rooms
+FURNITURE: Final = 8.0  # m2; free-standing closed pieces up to this size are furniture
 _CRUMB: Final = 1e-4  # m2
 _INTO: Final = 0.02  # m, how far a door reaches into both rooms
 STRETCH: Final = 0.3  # m, the shortest piece of wall that gets a door
@@ -36,7 +36,7 @@ Points = NDArray[np.float64]  # (n, 2): x, y in m
 class _Arc:
     """A piece of a circle in a line."""
 
-    shape: int  # whose line it is
+    shape: int  # that the line belongs to
     line: int
     first: int  # its corners in that line
     last: int
@@ -47,22 +47,22 @@ class _Arc:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MadeDoors:
-    """Openings for rooms that were closed."""
+    """Openings for closed rooms."""
 
     doors: tuple[shapely.Polygon, ...]
     cuts: BaseGeometry  # all of them together
 
     def boxes(self) -> tuple[Box, ...]:
-        """What encloses each of them: left, lower, right and upper edge, in m."""
+        """The box around each of them: left, lower, right and upper edge, in m."""
         return tuple([(left, low, right, high) for left, low, right, high in (door.bounds for door in self.doors)])
 
 
 def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.Polygon]]:
     """The shapes without door symbols, and for each symbol the rectangle that it opens in the wall.
 
-    A symbol is an arc of 12 to 115 degrees whose radius is that of a leaf, and the leaf itself: a line, or a thin box,
-    from the centre to one of its ends. It opens the wall from the centre to the other end. Both may be drawn in a gap
-    or over a wall that runs on.
+    A symbol is an arc of 12 to 115 degrees with the radius of a leaf, and the leaf itself: a line, or a thin box, from
+    the centre to one of its ends. It opens the wall from the centre to the other end. Both may lie in a gap or over a
+    continuous wall.
     """
     arcs = [
         arc
@@ -90,7 +90,7 @@ def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.P
             middles = 0.5 * (arc.centre + arc.ends)
             if all(hits) and all(
                 _near(walls, place) - own for place in middles
-            ):  # walls run along both: the corner of a room, as a shower has it
+            ):  # walls run along both: the corner of a room, as of a shower
                 continue
             closed = int(hits[1] >= hits[0])
         leaf = sides[1 - closed]
@@ -104,7 +104,7 @@ def cut_by_symbols(shapes: Sequence[Shape]) -> tuple[list[Shape], list[shapely.P
 
 
 def inward(openings: list[shapely.Polygon], walls: MultiPolygon) -> list[shapely.Polygon]:
-    """Those of the openings that do not lead out of the building that `walls` make."""
+    """The openings that do not lead out of the building that `walls` make."""
     if not openings:
         return []
     page = shapely.box(*walls.bounds)
@@ -115,7 +115,7 @@ def inward(openings: list[shapely.Polygon], walls: MultiPolygon) -> list[shapely
 
 
 def _near(walls: shapely.STRtree, place: Points) -> set[int]:
-    """The numbers of the shapes that are at a place, but for what drawings stray by."""
+    """The numbers of the shapes at a place, within the error of drawings."""
     return set(walls.query(shapely.Point(place), predicate="dwithin", distance=_INTO).tolist())
 
 
@@ -166,7 +166,7 @@ def _centre(corners: Points) -> Points:
 
 
 def _segments(shapes: Sequence[Shape]) -> tuple[Points, Points, NDArray[np.int64]]:
-    """The straight pieces of all lines that are as long as leaves: their ends, and shape, line and place of each."""
+    """The straight pieces of all lines as long as leaves: their ends, and shape, line and place of each."""
     starts, stops, owners = [], [], []
     for number, shape in enumerate(shapes):
         for place, line in enumerate(shape.lines or _leaf_boxes(shape)):
@@ -181,7 +181,7 @@ def _segments(shapes: Sequence[Shape]) -> tuple[Points, Points, NDArray[np.int64
 
 
 def _leaf_boxes(shape: Shape) -> tuple[Line, ...]:
-    """The outlines of a fill that is as small as a leaf, of a shape without lines."""
+    """The outlines of a fill as small as a leaf, of a shape without lines."""
     if not 0.0 < shape.fill.area < LEAF[1] * SLACK:
         return ()
     return tuple(shapely.get_coordinates(part.exterior) for part in shape.fill.geoms)
@@ -197,14 +197,14 @@ def _leaf(centre: Points, end: Points, starts: Points, stops: Points, slack: flo
 
 
 def _opening(hinge: Points, end: Points) -> shapely.Polygon:
-    """The rectangle across a wall from the hinge of a door to where its leaf ends when it is closed."""
+    """The rectangle across a wall from the hinge of a door to the end of its closed leaf."""
     along = end - hinge
     across = THICK * np.array([-along[1], along[0]]) / math.hypot(*along)
     return shapely.Polygon([hinge - across, end - across, end + across, hinge + across])
 
 
 def _without(shape: Shape, gone: set[tuple[int, int]]) -> Shape:
-    """A shape whose pen leaves out some pieces of its lines."""
+    """A shape without the pen on some pieces of its lines."""
     lines = []
     for place, line in enumerate(shape.lines):
         dropped = sorted(at for number, at in gone if number == place)
@@ -218,12 +218,12 @@ def _without(shape: Shape, gone: set[tuple[int, int]]) -> Shape:
 
 
 def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHING) -> MadeDoors:
-    """One opening for each closed room, `width` (m) wide where the wall has room for it.
+    """One opening for each closed room, `width` (m) wide if the wall has room for it.
 
-    Rooms are reached from the largest one on. A closed room that a wall of at most `THICK` parts from a reached one
+    Rooms are reached from the largest one on. A closed room separated from a reached one by a wall of at most `THICK`
     gets a door in the longest straight stretch of that wall, into the reached room with the most neighbours. Insides of
-    walls are no rooms, nor is furniture: small closed pieces that stand free in another. No door leads outwards; rooms
-    may be open to the outside where most of them is `painted` as floor.
+    walls are not rooms, nor is furniture: small closed pieces that stand free in another. No door leads outwards; rooms
+    may be open to the outside if they are mostly `painted` as floor.
     """
     page = shapely.box(*walls.bounds)
     pieces = shapely.get_parts(polygons(shapely.difference(page, walls)))
@@ -266,7 +266,7 @@ def make_doors(walls: MultiPolygon, width: float, painted: MultiPolygon = NOTHIN
 
 
 def opened(walls: MultiPolygon, cuts: BaseGeometry) -> MultiPolygon:
-    """The walls with openings cut into them; the insides of walls that these cross are solid beside them."""
+    """The walls with openings cut into them; beside an opening, the insides of crossed walls are solid."""
     if cuts.is_empty or walls.is_empty:
         return walls
     pieces = shapely.get_parts(polygons(shapely.difference(shapely.box(*walls.bounds), walls)))
@@ -303,7 +303,7 @@ def _door(
     closed_to: BaseGeometry,
     others: list[shapely.Polygon],
 ) -> shapely.Polygon | None:
-    """An opening between two rooms in the longest straight stretch of wall between them, if there is a place for it."""
+    """An opening in the longest straight stretch of wall between two rooms, if there is a place for it."""
     ring = shapely.simplify(room, 0.01).exterior
     outline = np.asarray(ring.coords)
     stretches: list[tuple[float, Points, Points, Points]] = []

@@ -56,7 +56,7 @@ def _data(shape: MultiPolygon, plan: FloorPlan) -> str:
 
 
 def _plain(value: float) -> str:
-    """A number of metres to the nanometre, as short as can be."""
+    """A number of metres to the nanometre, as short as possible."""
     return f"{value:.9f}".rstrip("0").rstrip(".")
 
 

@@ -1,4 +1,4 @@
-"""The elements of an SVG file, each with its place in the file, so that messages can name it."""
+"""The elements of an SVG file, each with its place in the file, for messages."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SVG_NAMESPACE = "{http://www.w3.org/2000/svg}"
 _UNDECLARED = "NS_ERR_UNDEFINED_NAMESPACE"
 _PREFIX = re.compile(r"Namespace prefix (\S+)")
 _START = re.compile(r"<(?:[\w.-]+:)?svg(?=[\s>/])")
-#: Prefixes that programs write and that get lost when a drawing is put into a page.
+#: Prefixes that programs write and that get lost when a drawing is embedded in a page.
 _NAMESPACES = {
     "xlink": "http://www.w3.org/1999/xlink",
     "inkscape": "http://www.inkscape.org/namespaces/inkscape",
@@ -42,7 +42,7 @@ _REASONS = {
 
 
 class ElementError(Exception):
-    """What is wrong with one element; `Element.named` adds the file and the element."""
+    """An error in one element; `Element.named` adds the file and the element."""
 
 
 @dataclass(eq=False, slots=True)
@@ -81,8 +81,8 @@ class Element:
 def parse(source: str, name: str) -> Element:
     """The root of the SVG text `source`; the encoding that it declares is ignored.
 
-    Nothing outside of the text is read. Entities that it defines itself are replaced, within libxml2's limits.
-    Messages repeat nothing of a text that is no SVG. Raises InputError.
+    Nothing outside of the text is read. Its own entities are replaced, within libxml2's limits. Messages repeat nothing
+    of a text that is not SVG. Raises InputError.
     """
     try:
         root = _root(source)
@@ -96,12 +96,12 @@ def parse(source: str, name: str) -> Element:
             f"{name}: line {max(line, 1)}, column {max(column, 1)}: not XML ({reason}); save it as plain SVG"
         ) from None
     if _tag(root) != "svg":
-        raise InputError(f"{name}: the root is no <svg> element; a world is drawn as SVG")
+        raise InputError(f"{name}: the root is not an <svg> element; a world is drawn as SVG")
     return _tree(root)
 
 
 def _root(source: str) -> etree._Element:
-    """The root of a text, in which the usual prefixes need no declaration and elements may be nested deeply.
+    """The root of a text; the usual prefixes need no declaration, and elements may be nested deeply.
 
     Raises XMLSyntaxError.
     """
@@ -127,7 +127,7 @@ def _parsed(source: str, *, deep: bool) -> etree._Element:
 
 
 def _tree(root: etree._Element) -> Element:
-    """Our elements for those of lxml."""
+    """Our elements made from lxml's."""
     counts: Counter[str] = Counter()
     made: dict[etree._Element, Element] = {}
     for node in cssselect2.ElementWrapper.from_xml_root(root).iter_subtree():
@@ -148,7 +148,7 @@ def _tag(element: etree._Element) -> str:
 
 
 def numbers(text: str, what: str, counts: tuple[int, ...] = ()) -> list[float]:
-    """The finite numbers in `text`, separated by blanks or commas, as many as one of `counts` says."""
+    """The finite numbers in `text`, separated by blanks or commas; `counts` are the possible numbers of them."""
     parts = text.replace(",", " ").split()
     if not all(re.fullmatch(NUMBER, part) and math.isfinite(float(part)) for part in parts):
         raise ElementError(f"{what} is {quoted(text)}; it should hold numbers alone, of finite size")
@@ -158,5 +158,5 @@ def numbers(text: str, what: str, counts: tuple[int, ...] = ()) -> list[float]:
 
 
 def quoted(text: str) -> str:
-    """`text` in quotes, cut to what a message bears."""
+    """`text` in quotes, cut to fit a message."""
     return repr(text if len(text) <= 40 else f"{text[:37]}...")

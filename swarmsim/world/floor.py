@@ -1,4 +1,4 @@
-"""Which piece of free space is the floor of a building, and what closes it where it runs off."""
+"""Which piece of free space is the floor of a building, and the border that closes an open one."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from swarmsim.world.areas import polygons
 from swarmsim.world.doors import FURNITURE, stands_free
 
 ENCLOSED: Final = 0.3  # of the largest open piece inside of the walls' hull; a larger closed piece is the floor
-FIELD: Final = 0.5  # of the edge of a drawing's extent; a floor that runs off along more of it has no outline at all
-UNSURE: Final = (0.1, 2.0)  # between these, a user should say which piece is meant
-BLOCK: Final = 0.5  # of its own hull; a building more solid than that, with robots around it, was misread
-HELD: Final = 0.1  # of a closed piece, what another one has at least that it surrounds, to be the floor perhaps
+FIELD: Final = 0.5  # of the edge of a drawing's extent; a floor that runs off along more of it has no outline
+UNSURE: Final = (0.1, 2.0)  # between these, a user should choose the piece
+BLOCK: Final = 0.5  # of its own hull; a more solid building with robots around it was misread
+HELD: Final = 0.1  # of a closed piece, the least size of one that it surrounds and that may be the floor
 BORDER: Final = 0.1  # m, how thick a border is
 _AT_EDGE: Final = 1e-6  # m
 
@@ -29,22 +29,22 @@ class Floor:
     """The free space that robots start in."""
 
     piece: shapely.Polygon
-    border: MultiPolygon  # what closes it; empty where walls do
+    border: MultiPolygon  # that closes it; empty if walls do
     opening: tuple[float, float] | None  # m, where it runs off, if it does
-    share: float  # of the box's edge, along which it runs off
+    share: float  # of the box's edge along which it runs off
     sure: bool  # whether no other piece comes close
 
 
 def floor_of(
     solid: MultiPolygon, drawn: MultiPolygon, inside: Box, held: list[MultiPolygon], unusable: MultiPolygon
 ) -> Floor | None:
-    """The floor between what is `solid`, or None if nothing is free.
+    """The floor between `solid` shapes, or None if nothing is free.
 
-    `inside` is the box within which space may be floor: the page of a map, the extent of a drawing. What is `held`,
-    spawn areas or painted floor, lies mostly in the floor; without it, the floor is the largest closed piece, or the
-    largest open one if no closed piece has at least `ENCLOSED` of its area inside of the hull of what is `drawn`.
-    Racks, pillars and specks come to 0.03 of that at most, real buildings to 0.5 and more. An open floor gets a border
-    along `inside`. Robots do not start on what is `unusable`.
+    `inside` is the box within which space may be floor: the page of a map, the extent of a drawing. `held` areas, of
+    spawning or painted floor, lie mostly in the floor; without them, the floor is the largest closed piece, or the
+    largest open one if no closed piece has at least `ENCLOSED` of its area inside of the hull of all `drawn` shapes.
+    Racks, pillars and specks reach 0.03 of that at most, real buildings 0.5 and more. An open floor gets a border along
+    `inside`. Robots do not start on `unusable` areas.
     """
     box = shapely.box(*inside)
     free = polygons(shapely.difference(box, solid))
@@ -78,7 +78,7 @@ def floor_of(
 
 
 def _holds_another(taken: int, pieces: NDArray[np.object_], is_open: NDArray[np.bool_]) -> bool:
-    """Whether a piece surrounds something with closed space that may be the building, as the frame of a sheet does."""
+    """Whether a piece surrounds closed space that may be the building, like the frame of a sheet."""
     around = pieces[taken]
     holes = [shapely.Polygon(ring) for ring in around.interiors]
     others: NDArray[np.object_] = pieces[~is_open & (shapely.area(pieces) >= max(HELD * around.area, FURNITURE))]

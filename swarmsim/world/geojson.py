@@ -26,14 +26,14 @@ from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.sheets import sheet
 from swarmsim.world.viewport import LARGEST
 
-_NAMES: Final = ("layer", "name", "class", "id")  # of a feature's properties, which may name its layer
-_MARK: Final = "swarmsim"  # the member of a collection that `written` has made
-_BORDER: Final = "border"  # the layer of what closes a building, in our own texts alone
+_NAMES: Final = ("layer", "name", "class", "id")  # of a feature's properties that may name its layer
+_MARK: Final = "swarmsim"  # the member that marks collections of `written`
+_BORDER: Final = "border"  # the layer of a building's border, only in our own texts
 _BEGUN: Final = f'{{"type":"FeatureCollection","{_MARK}":'  # how they begin
 
 
 def written(plan: FloorPlan) -> str:
-    """A floor plan as a GeoJSON FeatureCollection in metres, from which `plan_from` makes the same plan again."""
+    """A floor plan as a GeoJSON FeatureCollection in metres, which `plan_from` turns back into the same plan."""
     shapes = [({"layer": layer}, shape) for layer, shape in plan.layers.items()]
     shapes += [({"layer": SPAWN_LAYER, "id": name}, shape) for name, shape in plan.spawns.items()]
     shapes += [({"layer": UNKNOWN_LAYER}, plan.unknown), ({"layer": _BORDER}, plan.border)]
@@ -49,13 +49,13 @@ def written(plan: FloorPlan) -> str:
         "guessed": plan.guessed,
     }
     collection = {"type": "FeatureCollection", _MARK: mark, "bbox": list(plan.page), "features": features}
-    if not plan.unknown.is_empty:  # what of it is solid too, traced in one with the walls
+    if not plan.unknown.is_empty:  # its solid part, traced together with the walls
         collection["solid"] = shapely.geometry.mapping(plan.walls)
     return json.dumps(collection, separators=(",", ":"))
 
 
 def is_ours(source: str) -> bool:
-    """Whether a text is one of `written`, which holds a whole floor plan."""
+    """Whether a text comes from `written`, and so holds a whole floor plan."""
     return source.startswith(_BEGUN)
 
 
@@ -66,11 +66,11 @@ def plan_from(
     across: float | None = None,
     layers: Mapping[str, Sequence[str]] | None = None,
 ) -> FloorPlan:
-    """The floor plan in a text of `written`, exactly; `name` is what messages call the file.
+    """The floor plan in a text of `written`, exactly; `name`: of the file in messages.
 
-    Older recordings hold texts that do not bear its mark, some by other programs, in metres. For those, `scale`
-    multiplies, `across` is the width of the page in m, and `layers` says by which names layers are known; polygons are
-    walls where no feature has a solid layer. Raises InputError, with the feature and what would be right.
+    Older recordings hold texts without its mark, some by other programs, in metres. For those, `scale` multiplies,
+    `across` is the width of the page in m, and `layers` gives the layers' names; if no feature has a solid layer, all
+    polygons are walls. Raises InputError, with the feature and what would be right.
     """
     table = parsed(source, name)
     ours = _MARK in table
@@ -104,7 +104,7 @@ def plan_from(
 def _areas(
     table: dict[str, object], name: str, known: Mapping[str, Sequence[str]]
 ) -> tuple[defaultdict[tuple[str, str], list[MultiPolygon]], int]:
-    """The areas of all features, by layer and spawn area, and how many points are passed over. Raises InputError."""
+    """The areas of all features, by layer and spawn area, and the number of ignored points. Raises InputError."""
     found: defaultdict[tuple[str, str], list[MultiPolygon]] = defaultdict(list)
     problems, points = Problems(name), 0
     for place, properties, geometry in _features(table, problems):
@@ -129,10 +129,10 @@ def _areas(
 
 
 def read(source: str, name: str, world: World) -> Drawing:
-    """What the GeoJSON text `source` shows; `name` is what messages call the file.
+    """The drawing in the GeoJSON text `source`; `name`: of the file in messages.
 
-    Coordinates are degrees, or metres, x right and y up, where they cannot be degrees. `bbox` is the page; without
-    one, what is drawn is. Raises InputError, with the file, the feature and what would be right.
+    Coordinates are degrees or, if that is impossible, metres, x right and y up. `bbox` is the page, by default the
+    extent of the drawing. Raises InputError, with the file, the feature and what would be right.
     """
     table = parsed(source, name)
     page = _page(table, name)
@@ -140,9 +140,9 @@ def read(source: str, name: str, world: World) -> Drawing:
 
 
 def features(table: dict[str, object], name: str) -> list[Feature]:
-    """The features of a GeoJSON object. Raises InputError with all that is wrong.
+    """The features of a GeoJSON object. Raises InputError with all errors.
 
-    Empty coordinates are no geometry, as RFC 7946 allows: such features are there for what they say.
+    Empty coordinates mean no geometry, as in RFC 7946: such features carry only properties.
     """
     problems, found = Problems(name), []
     for place, properties, geometry in _features(table, problems):
@@ -157,7 +157,7 @@ def features(table: dict[str, object], name: str) -> list[Feature]:
 
 
 def read_wkt(source: str, name: str, world: World) -> Drawing:
-    """What a text of WKT geometries shows, one or one in each line; all are walls. Raises InputError."""
+    """The drawing in a text of WKT geometries, one in all or one per line; all are walls. Raises InputError."""
     shapes, problems = [], Problems(name)
     try:
         shapes = [shapely.from_wkt(source)]
@@ -223,15 +223,15 @@ def _plan(
 
 
 def _features(table: dict[str, object], problems: Problems) -> Iterator[tuple[str, dict[str, object], object]]:
-    """Place, properties and geometry, or None, of each feature; tells what is wrong with them."""
+    """Place, properties and geometry, or None, of each feature; notes their errors."""
     features = table.get("features") if table.get("type") == "FeatureCollection" else [table]
     if not isinstance(features, list):
-        problems.add("features is no list; expected a list of features")
+        problems.add("features is not a list; expected a list of features")
         return
     for number, feature in enumerate(features, start=1):
         place = f"feature {number}"
         if not isinstance(feature, dict):
-            problems.add(f"{place} is no object; expected a feature with a geometry")
+            problems.add(f"{place} is not an object; expected a feature with a geometry")
             continue
         properties = feature.get("properties")
         properties = dict(properties) if isinstance(properties, dict) else {}
@@ -244,9 +244,9 @@ def _features(table: dict[str, object], problems: Problems) -> Iterator[tuple[st
 
 
 def _geometry(geometry: object) -> tuple[BaseGeometry, str]:
-    """A geometry, and what is wrong with it."""
+    """A geometry, and its error."""
     if not isinstance(geometry, dict):
-        return MultiPolygon(), "its geometry is no object; expected such as a Polygon"
+        return MultiPolygon(), "its geometry is not an object; expected such as a Polygon"
     try:
         shape = shapely.force_2d(shapely.from_geojson(json.dumps(geometry)))
     except (shapely.errors.GEOSException, ValueError, RecursionError):
@@ -257,16 +257,16 @@ def _geometry(geometry: object) -> tuple[BaseGeometry, str]:
 
 
 def _page(table: dict[str, object], name: str) -> Box | None:
-    """The page that `bbox` says. Raises InputError."""
+    """The page given by `bbox`. Raises InputError."""
     if table.get("bbox") is None:
         return None
     if (box := _box(table["bbox"])) is not None:
         return box
-    raise InputError(f"{name}: bbox is no box; expected [left, lower, right, upper] in m")
+    raise InputError(f"{name}: bbox is not a box; expected [left, lower, right, upper] in m")
 
 
 def _box(box: object) -> Box | None:
-    """A box of two or three dimensions in two, if it is one."""
+    """A two- or three-dimensional box in two dimensions, if it is one."""
     if isinstance(box, list) and len(box) in (4, 6):
         sides = [float(side) for side in box if isinstance(side, int | float) and not isinstance(side, bool)]
         if len(sides) == len(box) and all(map(math.isfinite, sides)):

@@ -1,4 +1,4 @@
-"""Which layer an element of a drawing belongs to, by its id, label or class."""
+"""The layer of a drawing's element, by its id, label or class."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swarmsim.world.elements import Element
 from swarmsim.world.plan import FLOOR_LAYER, LAYERS, SOLID_LAYERS
 
 _LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
-_ESCAPED = re.compile(r"_x([0-9a-f]{2,4})_", re.IGNORECASE)  # Illustrator's way to write what an id cannot hold
+_ESCAPED = re.compile(r"_x([0-9a-f]{2,4})_", re.IGNORECASE)  # Illustrator's escape for characters not allowed in ids
 _COPY = re.compile(r"([ _-]copy)?([ _-]\d+_?)*$")  # what programs append to the names of copies
 
 
@@ -19,7 +19,7 @@ class LayerNames:
     """Tells the layers of one drawing apart."""
 
     def __init__(self, root: Element, given: Mapping[str, Sequence[str]], name: str) -> None:
-        """`given` holds names, or `#id` and `.class`, that stand for a layer in place of its own name.
+        """`given` holds names, or `#id` and `.class`, that replace a layer's own name.
 
         Raises InputError for a layer that does not exist and for names that the drawing lacks.
         """
@@ -37,7 +37,7 @@ class LayerNames:
                     f"{name}: world.layers.{layer}: nothing in the drawing is called {missing!r}; {hint}it has {known}"
                 )
         self._found = {layer: any(e.tag != "svg" for e in one) for layer, one in found.items()}
-        #: Whether the drawing says itself what is solid; otherwise all that it shows is.
+        #: Whether the drawing itself says what is solid; otherwise all of it is.
         self.says_solid = any(self._found[layer] for layer in SOLID_LAYERS)
         self._near = [
             (own, layer)
@@ -48,15 +48,15 @@ class LayerNames:
         ]
 
     def layer_of(self, element: Element) -> str:
-        """The layer that an element is, or an empty string."""
+        """The layer of an element, or an empty string."""
         return self._layers.get(element, "")
 
     def has(self, layer: str) -> bool:
-        """Whether the drawing has something of that name, shown or hidden."""
+        """Whether the drawing has a layer of that name, shown or hidden."""
         return self._found[layer]
 
     def misspelt(self) -> str | None:
-        """What is wrong if no layer is solid, but a group is called nearly so."""
+        """The likely error if no layer is solid, but a group has nearly such a name."""
         if self.says_solid or not self._near:
             return None
         own, layer = self._near[0]
@@ -74,14 +74,14 @@ class LayerNames:
 
 
 def names_of(element: Element) -> list[str]:
-    """The id, the labels and the classes of an element, as they are written."""
+    """The id, labels and classes of an element, as written."""
     attributes = element.attributes
     labels = [attributes[key] for key in ("id", _LABEL, "data-name") if attributes.get(key, "").strip()]
     return labels + attributes.get("class", "").split()
 
 
 def normal(name: str) -> str:
-    """A name without what programs add to it: case, blanks around it, escapes, the numbers of copies."""
+    """A name without programs' additions: case, blanks around it, escapes, the numbers of copies."""
     plain = _ESCAPED.sub(lambda match: chr(int(match[1], 16)), name).strip().casefold()
     return _COPY.sub("", plain).strip(" _")
 

@@ -1,4 +1,4 @@
-"""XML files that are no drawings: maps and simulators' worlds."""
+"""XML files other than drawings: maps and simulators' worlds."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Node(Protocol):
 def parsed(path: Path, root: str, expected: str) -> Node:
     """The element `root` of an XML file, without comments. Nothing outside of the file is read.
 
-    Raises InputError, where it was `expected`, which repeats nothing of the file.
+    Raises InputError, which says what was `expected` and repeats nothing of the file.
     """
     reader = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
@@ -58,5 +58,5 @@ def parsed(path: Path, root: str, expected: str) -> Node:
             f"{path}: line {max(line, 1)}, column {max(column, 1)}: not XML ({reason}); expected {expected}"
         ) from None
     if found.tag != root:
-        raise InputError(f"{path}: the root is no <{root}> element; expected {expected}")
+        raise InputError(f"{path}: the root is not <{root}>; expected {expected}")
     return found

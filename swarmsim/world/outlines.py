@@ -31,7 +31,7 @@ class _Point(Protocol):
 
 
 class _Segment(Protocol):
-    """A segment of a path, as svgelements gives it."""
+    """A segment of a path in svgelements."""
 
     end: _Point
 
@@ -80,12 +80,12 @@ def outlines(element: Element, page: Page, flatness: float) -> Outlines:
 
 
 def _is_straight(data: str) -> bool:
-    """Whether path data has no curve in it, and nothing that is wrong."""
+    """Whether path data is free of curves and errors."""
     return _STRAIGHT.fullmatch(data) is not None and not _PATH_TOKENS.sub("", data)
 
 
 def _straight(data: str) -> Outlines:
-    """The outlines of path data without curves, which most floor plans have thousands of."""
+    """The outlines of path data without curves; most floor plans have thousands."""
     drawn: list[tuple[list[tuple[float, float]], bool]] = []
     points: list[tuple[float, float]] = []
     x = y = 0.0
@@ -130,12 +130,12 @@ def _straight(data: str) -> Outlines:
 def _segments(data: str) -> list[_Segment]:
     """The segments of path data, none of "none".
 
-    svgelements drops without a word what it cannot read, so that is looked for first.
+    svgelements silently drops what it cannot read, so check for that first.
     """
     data = "" if data.strip() == "none" else data
     left = _PATH_TOKENS.sub("", data)
     if left:
-        raise ElementError(f"d has {quoted(left[0])}, which is no path command; only MLHVCSQTAZ and numbers are")
+        raise ElementError(f"d has {quoted(left[0])}, which is not a path command; only MLHVCSQTAZ and numbers are")
     try:
         segments = list(svgelements.Path(data))
     except Exception as error:  # svgelements has no exception type of its own

@@ -1,4 +1,4 @@
-"""All that is wrong with a file, told at once."""
+"""All errors in a file, reported at once."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ _MOST: Final = 10  # problems in one message
 
 
 class Problems:
-    """Collects what is wrong with one file, each problem with its place in it."""
+    """Collects the errors in one file, each with its place."""
 
     def __init__(self, name: str) -> None:
-        """`name` is what messages call the file."""
+        """`name`: of the file in messages."""
         self._name = name
         self._told: list[str] = []
 
     def add(self, problem: str) -> None:
-        """One more; the same is told once."""
+        """Add one; repeats are dropped."""
         if problem not in self._told:
             self._told.append(problem)
 
     @contextmanager
     def collected(self) -> Iterator[None]:
-        """Keeps an InputError about the file that the block raises."""
+        """Keeps an InputError of the block."""
         try:
             yield
         except InputError as problem:

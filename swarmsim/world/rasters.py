@@ -15,13 +15,13 @@ from swarmsim.world.arena import Arena
 from swarmsim.world.boundary import boundary, shares
 from swarmsim.world.plan import FloorPlan
 
-_SLIVER = 1e-6  # of a cell; less of a wall in it is rounding
+_SLIVER = 1e-6  # of a cell; a smaller piece of wall is rounding
 
 
 def rasterised(plan: FloorPlan, cell: float, name: str) -> tuple[NDArray[np.uint8], Lattice]:
-    """The cells (rows, columns) of side `cell` (m) of a plan's page and all that is solid, and their lattice.
+    """The cells (rows, columns) of side `cell` (m) of a plan's page and all solids, and their lattice.
 
-    A cell is occupied where walls cover any of it, and unknown where more than half of it is. Raises InputError for
+    A cell is occupied if walls cover any of it, and unknown if more than half of it is. Raises InputError for
     too many cells.
     """
     arena = Arena.open(plan, cell, 1, name)
@@ -36,7 +36,7 @@ def rasterised(plan: FloorPlan, cell: float, name: str) -> tuple[NDArray[np.uint
 def cropped(
     states: NDArray[np.uint8], lattice: Lattice, areas: Sequence[BaseGeometry]
 ) -> tuple[NDArray[np.uint8], Lattice]:
-    """Those of the cells of a lattice that hold any of these areas, and what lies between them."""
+    """The cells of a lattice that hold any of these areas, and the cells between them."""
     left, low, right, high = shapely.total_bounds([area for area in areas if not area.is_empty])
     cell = lattice.cell
     inside = _SLIVER * cell

@@ -1,4 +1,4 @@
-"""What of a drawing is solid: by its layers, by its ink, or by its strokes alone."""
+"""The solid part of a drawing: by its layers, by its ink, or by its strokes alone."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from swarmsim.world.doors import FURNITURE, THICK, MadeDoors, cut_by_symbols, in
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, SOLID_LAYERS, SPAWN_LAYER, UNKNOWN_LAYER, FloorPlan
 from swarmsim.world.shapes import NOTHING, Drawing, Shape
 
-DOOR: Final = 0.9  # m, of doors that are made in plans of rooms, unless `world.doors` says otherwise
-PARTITION: Final = 0.1  # m, the thickness of walls along the borders of rooms that are drawn without any
-STROKE_INK, FILL_INK = 0.2, 0.5  # how far from the paper's colour strokes and fills of walls are, at least
-BLACK: Final = 0.75  # fills darker than that are no floor
+DOOR: Final = 0.9  # m, of doors made in plans of rooms, unless `world.doors` says otherwise
+PARTITION: Final = 0.1  # m, the thickness of walls along the borders of rooms drawn without any
+STROKE_INK, FILL_INK = 0.2, 0.5  # least contrast to the paper of strokes and fills of walls
+BLACK: Final = 0.75  # darker fills are not floor
 WIDE: Final = 0.6  # m, 2 area / perimeter: fills of walls are narrower, those of rooms wider
 _NEAR: Final = 1e-6  # m
-PAPER: Final = 0.03  # how far from the paper's colour a shape may be and still be taken for it
-ROOMS: Final = (0.5, 0.4, 3)  # of the building's hull solid, and covered by wide light fills, and how many of these
-AROUND: Final = 0.95  # of fewer fills, what dark ink encloses where they are floor
-SHEET: Final = 0.1  # m, how thick the frame of a sheet is at most; it is half as thick as walls at most
-BUILDING: Final = 0.05  # of a sheet's frame, what the hull of the building in it has at least
+PAPER: Final = 0.03  # largest contrast to the paper of a shape that counts as paper
+ROOMS: Final = (0.5, 0.4, 3)  # of the building's hull solid, and covered by wide light fills, and their number
+AROUND: Final = 0.95  # of fewer fills, the share inside of dark ink if they are floor
+SHEET: Final = 0.1  # m, largest thickness of a sheet's frame; it is also at most half as thick as walls
+BUILDING: Final = 0.05  # of a sheet's frame, the least share of the hull of the building in it
 
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """What is solid in a drawing without layers, and how that was found."""
+    """The solids in a drawing without layers, and how they were found."""
 
     solid: MultiPolygon
     rooms: MultiPolygon  # of a plan of rooms, the fills that are floor
@@ -45,12 +45,12 @@ class Read:
 
 
 def plan_of(drawing: Drawing, world: World) -> FloorPlan:
-    """The floor plan that a drawing shows, with doors cut into it and made in it.
+    """The floor plan in a drawing, with its doors cut and missing ones made.
 
-    A drawing with layers says itself what is solid; the rest is decoration. Without them all that it shows is, but for
-    its paper and what has the paper's colour, which cuts what lies below it. By `world.solid = "strokes"`, or if it is
-    plainly a plan of rooms, dark strokes and thin dark fills are walls, and all other fills are floor that covers what
-    lies below. Raises InputError if nothing is solid.
+    Layers say what is solid; the rest is decoration. Without them all of the drawing is solid, except its paper and
+    shapes of the paper's colour, which cut those below them. With `world.solid = "strokes"`, or if it is plainly a plan
+    of rooms, dark strokes and thin dark fills are walls, and all other fills are floor that covers shapes below. Raises
+    InputError if nothing is solid.
     """
     page = drawing.page
     by_layer: defaultdict[str, list[Shape]] = defaultdict(list)
@@ -87,7 +87,7 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
     width = world.doors if world.doors is not None else DOOR if rooms else 0.0
     if width:
         fixed = walls if layers["furniture"].is_empty else joined([layers["walls"], layers["pillars"]])
-        made = make_doors(fixed, width, ground)  # what furniture encloses is no room
+        made = make_doors(fixed, width, ground)  # the inside of furniture is not a room
     if made.doors:
         layers = {layer: opened(shape, made.cuts) for layer, shape in layers.items()}
         walls = opened(walls, made.cuts)
@@ -104,17 +104,17 @@ def plan_of(drawing: Drawing, world: World) -> FloorPlan:
 
 
 def _area(shape: Shape) -> MultiPolygon:
-    """All that a shape paints."""
+    """The whole paint of a shape."""
     return joined([shape.fill, shape.stroke])
 
 
 def _layer(shapes: Sequence[Shape], world: World, page: Box) -> list[MultiPolygon]:
-    """What the shapes of a solid layer cover."""
+    """The area of a solid layer's shapes."""
     return [_strokes(shapes, page, 0.0)] if world.solid == "strokes" else [_area(shape) for shape in shapes]
 
 
 def _read(shapes: Sequence[Shape], world: World, page: Box) -> Read:
-    """What is solid among shapes that no layer says anything of."""
+    """The solids among shapes without layers."""
     whole = [_fills(shape, page) for shape in shapes]
     paper, shown = (
         [shape for shape, fills in zip(shapes, whole, strict=True) if fills is own] for own in (True, False)
@@ -162,17 +162,17 @@ def _fills(shape: Shape, page: Box) -> bool:
 
 
 def _rims(paper: Sequence[Shape], shapes: Sequence[Shape]) -> list[Shape]:
-    """The strokes around what fills the page, where they are walls: something else is as near as a wall is thick."""
+    """The strokes around page-filling shapes, if they are walls: another shape is within a wall's thickness."""
     rims = [replace(shape, fill=NOTHING) for shape in paper if not shape.stroke.is_empty]
     tree = shapely.STRtree([_area(shape) for shape in shapes])
     return [rim for rim in rims if len(tree.query(rim.stroke, predicate="dwithin", distance=THICK))]
 
 
 def _without_frames(shapes: list[Shape], page: Box, ground: float) -> tuple[list[Shape], list[str]]:
-    """The shapes without the frames of the sheet that they are drawn on, and notices of these.
+    """The shapes without their sheet's frames, and notices of these.
 
-    A frame is a thin rectangle around all else, with what touches it, as a title block does. What it holds is a
-    building: large, mostly free, and with walls that are thicker.
+    A frame is a thin rectangle around all else, with shapes that touch it, such as a title block. It holds a building:
+    large, mostly free, and with thicker walls.
     """
     told = []
     while (found := _frame(shapes, page, ground)) is not None:
@@ -186,9 +186,9 @@ def _without_frames(shapes: list[Shape], page: Box, ground: float) -> tuple[list
 
 
 def _frame(shapes: list[Shape], page: Box, ground: float) -> tuple[shapely.Polygon, list[Shape]] | None:
-    """The outline of the outermost frame, and all shapes that are no part of it; None if there is no frame."""
+    """The outline of the outermost frame, and all shapes that are not part of it; None without a frame."""
     areas = np.array([_area(shape) for shape in shapes], object)
-    bounds = shapely.bounds(areas)  # NaN for what has lines alone
+    bounds = shapely.bounds(areas)  # NaN for shapes of lines only
     low, high = np.nanmin(bounds[:, :2], axis=0, initial=np.inf), np.nanmax(bounds[:, 2:], axis=0, initial=-np.inf)
     edge: NDArray[np.bool_] = ((bounds[:, :2] <= low + _NEAR) | (bounds[:, 2:] >= high - _NEAR)).any(axis=1)
     piece = connected(areas)
@@ -209,7 +209,7 @@ def _frame(shapes: list[Shape], page: Box, ground: float) -> tuple[shapely.Polyg
 
 
 def _without_faint(shapes: list[Shape], ground: float) -> tuple[list[Shape], list[str]]:
-    """The shapes without strokes too faint for walls, as of a grid, where there are darker ones, and a notice of it."""
+    """The shapes without strokes too faint for walls, as of a grid, if there are darker ones, and a notice."""
     inks = np.array([0.0 if shape.stroke.is_empty else abs(shape.stroke_ink - ground) for shape in shapes])
     faint = (inks > PAPER) & (inks < STROKE_INK)
     if not faint.any() or inks.max() < 2.0 * STROKE_INK:
@@ -220,14 +220,14 @@ def _without_faint(shapes: list[Shape], ground: float) -> tuple[list[Shape], lis
 
 
 def _all(shapes: Sequence[Shape], ground: float) -> MultiPolygon:
-    """All that is painted; what has the colour of the paper cuts what lies below."""
+    """All paint; shapes of the paper's colour cut those below."""
     ink = [(number, _area_of_ink(shape, ground, PAPER, PAPER)) for number, shape in enumerate(shapes)]
     covers = [(number, _area_of_paper(shape, ground, PAPER, PAPER)) for number, shape in enumerate(shapes)]
     return _painted(ink, covers)
 
 
 def _strokes(shapes: Sequence[Shape], page: Box, ground: float) -> MultiPolygon:
-    """Dark strokes and thin dark fills; all other opaque paint covers what lies below."""
+    """Dark strokes and thin dark fills; all other opaque paint covers shapes below."""
     ink, covers = [], []
     for number, shape in enumerate(shapes):
         dark = abs(shape.fill_ink - ground) >= FILL_INK and _breadth(shape.fill) < WIDE
@@ -238,14 +238,14 @@ def _strokes(shapes: Sequence[Shape], page: Box, ground: float) -> MultiPolygon:
 
 
 def _area_of_ink(shape: Shape, ground: float, fill: float, stroke: float) -> MultiPolygon:
-    """The paint of a shape that stands out from the paper's ink `ground` by so much."""
+    """A shape's paint that differs from the paper's ink `ground` by at least the given contrasts."""
     parts = [shape.fill] if abs(shape.fill_ink - ground) >= fill else []
     parts += [shape.stroke] if abs(shape.stroke_ink - ground) >= stroke else []
     return joined(parts)
 
 
 def _area_of_paper(shape: Shape, ground: float, fill: float, stroke: float) -> MultiPolygon:
-    """The opaque paint of a shape that does not, without what its own stroke paints over it."""
+    """A shape's other opaque paint, without the part under its own stroke."""
     stroked = abs(shape.stroke_ink - ground) >= stroke
     parts = [shape.fill] if shape.opaque and abs(shape.fill_ink - ground) < fill else []
     parts += [shape.stroke] if not stroked and not shape.stroke.is_empty else []
@@ -272,7 +272,7 @@ def _painted(ink: list[tuple[int, MultiPolygon]], covers: list[tuple[int, MultiP
 
 
 def _share_of_rooms(shapes: Sequence[Shape], page: Box, ground: float) -> float:
-    """The share of the building that the fills of rooms cover, if it is plainly a plan of rooms, and 0 otherwise.
+    """The share of the building covered by fills of rooms, if it is plainly a plan of rooms, and 0 otherwise.
 
     Rooms are wide and light, most of the building is painted, and its strokes follow most of their borders: strokes
     alone would make no walls otherwise.
@@ -296,17 +296,17 @@ def _share_of_rooms(shapes: Sequence[Shape], page: Box, ground: float) -> float:
 
 
 def _is_light(shape: Shape, ground: float) -> bool:
-    """Whether a shape has a fill as rooms have: wide, and not black."""
+    """Whether a shape has a room's fill: wide, and not black."""
     return _breadth(shape.fill) >= WIDE and abs(shape.fill_ink - ground) < BLACK
 
 
 def _breadth(shape: MultiPolygon) -> float:
-    """2 area / perimeter (m), the width of something long; of nothing, 0."""
+    """2 area / perimeter (m), the width of a long shape; 0 for an empty one."""
     return 2.0 * shape.area / shape.length if shape.length else 0.0
 
 
 def _with_rooms(layers: dict[str, MultiPolygon], floors: Sequence[Shape]) -> dict[str, MultiPolygon]:
-    """The layers with rooms, which cover what is solid and have walls along their borders."""
+    """The layers with rooms, which cover solids and have walls along their borders."""
     borders = [
         shape.stroke
         if not shape.stroke.is_empty
@@ -319,12 +319,12 @@ def _with_rooms(layers: dict[str, MultiPolygon], floors: Sequence[Shape]) -> dic
 
 
 def _without_specks(shape: MultiPolygon, least: float) -> MultiPolygon:
-    """A layer without pieces that are smaller than `least` (m2)."""
+    """A layer without pieces smaller than `least` (m2)."""
     return MultiPolygon([piece for piece in shape.geoms if piece.area >= least])
 
 
 def _decoration(shapes: Sequence[Shape], by_layer: dict[str, list[Shape]]) -> str:
-    """What a drawing with layers shows outside of them."""
+    """The contents of a drawing with layers outside of them."""
     solid = [shape for layer in SOLID_LAYERS for shape in by_layer[layer]]
     ink = sum(_area(shape).area for shape in shapes)
     total = ink + sum(_area(shape).area for shape in solid)

@@ -1,4 +1,4 @@
-"""The rooms of a floor and the doors between them, found by how wide the floor is."""
+"""The rooms of a floor and the doors between them, found by the floor's width."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from shapely.geometry.base import BaseGeometry
 from swarmsim.core.lattice import Lattice
 from swarmsim.world.cells import Cells, spread
 
-_FINE = 1e-3  # m, to which a door's width is found
-_MOST = 400  # doors measured exactly; beyond it, widths are taken from the cells
-_THING = 2.0  # widest doors long; what stands free and is no longer parts no rooms, as specks, tables and racks do not
-_APART = 0.2  # of the widest door; pieces that are closer are one thing, as those of a wall that a map has in pieces
+_FINE = 1e-3  # m, precision of a door's width
+_MOST = 400  # doors measured exactly; beyond it, widths come from the cells
+_THING = 2.0  # widest doors; a free-standing thing up to this length separates no rooms (specks, tables, racks)
+_APART = 0.2  # of the widest door; closer pieces are one thing, like those of a wall in pieces on a map
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +42,8 @@ def rooms_and_doors(
     """The rooms of `floor` (rows, columns), the largest first, and the doors between them, at most `widest` (m) wide.
 
     A room grows from the places in which a disc of that diameter fits, to where it meets the next one: cells belong to
-    the nearest of these places on foot. Two meet in a door, whose width is that of the widest disc that passes. What
-    stands free in a room and is at most two such discs long parts no rooms: the disc passes through it.
+    the nearest of these places on foot. Two meet in a door, whose width is that of the widest disc that passes. A thing
+    that stands free in a room and is at most two such discs long separates no rooms: the disc passes through it.
     """
     reach: NDArray[np.float64] = ndimage.distance_transform_edt(floor) * lattice.cell
     open_: NDArray[np.bool_] = floor | _things(floor, reach, lattice.cell, widest)
@@ -66,7 +66,7 @@ def rooms_and_doors(
 
 
 def _things(floor: Cells, reach: NDArray[np.float64], cell: float, widest: float) -> Cells:
-    """What stands free in the floor and is small; `reach` is how far (m) cells of the floor are from all else."""
+    """Small free-standing things; `reach` is the distance (m) of the floor's cells from all else."""
     things: NDArray[np.int32]
     count: int
     things, count = ndimage.label(reach < 0.5 * _APART * widest, np.ones((3, 3)))
@@ -86,7 +86,7 @@ def _doors(
     walls: BaseGeometry,
     widest: float,
 ) -> list[Doorway]:
-    """Where rooms meet: every piece of the border between two of them is a door."""
+    """The doors where rooms meet: every piece of the border between two of them."""
     rim = np.zeros(labels.shape, np.bool_)
     pairs: dict[tuple[int, int], list[NDArray[np.int64]]] = {}
     for axis in (0, 1):
@@ -126,7 +126,7 @@ def _width(
     widest: float,
     about: float,
 ) -> float:
-    """The width (m) of the widest disc that gets through a door, by halving; `about` where rooms bend around it."""
+    """The width (m) of the widest disc that passes a door, by bisection; `about` if rooms bend around it."""
     x, y = place
     side = 1.5 * widest
     left, right, low, high = lattice.extent

@@ -1,4 +1,4 @@
-"""Maps as ROS keeps them: map_server's YAML and image, in and out, and the values of an OccupancyGrid."""
+"""Maps of ROS: map_server's YAML and image, in and out, and the values of an OccupancyGrid."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from swarmsim.world.plan import FloorPlan
 from swarmsim.world.tracing import traced
 from swarmsim.world.viewport import LARGEST
 
-MOST_PIXELS: Final = 64_000_000  # of an image, whose pixels take a byte or a few each
+MOST_PIXELS: Final = 64_000_000  # of an image, at a few bytes each
 PICTURES: Final = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".pbm", ".ppm")
 _LEVELS: Final = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}  # of the pixels that map_server's saver writes
 _OCCUPIED, _FREE = 0.65, 0.196  # the thresholds it writes; 205 is p = 0.19608, just unknown
@@ -37,7 +37,7 @@ Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 class MapFile(Struct, frozen=True, kw_only=True):
-    """What the YAML file of a map_server pair says; keys that others add are passed over.
+    """The YAML file of a map_server pair; other programs' keys are ignored.
 
     `origin` is the pose (m, m, rad) of the lower left pixel's corner.
     """
@@ -58,13 +58,13 @@ class Bitmap:
     states: NDArray[np.uint8]  # (rows, columns): UNKNOWN, FREE or OCCUPIED; row 0 lies at the bottom
     resolution: float  # m, one pixel
     origin: tuple[float, float, float]  # m, m, rad: the pose of the lower left pixel's corner
-    notices: tuple[str, ...] = ()  # what was not as it says, in sentences without the file's name
+    notices: tuple[str, ...] = ()  # deviations from the file's claims, in sentences without its name
 
     def plan(self, name: str, cell: float, unknown_is_wall: bool) -> FloorPlan:
-        """The floor plan, whose outlines stray from those of the pixels by half a cell and 1.5 pixels at most.
+        """The floor plan; its outlines stray from the pixels' by half a cell and 1.5 pixels at most.
 
-        Pixels as large as cells, or larger, are kept exactly. What is solid is traced at once, unknown pixels with the
-        walls where they count as such, so that no seams lie between them.
+        Pixels at least as large as cells are kept exactly. All solids are traced at once, with unknown pixels if they
+        count as walls, so that no seams lie between them.
         """
         rows, columns = self.states.shape
         tolerance = min(1.5, 0.5 * cell / self.resolution) if self.resolution < 0.999 * cell else 0.0
@@ -87,9 +87,9 @@ class Bitmap:
 
 
 def read(path: Path, resolution: float | None = None) -> Bitmap:
-    """A map_server pair, by its YAML file, or a picture whose pixels are `resolution` (m) wide.
+    """A map_server pair, by its YAML file, or a picture with pixels `resolution` (m) wide.
 
-    A picture without a resolution needs the YAML file of its name beside it. Dark pixels are walls. Raises InputError.
+    A picture without a resolution needs a YAML file of its name beside it. Dark pixels are walls. Raises InputError.
     """
     notices: tuple[str, ...] = ()
     if path.suffix.lower() in PICTURES:
@@ -120,9 +120,9 @@ def image_of(path: Path) -> Path:
 
 
 def picture(named: str, folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The picture that a file in `folder` names, and a notice if that is on another machine and its name beside it."""
+    """The picture named by a file in `folder`, and a notice if it is found beside the file instead."""
     image = folder / named
-    beside = folder / PureWindowsPath(named).name  # which knows both kinds of slashes
+    beside = folder / PureWindowsPath(named).name  # handles both kinds of slashes
     if image == beside or _is_file(image) or not _is_file(beside):
         return image, ()
     return beside, (f"it names the picture {named}, which is not here; {beside.name} beside it was taken",)
@@ -145,13 +145,13 @@ def dark(path: Path) -> NDArray[np.bool_]:
 
 
 def columns_of(path: Path) -> int:
-    """How many pixels wide a picture is. Raises InputError."""
+    """The width of a picture in pixels. Raises InputError."""
     with _opened(path) as picture:
         return picture.width
 
 
 def _about(path: Path) -> MapFile:
-    """What a YAML file says. Its text is never repeated in messages."""
+    """The contents of a YAML file. Messages never repeat its text."""
     try:
         check_plain(path, "the YAML file of a map_server pair", 1_000_000)
         table = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
@@ -208,7 +208,7 @@ def _opened(path: Path) -> Image.Image:
 
 
 def _grey(path: Path, mode: str) -> NDArray[np.float32]:
-    """Grey levels (rows, columns), 0 to 1, from the bottom up; NaN where a transparent pixel hides what it is."""
+    """Grey levels (rows, columns), 0 to 1, from the bottom up; NaN for transparent pixels."""
     with _opened(path) as picture:
         return _levels(picture, path, mode)
 
@@ -237,14 +237,14 @@ def _levels(picture: Image.Image, path: Path, mode: str) -> NDArray[np.float32]:
 
 
 def _states(grey: NDArray[np.float32], about: MapFile) -> NDArray[np.uint8]:
-    """What the grey levels mean; between the thresholds nothing is known."""
+    """The states of grey levels; between the thresholds they are unknown."""
     if about.mode == "raw":
         occupied = np.where(np.round(grey * 255.0) <= 100.0, np.round(grey * 255.0) / 100.0, np.nan)
     else:
         occupied = grey if about.negate else 1.0 - grey
     states = np.full(grey.shape, UNKNOWN, np.uint8)
     with np.errstate(invalid="ignore"):
-        # In single precision 1 - 205 / 255 is above the threshold 0.196 that has to leave it unknown, as is 0.65.
+        # In single precision 1 - 205 / 255 is above the threshold 0.196 and stays unknown, as it has to; so does 0.65.
         states[occupied > np.float32(about.occupied_thresh)] = OCCUPIED
         states[occupied < np.float32(about.free_thresh)] = FREE
         if about.mode == "raw":
@@ -254,7 +254,7 @@ def _states(grey: NDArray[np.float32], about: MapFile) -> NDArray[np.uint8]:
 
 
 def _unknown_as_floor(grey: NDArray[np.float32], states: NDArray[np.uint8], about: MapFile) -> tuple[str, ...]:
-    """A notice if the grey that map_server's saver writes for what it does not know is floor by the thresholds."""
+    """A notice if the thresholds turn map_server's grey for unknown into floor."""
     saved = np.rint(grey * 255.0) == _LEVELS[UNKNOWN]
     share = float(np.mean(saved & (states == FREE)))
     if about.mode == "raw" or share == 0.0 or about.free_thresh <= _FREE:
@@ -269,7 +269,7 @@ def write(path: Path, states: NDArray[np.uint8], lattice: Lattice) -> tuple[Path
     """Write cells (rows, columns) as map_server's YAML at `path` and a PGM beside it, or in JSON as an OccupancyGrid.
 
     The JSON has the message's `info` and `data`: row-major from the lower left, 0 free, 100 occupied, -1 unknown.
-    Gives the files. Raises InputError for another ending, or where nothing can be written.
+    Gives the files. Raises InputError for another ending, or if writing fails.
     """
     ending = path.suffix.lower()
     x0, y0 = round(lattice.x0, _DECIMALS), round(lattice.y0, _DECIMALS)

@@ -1,4 +1,4 @@
-"""Drawings put together from shapes: their page, and the scale that a scenario asks for."""
+"""Drawings put together from shapes: their page, and the scenario's scale."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from swarmsim.world.viewport import LARGEST
 def sheet(
     name: str, shapes: Sequence[Shape], world: World, page: Box | None, unit: str, notices: Sequence[str]
 ) -> Drawing:
-    """A drawing of these shapes, with what `world.scale` or `world.width` makes of its metres.
+    """A drawing of these shapes, scaled by `world.scale` or to `world.width`.
 
-    Without a page, it is as large as what belongs to a layer, or else as all. Raises InputError if it is too large.
+    Without a page, its extent is that of all shapes in layers, or else of all shapes. Raises InputError if too large.
     """
     layered = [shape for shape in shapes if shape.layer not in ("", DOORS_LAYER)] or shapes
     inked = [area for shape in layered if not (area := shape.stroke if shape.fill.is_empty else shape.fill).is_empty]

@@ -1,4 +1,4 @@
-"""Where a building stands in the coordinates of its file, and what lies far away from it."""
+"""A building's place in the coordinates of its file, and strays far away from it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.world.viewport import LARGEST
 
 _MIDDLE: Final = (0.05, 0.95)  # of the things' places
-_AROUND: Final = 3.0  # times the size of the middle, on all sides; what lies wholly beyond is a stray
-_FEW: Final = 10  # things, below which none is a stray
+_AROUND: Final = 3.0  # times the size of the middle, on all sides; things wholly beyond are strays
+_FEW: Final = 10  # things; among fewer, none is a stray
 
 
 class Placed(Protocol):
@@ -24,7 +24,7 @@ class Placed(Protocol):
         ...
 
     def shifted(self, x: float, y: float) -> Self:
-        """The same, moved by so much."""
+        """The same, moved by (dx, dy)."""
         ...
 
 
@@ -32,7 +32,7 @@ P = TypeVar("P", bound=Placed)
 
 
 def kept(things: Sequence[P]) -> tuple[list[P], list[str]]:
-    """The things without strays, which lie wholly beyond three times the size of the rest, and a sentence on those."""
+    """The things without strays, which lie wholly beyond three times the size of the rest, and a notice of those."""
     if len(things) < _FEW:
         return list(things), []
     boxes = np.array([thing.bounds for thing in things])
@@ -45,7 +45,7 @@ def kept(things: Sequence[P]) -> tuple[list[P], list[str]]:
 
 
 def moved(things: Sequence[P], name: str) -> tuple[list[P], list[str]]:
-    """The things where they are or, if that is too far from the origin, moved to it, and a sentence that says so.
+    """The things, moved to the origin if they are too far from it, and a notice of that.
 
     Raises InputError, with the file's `name`, for a building that is too large.
     """

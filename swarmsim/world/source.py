@@ -1,4 +1,4 @@
-"""Where floor plans come from: drawings, maps, polygons, and buildings that are made."""
+"""Sources of floor plans: drawings, maps, polygons, and generated buildings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from swarmsim.world.shapes import Drawing
 from swarmsim.world.simulators import sdf, stage
 from swarmsim.world.texts import check_file, text_of
 
-#: What reads a file by its ending, apart from maps in pixels and texts that hold a floor plan as they are.
+#: The readers by file ending, apart from maps in pixels and texts that are floor plans already.
 _READERS: Final[dict[str, Callable[[Path, World], Drawing]]] = {
     ".dxf": dxf.read,
     ".ifc": ifc.read,
@@ -51,10 +51,10 @@ _EXPECTED: Final = (
 
 
 def read_world(world: World, cell: float) -> str:
-    """The text of the floor plan that a scenario's world names: an SVG drawing or, for all else, GeoJSON.
+    """The text of the floor plan of a scenario's world: an SVG drawing or, for all else, GeoJSON.
 
-    That text alone, with the rest of `world`, says what `floor_plan` makes of it. `cell` is the side of the lattice's
-    cells (m), which says how far the outlines of bitmaps may stray. Raises InputError.
+    `floor_plan` depends only on that text and the rest of `world`. `cell` is the side of the lattice's cells (m), which
+    limits how far the outlines of bitmaps may stray. Raises InputError.
     """
     if world.generate:
         return _made(world, cell)
@@ -72,7 +72,7 @@ def read_world(world: World, cell: float) -> str:
 
 
 def drawing_of(world: World) -> Drawing:
-    """What the file of a world shows, where that is no map in pixels. Raises InputError."""
+    """The drawing in a world's file, unless that is a map in pixels. Raises InputError."""
     path = Path(world.file)
     _check(world)
     reader = imdf.read if path.is_dir() else _READERS.get(path.suffix.lower())
@@ -92,7 +92,7 @@ def _is_json(text: str) -> bool:
 
 
 def _check(world: World) -> None:
-    """Raise InputError unless the world's file may be read, and its keys suit what it is."""
+    """Raise InputError unless the world's file is readable, and its keys suit its type."""
     path = Path(world.file)
     if is_map(world):
         if world.scale is not None:
@@ -115,7 +115,7 @@ def _bitmap(world: World) -> rosmap.Bitmap:
 
 
 def floor_plan(text: str, world: World) -> FloorPlan:
-    """The floor plan in a text that `read_world` gave, with its spawn areas. Raises InputError."""
+    """The floor plan in a text of `read_world`, with its spawn areas. Raises InputError."""
     return _floor_plan(text, world)
 
 
@@ -135,7 +135,7 @@ def _floor_plan(text: str, world: World) -> FloorPlan:
 def _with_floor(plan: FloorPlan, world: World) -> FloorPlan:
     """The plan with a spawn area, and a border if its floor runs off.
 
-    All of the page of a map is known; of a drawing, what is drawn is.
+    A map is known on all of its page, a drawing only on its extent.
 
     Raises InputError if the floor lies around the building.
     """

@@ -1,4 +1,4 @@
-"""The paint of SVG elements, as attributes, style attributes and style sheets say it."""
+"""The paint of SVG elements, by attributes, style attributes and style sheets."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from swarmsim.world.elements import NUMBER, Element, quoted
 
 Style = Mapping[str, str]  # value by property, for each property in INITIAL
 
-#: What applies to an element when nothing is said of it alone.
+#: The properties of an element that says nothing itself.
 _OWN: Final = {
     "display": "inline", "opacity": "1", "clip-path": "none", "mask": "none", "overflow": "hidden", "transform": "",
     "transform-origin": "", "transform-box": "view-box", "vector-effect": "none",
 }  # fmt: skip
-#: What applies when nothing is said of an element and of those around it.
+#: The properties of an element if neither it nor those around it say anything.
 INITIAL: Final[Style] = {
     "fill": "black", "fill-opacity": "1", "fill-rule": "nonzero", "clip-rule": "nonzero", "stroke": "none",
     "stroke-opacity": "1", "stroke-width": "1", "stroke-linecap": "butt", "stroke-linejoin": "miter",
     "stroke-miterlimit": "4", "visibility": "visible", "color": "black", **_OWN,
 }  # fmt: skip
 _AS_WRITTEN: Final = frozenset({"fill", "stroke", "clip-path", "mask", "transform", "color"})  # ids have their case
-_SEEN_BY: Final = frozenset({"", "all", "screen"})  # media that a drawing on a screen has
+_SEEN_BY: Final = frozenset({"", "all", "screen"})  # media of a drawing on a screen
 _QUERY: Final = re.compile(r"(?:(only|not)\s+)?([a-z-]*)\s*(.*)", re.DOTALL)
 _REFERENCE: Final = re.compile(r"url\(\s*[\"']?(.*?)[\"']?\s*\)\s*(.*)", re.DOTALL | re.IGNORECASE)
 
@@ -38,7 +38,7 @@ _Declarations = list[tuple[str, str, bool]]  # property, value, whether it is im
 
 
 class _Token(Protocol):
-    """A rule, a declaration or a token, as tinycss2 gives it; its type says which of the others it has."""
+    """A rule, a declaration or a token of tinycss2; its type says which of the others it has."""
 
     type: str
     lower_at_keyword: str
@@ -51,11 +51,11 @@ class _Token(Protocol):
 
 @dataclass(slots=True)
 class StyleSheet:
-    """The rules that say anything about what is solid."""
+    """The rules that matter for solids."""
 
     _matcher: cssselect2.Matcher = field(default_factory=cssselect2.Matcher)
     _rules: int = 0
-    notices: list[str] = field(default_factory=list)  # what is not understood
+    notices: list[str] = field(default_factory=list)  # on unknown contents
 
     @classmethod
     def of(cls, styles: Iterable[Element]) -> StyleSheet:
@@ -93,7 +93,7 @@ class StyleSheet:
                 self._matcher.add_selector(selector, declarations)
 
     def _applies(self, media: str) -> bool:
-        """Whether a list of media queries holds for a screen; what asks for its size is taken for false."""
+        """Whether a list of media queries holds for a screen; queries for its size count as false."""
         applies = not media.strip()
         for query in media.lower().split(","):
             negated, kind, features = _QUERY.findall(query.strip())[0]  # it matches anything
@@ -104,10 +104,10 @@ class StyleSheet:
         return applies
 
     def styled(self, element: Element, inherited: Style) -> Style:
-        """What `element` inherits, overridden in the order of CSS.
+        """The inherited properties of `element`, overridden in the order of CSS.
 
-        That is by its attributes, this sheet, its style attribute, and by what is important in the sheet and in the
-        attribute.
+        That is by its attributes, this sheet, its style attribute, and the important declarations in the sheet and in
+        the attribute.
         """
         attributes = element.attributes
         own = [(key, value.strip()) for key, value in attributes.items() if key in INITIAL]
@@ -131,7 +131,7 @@ class StyleSheet:
 
 
 def _declarations(source: str | Sequence[_Token] | None) -> _Declarations:
-    """The properties in a style attribute or between the braces of a rule, without those that change nothing solid."""
+    """The properties in a style attribute or between the braces of a rule, without those irrelevant for solids."""
     found = tinycss2.parse_blocks_contents(source, skip_comments=True, skip_whitespace=True)
     return [
         (one.lower_name, _serialized(one.value), one.important)
@@ -145,28 +145,28 @@ def _serialized(tokens: Iterable[_Token]) -> str:
 
 
 def reference(value: str) -> tuple[str, str] | None:
-    """The id in `url(#id)` and what follows it; None for any other value."""
+    """The id in `url(#id)` and the text after it; None for any other value."""
     match = _REFERENCE.fullmatch(value)
     return (match[1].removeprefix("#"), match[2].strip()) if match else None
 
 
 @dataclass(frozen=True, slots=True)
 class Paint:
-    """What a fill or a stroke paints with."""
+    """The paint of a fill or a stroke."""
 
     alpha: float  # 0 to 1: opaque
     luminance: float  # 0 to 1: white
 
     @property
     def darkness(self) -> float:
-        """How much darker than white it makes a white page, 0 to 1."""
+        """How much it darkens a white page, 0 to 1."""
         return self.alpha * (1.0 - self.luminance)
 
 
 def paint(style: Style, kind: str, ids: Mapping[str, object]) -> Paint | None:
-    """What the "fill" or the "stroke" of a style paints with; None for nothing.
+    """The paint of a style's "fill" or "stroke"; None for nothing.
 
-    Gradients and patterns, and colours that are no sRGB, count as light grey.
+    Gradients and patterns, and colours other than sRGB, count as light grey.
     """
     value = style[kind]
     found = reference(value)
@@ -205,9 +205,9 @@ def _visible(alpha: float, light: float) -> Paint | None:
 
 
 def luminance(style: Style, kind: str, ids: Mapping[str, object]) -> float | None:
-    """How bright a paint is in a mask, 0 to 1 times its opacity; None where it paints nothing.
+    """The brightness of a paint in a mask, 0 to 1 times its opacity; None for no paint.
 
-    What is no plain colour counts as bright.
+    Anything but a plain colour counts as bright.
     """
     found = paint(style, kind, ids)
     if found is None:
@@ -216,6 +216,6 @@ def luminance(style: Style, kind: str, ids: Mapping[str, object]) -> float | Non
 
 
 def fraction(text: str) -> float:
-    """A number from 0 to 1 or a percentage; 1 for what is neither, as in CSS."""
+    """A number from 0 to 1 or a percentage; 1 for anything else, as in CSS."""
     match = re.fullmatch(rf"\s*({NUMBER})\s*(%?)\s*", text)
     return min(max(float(match[1]) / (100.0 if match[2] else 1.0), 0.0), 1.0) if match else 1.0

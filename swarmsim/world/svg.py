@@ -1,4 +1,4 @@
-"""What an SVG drawing shows, element by element, in metres."""
+"""The contents of an SVG drawing, element by element, in metres."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ from swarmsim.world.styles import INITIAL, Paint, Style, StyleSheet, fraction, l
 from swarmsim.world.viewport import LARGEST, Page, placed, transformed
 
 _DEEPEST: Final = 400  # nested groups
-_MOST_ELEMENTS: Final = 50_000  # references may multiply a small file without end
+_MOST_ELEMENTS: Final = 50_000  # references may multiply a small file endlessly
 _HREF: Final = ("href", "{http://www.w3.org/1999/xlink}href", "xlink:href")
 _LAYER: Final = "{http://www.inkscape.org/namespaces/inkscape}groupmode"
 _GROUPS: Final = frozenset({"g", "a", "svg", "switch", "symbol"})
 _PASSED_OVER: Final = frozenset({"text", "image", "foreignObject", "video", "canvas", "iframe", "audio"})
 _PAINT: Final = ("fill", "stroke")
-_BRIGHT: Final = 0.5  # of white: what is brighter in a mask shows, what is not hides
-_OPAQUE: Final = 0.9  # a fill that hides what lies below it
+_BRIGHT: Final = 0.5  # of white: brighter parts of a mask show, others hide
+_OPAQUE: Final = 0.9  # a fill that hides shapes below it
 _FEW: Final = 0.02  # of all shapes; up to this share may lie off the page by mistake
 _LARGE: Final = 200.0  # m; larger pages are mostly drawn in pixels
 _LETTERS: Final = 8  # of path data for a segment
 _MOST_TEXTS: Final = 2000
-_STRAY: Final = 3.0  # times the extent of nearly all shapes; what lies beyond it and off the page is passed over
+_STRAY: Final = 3.0  # times the extent of nearly all shapes; shapes beyond it and off the page are ignored
 
 
 def read(source: str, name: str, world: World) -> Drawing:
-    """What the SVG text `source` shows; `name` is what messages call the file.
+    """The drawing in the SVG text `source`; `name`: of the file in messages.
 
-    Layers are groups or shapes called walls, pillars, furniture, doors, spawn and unknown, or as `world.layers` and
-    `world.floor` say. What paints nothing, or is hidden or clipped, is not there. In the spawn layer, each element with
-    an id is one area, whose shape is the inside of its outline, however it is painted. The page is multiplied by
-    `world.scale`, or made `world.width` metres wide.
+    Layers are groups or shapes called walls, pillars, furniture, doors, spawn and unknown, or named by `world.layers`
+    and `world.floor`. Elements that paint nothing, or are hidden or clipped, do not count. In the spawn layer, each
+    element with an id is one area, the inside of its outline, however painted. The page is multiplied by `world.scale`,
+    or made `world.width` metres wide.
 
-    Raises InputError, with the file, the element and what would be right, for all that cannot be read in full.
+    Raises InputError, with the file, the element and what would be right, for anything that cannot be read in full.
     """
     root = parse(source, name)
     with root.named(name):
@@ -82,7 +82,7 @@ def read(source: str, name: str, world: World) -> Drawing:
 
 @dataclass(frozen=True, slots=True)
 class _Placed:
-    """An element with what it has from those around it."""
+    """An element with its inherited properties."""
 
     element: Element
     layer: str  # empty outside of the layers
@@ -92,15 +92,15 @@ class _Placed:
     alpha: float  # of the groups around it together
     matrix: Matrix  # from its user units to metres
     page: Page  # the viewport around it
-    clip: BaseGeometry | None  # in metres, what of it can be seen; None: all
+    clip: BaseGeometry | None  # in metres, its visible region; None: all
 
 
-_Waiting = tuple[Element, _Placed, int]  # an element, what is around it, how deep it is nested
+_Waiting = tuple[Element, _Placed, int]  # an element, its surroundings, its depth
 
 
 @dataclass(slots=True)
 class _SvgReader:
-    """Finds the shapes of a drawing, and what is wrong with it."""
+    """Finds the shapes of a drawing, and its errors."""
 
     name: str
     problems: Problems
@@ -109,22 +109,22 @@ class _SvgReader:
     names: LayerNames
     areas: dict[str, Element] = field(default_factory=dict)  # spawn areas by id
     notices: list[str] = field(default_factory=list)
-    empty: list[Element] = field(default_factory=list)  # shapes that paint nothing, or nothing that is seen
+    empty: list[Element] = field(default_factory=list)  # shapes that paint nothing visible
     passed_over: Counter[str] = field(default_factory=Counter)
-    hidden: int = 0  # shapes that are there but not shown
+    hidden: int = 0  # hidden shapes
     strays: int = 0  # shapes far off the page
-    broken: int = 0  # shapes outside of the layers that cannot be read
+    broken: int = 0  # unreadable shapes outside of the layers
     count: int = 0  # elements met so far
-    clips: int = 0  # regions that are being found, one within the other
+    clips: int = 0  # nested regions being found
 
     @contextmanager
     def remembered(self, element: Element) -> Iterator[None]:
-        """Keeps what is wrong with an element in this block, so that all problems are told at once."""
+        """Keeps an element's error in this block, so that all problems are reported at once."""
         with self.problems.collected(), element.named(self.name):
             yield
 
     def told(self) -> list[str]:
-        """What a user should know of what was passed over, each in a sentence."""
+        """On ignored contents, for the user, a sentence each."""
         told = []
         if self.passed_over:
             listed = ", ".join(f"{count} <{tag}>" for tag, count in sorted(self.passed_over.items()))
@@ -139,7 +139,7 @@ class _SvgReader:
         return told + list(dict.fromkeys([*self.sheet.notices, *self.notices]))
 
     def shapes(self, root: Element, around: _Placed) -> Iterator[Shape]:
-        """What the visible elements at and below `root` show, in their order."""
+        """The shapes of visible elements at and below `root`, in their order."""
         waiting = list(self._placed(root, around))  # all of them first, to refuse too many before the work
         far: list[Element] = []
         for shape in budget.pieces(budget.drawing(sum(map(_segments, waiting)), self.name), waiting):
@@ -162,14 +162,14 @@ class _SvgReader:
         self.strays += len(far)
 
     def _wrong(self, shape: _Placed, problem: ElementError) -> None:
-        """Takes note of a shape that cannot be read; outside of the layers of a drawing it is only counted."""
+        """Notes an unreadable shape; outside of a drawing's layers it is only counted."""
         if shape.layer or not self.names.says_solid:
             with self.remembered(shape.element):
                 raise problem
         self.broken += 1
 
     def _placed(self, element: Element, around: _Placed, depth: int = 0) -> Iterator[_Placed]:
-        """The visible shapes at and below an element, which the one of `around` holds or repeats, in their order."""
+        """The visible shapes at and below an element held or repeated by that of `around`, in their order."""
         waiting: list[_Waiting] = [(element, around, depth)]
         while waiting:
             element, above, depth = waiting.pop()
@@ -182,7 +182,7 @@ class _SvgReader:
                 return
 
     def _visited(self, element: Element, above: _Placed, depth: int) -> tuple[_Placed | None, list[_Waiting]]:
-        """The shape that an element is, or those in it or that it repeats."""
+        """The shape of an element, or those in it or that it repeats."""
         tag = element.tag
         drawn = tag in SHAPES or tag == "use" or (tag in _GROUPS and (tag != "symbol" or above.element.tag == "use"))
         if tag in _PASSED_OVER and (above.layer or not self.names.says_solid):
@@ -226,7 +226,7 @@ class _SvgReader:
         return 0 if self.clips else sum(one.tag in SHAPES for one in element.tree())
 
     def _below(self, shape: _Placed, above: _Placed, depth: int) -> list[_Waiting]:
-        """What is in a group, or what a <use> repeats."""
+        """The contents of a group, or of the element that a <use> repeats."""
         element = shape.element
         if element.tag == "use":
             shift = (shape.page.length(element, axis) for axis in "xy")
@@ -244,7 +244,7 @@ class _SvgReader:
         return [(child, shape, depth + 1) for child in children]
 
     def shape(self, placed: _Placed) -> Shape | None:
-        """What a visible element covers, or None if that is nothing."""
+        """The shape of a visible element, or None if it covers nothing."""
         spawn = placed.layer == SPAWN_LAYER
         paints = [paint(placed.style, one, self.ids) for one in _PAINT]
         shown = (True, False) if spawn else (paints[0] is not None, paints[1] is not None)
@@ -263,7 +263,7 @@ class _SvgReader:
         )  # fmt: skip
 
     def without_strays(self, shapes: list[Shape], page: Page) -> list[Shape]:
-        """The shapes but for those that lie off the page, far from nearly all others."""
+        """The shapes without those off the page and far from nearly all others."""
         if len(shapes) < 3:
             return shapes
         bounds = shapely.bounds([shapely.union(shape.fill.envelope, shape.stroke.envelope) for shape in shapes])
@@ -276,7 +276,7 @@ class _SvgReader:
         return [shape for shape, stray in zip(shapes, off & far, strict=True) if not stray]
 
     def _opened(self, shape: _Placed, sized: Element) -> _Placed | None:
-        """What a nested <svg>, or a <symbol> that a <use> repeats, is around its children; None if it has no size."""
+        """The surroundings of the children of a nested <svg>, or of a <symbol> in a <use>; None without size."""
         element, page, matrix = shape.element, shape.page, shape.matrix
         if element.tag == "svg":
             shift = (page.length(element, axis) for axis in "xy")
@@ -298,24 +298,24 @@ class _SvgReader:
         return replace(shape, page=inner, matrix=within, clip=clip)
 
     def _target(self, use: Element) -> Element | None:
-        """The element that a <use> repeats; None for one that is passed over."""
+        """The element that a <use> repeats; None for an ignored one."""
         link = next((use.attributes[key] for key in _HREF if key in use.attributes), "")
         target = self.ids.get(link.removeprefix("#")) if link.startswith("#") else None
         if target is not None and target.tag in _PASSED_OVER:
             self.passed_over[target.tag] += 1
             return None
         if target is None or target.tag not in {"use", *_GROUPS, *SHAPES}:
-            raise ElementError(f"it repeats {quoted(link)}, which is no shape or group here; unlink the clone")
+            raise ElementError(f"it repeats {quoted(link)}, which is not a shape or group here; unlink the clone")
         return target
 
     def _area(self, placed: _Placed, paints: tuple[bool, bool]) -> BaseGeometry:
-        """What some paints of an element cover, in metres, of what can be seen of it."""
+        """The visible area of some of an element's paints, in metres."""
         fill, stroke, _, _ = covered(placed.element, placed.style, placed.matrix, placed.page, paints)
         whole = shapely.union(fill, stroke)
         return whole if placed.clip is None else polygons(shapely.intersection(whole, placed.clip))
 
     def _clipped(self, shape: _Placed) -> BaseGeometry | None:
-        """What of an element can be seen, by its own clip path and mask and by those around it; None: all of it."""
+        """The visible region of an element, by its own and the surrounding clip paths and masks; None: all."""
         seen = shape.clip
         for key, tag in (("clip-path", "clipPath"), ("mask", "mask")):
             value = shape.style[key]
@@ -332,7 +332,7 @@ class _SvgReader:
         return seen
 
     def _region(self, target: Element, shape: _Placed) -> BaseGeometry:
-        """What a <clipPath> or a <mask> lets show of an element, in metres."""
+        """The region of an element that a <clipPath> or a <mask> shows, in metres."""
         if self.clips > 8:
             raise ElementError("its clip paths are clipped without end; remove one")
         mask = target.tag == "mask"
@@ -361,7 +361,7 @@ class _SvgReader:
         return shapely.union(region, self._area(replace(part, style=style), (True, False)))
 
     def _lit(self, region: BaseGeometry, part: _Placed) -> BaseGeometry:
-        """The region with what a shape of a mask lights, without what it darkens."""
+        """The region with the part lit by a shape of a mask, without the part it darkens."""
         for number, kind in enumerate(_PAINT):
             bright = luminance(part.style, kind, self.ids)
             if bright is not None:
@@ -382,19 +382,19 @@ class _SvgReader:
 
 
 def _segments(shape: _Placed) -> int:
-    """About how many segments the outline of a shape has."""
+    """The approximate number of segments in a shape's outline."""
     attributes = shape.element.attributes
     return 4 + (len(attributes.get("d", "")) + len(attributes.get("points", ""))) // _LETTERS
 
 
 def _texts(root: Element) -> tuple[str, ...]:
-    """What is written in a drawing."""
+    """The texts in a drawing."""
     found = (" ".join(element.text.split()) for element in root.tree() if element.tag == "text")
     return tuple(text for text in found if text)[:_MOST_TEXTS]
 
 
 def _is_able(element: Element) -> bool:
-    """Whether a <switch> may show an element: it needs nothing that is not understood here, and no other language."""
+    """Whether a <switch> may show an element: it needs no unknown feature, and no other language."""
     languages = element.attributes.get("systemLanguage", "en").replace(",", " ").split()
     needs = {"requiredExtensions", "requiredFeatures"} & element.attributes.keys()
     return not needs and any(language.startswith("en") for language in languages)

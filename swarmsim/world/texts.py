@@ -1,4 +1,4 @@
-"""Files of buildings as text, in any encoding, packed or not."""
+"""Files of buildings as text, in any encoding, compressed or not."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_file(path: Path, expected: str, most: int = LARGEST) -> None:
 
 
 def text_of(path: Path) -> str:
-    """The text of a file in the encoding that its first bytes or its XML declaration name, or else UTF-8."""
+    """The text of a file, in the encoding given by its first bytes or its XML declaration, or else UTF-8."""
     try:
         packed = content(path, "a drawing")
     except InputError as problem:
@@ -51,7 +51,7 @@ def text_of(path: Path) -> str:
 
 
 def _unpacked(content: bytes, path: Path) -> bytes:
-    """What is packed in a compressed drawing (SVGZ). Raises InputError if that is broken, or far too much."""
+    """The contents of a compressed drawing (SVGZ). Raises InputError if they are broken or far too large."""
     reader = zlib.decompressobj(wbits=31)
     try:
         plain = reader.decompress(content, LARGEST + 1)

@@ -1,4 +1,4 @@
-"""Polygons from bitmaps, without gaps and without stairs where pixels are finer than cells."""
+"""Polygons from bitmaps, without gaps, and without stairs if pixels are finer than cells."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ def traced(mask: NDArray[np.bool_], tolerance: float = 0.0) -> MultiPolygon:
     """The polygons that cover the true pixels (rows, columns) of `mask`, in pixels from its lower left corner.
 
     Row 0 lies at the bottom. Without a tolerance they cover exactly these pixels; with one, in pixels, stairs become
-    straight lines that stray no farther than that from them (Douglas and Peucker 1973, keeping the topology): pixels
-    that touch, if only by a corner, still do, so that no gap opens.
+    straight lines that stray no farther than that (Douglas and Peucker 1973, keeping the topology): pixels that touch,
+    if only by a corner, still do, so that no gap opens.
     """
     edges = _edges(mask)
     if not len(edges):

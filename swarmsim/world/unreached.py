@@ -1,4 +1,4 @@
-"""Free space that robots cannot get to, and why."""
+"""Free space that robots cannot reach, and why."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from swarmsim.core.errors import InputError
 from swarmsim.world.arena import TOUCH, Arena, place_in, spot
 from swarmsim.world.cells import Cells
 
-_CRUMB: Final = 1e-6  # m2; less is where two walls nearly meet
+_CRUMB: Final = 1e-6  # m2; smaller pieces lie where two walls nearly meet
 _ROOMY: Final = 2.0  # m2; pockets above it may be rooms
-_ROOMS: Final = 0.05  # of the floor; more of it behind narrow gaps deserves a warning
+_ROOMS: Final = 0.05  # of the floor; more than this behind narrow gaps deserves a warning
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unreached:
-    """What robots of one size cannot get to from one spawn area."""
+    """The space that robots of one size cannot reach from one spawn area."""
 
     pockets: NDArray[np.object_]  # polygons without any way in, the largest first
     narrow: NDArray[np.object_]  # polygons behind gaps narrower than the robot, the largest first
     coarse: NDArray[np.float64]  # (n, 2): x, y in m of cells that a body could reach, but no chain of free cells does
-    start: shapely.Point  # a place that is reached
+    start: shapely.Point  # a reached place
     home: shapely.Polygon  # the free space around it
 
     def notices(self, arena: Arena, radius: float) -> list[str]:
-        """What a user should know, in sentences that name the world; `radius` of the robot in m."""
+        """For the user, in sentences that name the world; `radius` of the robot in m."""
         told = []
         floor = self.home.area
         if len(self.pockets):
@@ -71,7 +71,7 @@ class Unreached:
         return [f"{arena.name}: {sentence}" for sentence in told]
 
     def refuse(self, arena: Arena, radius: float, spawn: str) -> None:
-        """Raise InputError if there is a room among it: a place with more room to move than the robot's own area."""
+        """Raise InputError if it includes a room: a place with more room to move than the robot's own area."""
         rooms = [(self.narrow, True), (self.pockets, False)]
         found = [(piece, narrow) for pieces, narrow in rooms for piece in pieces if _roomy(piece, radius)]
         if found:
@@ -95,7 +95,7 @@ class Unreached:
 
 
 def unreached(arena: Arena, reachable: Cells, radius: float, spawn: str) -> Unreached:
-    """What robots of `radius` (m) cannot get to, if `reachable` (rows, columns) is what they can.
+    """The space that robots of `radius` (m) cannot reach, given the `reachable` cells (rows, columns).
 
     Raises InputError if a robot could slip out of the building through a gap narrower than a cell.
     """
@@ -123,9 +123,9 @@ def unreached(arena: Arena, reachable: Cells, radius: float, spawn: str) -> Unre
 
 
 def _coarse(arena: Arena, reachable: Cells, home: shapely.Polygon, radius: float) -> NDArray[np.float64]:
-    """The centres (n, 2) of cells in rooms that the body could get to within `home`, but not by free cells.
+    """The centres (n, 2) of cells in rooms that the body could reach within `home`, but not by free cells.
 
-    A room has two by two cells; less is a niche along a slanted wall.
+    A room has at least two by two cells; less is a niche along a slanted wall.
     """
     left = arena.standing(radius) & ~reachable
     blocks = left[:-1, :-1] & left[1:, :-1] & left[:-1, 1:] & left[1:, 1:]

@@ -1,4 +1,4 @@
-"""The page of a drawing and the viewports in it: what lengths, view boxes and transforms mean."""
+"""The page of a drawing and the viewports in it: lengths, view boxes and transforms."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A viewport: the view box that lengths in it refer to and, of the whole drawing, how large it is."""
+    """A viewport: the view box that its lengths refer to, and the size of the whole drawing."""
 
     left: float  # user units
     top: float
@@ -43,16 +43,16 @@ class Page:
     unit: float  # m, one user unit of the root
     metres: tuple[float, float]  # width and height of the drawing
     matrix: Matrix  # from the root's user units, y down, to metres, y up from the lower left corner
-    pen: float  # m, a stroke's unit where it does not scale
-    said: str  # what says how large the drawing is, as in `mm`; empty if nothing does
+    pen: float  # m, unit of a stroke that does not scale
+    said: str  # the source of the drawing's size, as in `mm`; empty for none
 
     @classmethod
     def of(cls, root: Element, scale: float, across: float | None = None) -> Page:
-        """The page of an <svg> element, whose `scale` multiplies everything, or which is so many metres `across`.
+        """The page of an <svg> element, multiplied by `scale`, or `across` metres wide.
 
-        With a physical width or height (mm, cm, in, pt, pc, Q) the drawing is that large, and `preserveAspectRatio`
-        says how a viewBox of another shape lies in it. Otherwise one user unit of the viewBox is one metre, whatever
-        the width in pixels.
+        A physical width or height (mm, cm, in, pt, pc, Q) gives the drawing's size, and `preserveAspectRatio` the place
+        of a viewBox of another shape in it. Otherwise one user unit of the viewBox is one metre, whatever the width in
+        pixels.
         """
         sizes = {side: root.attributes.get(side, "") for side in ("width", "height")}
         port = tuple(map(_metres, sizes.values()))
@@ -91,7 +91,7 @@ class Page:
         return cls(view[0], view[1], view[2], view[3], unit, (size[0], size[1]), matrix, pen, said)
 
     def within(self, width: float, height: float) -> Page:
-        """The same inside a viewport with a coordinate system of its own."""
+        """The same inside a viewport with its own coordinate system."""
         return replace(self, left=0.0, top=0.0, width=width, height=height)
 
     def units(self, text: str, what: str) -> float:
@@ -106,11 +106,11 @@ class Page:
         return float(match[1]) / 100.0 * (self.width if what in _ACROSS else self.height if what in _UP else diagonal)
 
     def length(self, element: Element, key: str, missing: str = "0") -> float:
-        """An attribute of `element` in user units; where it is `missing`, that."""
+        """An attribute of `element` in user units; `missing` is the default."""
         return self.units(element.attributes.get(key, missing), key)
 
     def extent(self, element: Element, key: str) -> float:
-        """An attribute of `element` in user units, which cannot be negative; of 0 there is nothing to see."""
+        """A non-negative attribute of `element` in user units; at 0 nothing is visible."""
         text = element.attributes.get(key, "0")
         value = self.length(element, key) if text.strip().lower() != "auto" else 0.0
         if value < 0.0:
@@ -118,7 +118,7 @@ class Page:
         return value
 
     def viewport(self, element: Element, matrix: Matrix, size: tuple[float, float]) -> tuple[Page, Matrix]:
-        """The viewport that a nested <svg> or a <symbol> opens, and the matrix in it."""
+        """The viewport of a nested <svg> or a <symbol>, and its matrix."""
         if "viewBox" not in element.attributes:
             return self.within(*size), matrix
         view = tuple(numbers(element.attributes["viewBox"], "viewBox", (4,)))
@@ -133,7 +133,7 @@ def _number(text: str) -> str:
 
 
 def _metres(text: str) -> float | None:
-    """The metres that `text` says; None where its unit is not a physical one."""
+    """`text` in metres; None if its unit is not physical."""
     match = _LENGTH.fullmatch(text)
     return float(match[1]) * _METRES[match[2].lower()] if match and match[2].lower() in _METRES else None
 
@@ -141,7 +141,7 @@ def _metres(text: str) -> float | None:
 def _shown(
     root: Element, view: tuple[float, ...], port: tuple[float | None, ...], sizes: dict[str, str]
 ) -> tuple[Matrix, tuple[float, float]]:
-    """How the root's viewBox lies on its page, y down: a matrix from user units to metres, and the page's size."""
+    """The root's viewBox on its page, y down: a matrix from user units to metres, and the page's size."""
     across, up = port
     if across is None and up is None:
         unit, stretch = 1.0, 1.0
@@ -161,7 +161,7 @@ def _shown(
 
 
 def _aspect(element: Element) -> tuple[str, float, float, str]:
-    """What `preserveAspectRatio` says: none or not, the shares of what is left over on both axes, meet or slice."""
+    """The value of `preserveAspectRatio`: none or not, the shares of the leftover space on both axes, meet or slice."""
     text = element.attributes.get("preserveAspectRatio", "xMidYMid meet")
     match = _ALIGNED.fullmatch(text)
     if match is None:
@@ -170,7 +170,7 @@ def _aspect(element: Element) -> tuple[str, float, float, str]:
 
 
 def _fitted(element: Element, view: tuple[float, ...], size: tuple[float, float]) -> Matrix:
-    """From the units of a viewBox to those of a viewport of this size, as `preserveAspectRatio` says."""
+    """From the units of a viewBox to those of a viewport of this size, by `preserveAspectRatio`."""
     kind, left, above, how = _aspect(element)
     across, up = size[0] / view[2], size[1] / view[3]
     if kind != "none":
@@ -197,7 +197,7 @@ def placed(outer: Matrix, style: Style, page: Page) -> Matrix:
 
 
 def _origin(text: str, page: Page) -> tuple[float, float]:
-    """The point, in user units, that `transform-origin` says; the viewBox's own origin where it says nothing."""
+    """The point of `transform-origin`, in user units; by default the viewBox's own origin."""
     words = text.split()
     if not words:
         return 0.0, 0.0
@@ -213,9 +213,9 @@ def _origin(text: str, page: Page) -> tuple[float, float]:
 
 
 def transformed(outer: Matrix, text: str) -> Matrix:
-    """`outer` after the list of transforms that `text` says, in the syntax of SVG or of CSS.
+    """`outer` after the list of transforms in `text`, in the syntax of SVG or of CSS.
 
-    svgelements drops without a word what it cannot read, so that is looked for first.
+    svgelements silently drops what it cannot read, so check for that first.
     """
     position, steps = 0, []
     while position < len(text.rstrip()):
@@ -237,13 +237,13 @@ def transformed(outer: Matrix, text: str) -> Matrix:
 
 
 def _plain(match: re.Match[str]) -> str:
-    """A number with a CSS unit as SVG writes it: angles in degrees, lengths in pixels."""
+    """A number with a CSS unit in SVG's form: angles in degrees, lengths in pixels."""
     factor = _DEGREES.get(match[2].lower(), 1.0)
     return match[1] if factor == 1.0 else repr(float(match[1]) * factor)
 
 
 def _step(name: str, values: list[float]) -> str:
-    """One transform as SVG writes it."""
+    """One transform in SVG's form."""
     rest = {"translate": 0.0, "scale": 1.0}
     if name[-1] in "XY" and name[:-1] in rest:
         pair = [values[0], rest[name[:-1]]] if name.endswith("X") else [rest[name[:-1]], values[0]]

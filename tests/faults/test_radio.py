@@ -347,7 +347,7 @@ def test_in_a_run_nothing_differs_before_the_onset() -> None:
         ({"failure": "partition", "x": 1.0, "y": 2.0}, "^y: x says where the network parts already"),
         ({"failure": "partition", "groups": [[0], [4]]}, "^groups: there is no robot 4; expected ids from 0 to 3"),
         ({"failure": "partition", "groups": [[0], [1, 0]]}, "^groups: robot 0 is named twice"),
-        ({"failure": "partition", "groups": [[0, 1, 2, 3]]}, "^groups: everybody is in one"),
+        ({"failure": "partition", "groups": [[0, 1, 2, 3]]}, "^groups: all robots are in one"),
         ({"failure": "jam", "area": (1.0, 0.0, 1.0, 1.0)}, "^area: .*has no size"),
         ({"failure": "jam", "area": (0.0, 0.0, 1.0, 1.0), "robots": [1]}, "^robots: 'jam' strikes the network"),
         ({"failure": "jam", "area": (0.0, 0.0, 1.0, 1.0), "min_alive": 0}, "^min_alive: 'jam' strikes the network"),

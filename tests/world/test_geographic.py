@@ -522,7 +522,7 @@ def test_multipolygons_have_holes_and_walls_are_lines(tmp_path: Path) -> None:
     [
         ("<osm><node", r"line 1, column \d+: not XML"),
         ("secret", "not XML"),
-        ("<svg/>", "the root is no <osm> element"),
+        ("<svg/>", "the root is not <osm>"),
         (
             "<osm>\n<node id='1'/>\n<node id='2' lat='x' lon='3'/></osm>",
             "2 problems:\n  line 2: a node.*\n  line 3: a node",

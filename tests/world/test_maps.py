@@ -307,14 +307,14 @@ def test_wkt_is_read_whole_or_by_lines(tmp_path: Path) -> None:
 BAD_POLYGONS = {
     "{": "line 1, column 2: not JSON",
     "[1]": "no GeoJSON object",
-    '{"type": "FeatureCollection", "features": 3}': "features is no list",
-    '{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": 7}]}': "feature 1: .*no object",
+    '{"type": "FeatureCollection", "features": 3}': "features is not a list",
+    '{"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": 7}]}': "feature 1: .*not an object",
     '{"type": "Polygon", "coordinates": [[0, 0]]}': "feature 1: its geometry is not GeoJSON",
     '{"type": "Polygon", "coordinates": [[[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]]]}': "not a valid area .Self-inters",
     '{"type": "Polygon", "coordinates": [[[0, 0], [2e9, 2], [2, 0], [0, 0]]]}': "farther than 10000 m",
     '{"type": "LineString", "coordinates": [[0, 0], [2, 2]]}': "a line has no area; give it a property 'width'",
     '{"type": "Point", "coordinates": [0, 0]}': "nothing in it is solid",
-    '{"type": "Point", "coordinates": [0, 0], "bbox": [0, 0, 0, 1]}': "bbox is no box",
+    '{"type": "Point", "coordinates": [0, 0], "bbox": [0, 0, 0, 1]}': "bbox is not a box",
 }
 
 
@@ -326,7 +326,7 @@ def test_bad_polygons_are_refused(tmp_path: Path, text: str, message: str) -> No
     with pytest.raises(InputError, match=message):
         opened(tmp_path / "w.geojson")
     (tmp_path / "w.json").write_text(several)
-    with pytest.raises(InputError, match=r"2 problems:\n  feature 1: .*\n  feature 2 is no object"):
+    with pytest.raises(InputError, match=r"2 problems:\n  feature 1: .*\n  feature 2 is not an object"):
         opened(tmp_path / "w.json")
     (tmp_path / "w.wkt").write_text("secret\nPOLYGON EMPTY")
     with pytest.raises(InputError, match="2 problems:\n  line 1: not WKT") as caught:

@@ -1,1 +1,1 @@
-"""Consensus: robots that come to agree on a heading, or on the average of what each has measured."""
+"""Consensus: robots that agree on a heading, or on the average of their measurements."""

@@ -1,4 +1,4 @@
-"""The task of heading consensus: how well robots are aligned, and how they follow those who turn."""
+"""The task of heading consensus: how well robots are aligned, and how they follow turning leaders."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.operations.consensus.heading import Headings
 from swarmsim.operations.steering import wrapped
 
-CLOSE: Final = np.pi / 8.0  # rad: whoever heads so near to its leaders' course follows them
+CLOSE: Final = np.pi / 8.0  # rad: a robot this close to its leaders' course follows them
 CURVE: Final = Curve("order", "order parameter", low=0.0, high=1.0, format=".3f")
 
 
 class Alignment(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Live robots head the same way: their order parameter reaches a threshold.
 
-    With the `frequency` at which leaders turn to and fro, a run also tells how the others respond to that.
+    With the `frequency` at which leaders turn to and fro, a run also measures the others' response.
     """
 
     order: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.99  # the order parameter that finishes the run
@@ -33,7 +33,7 @@ class Alignment(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class AlignmentTask:
-    """Measures the order parameter of what robots have decided."""
+    """Measures the order parameter of the robots' decisions."""
 
     requires_knowledge: type[Knowledge] = Headings
     curve = CURVE
@@ -42,7 +42,7 @@ class AlignmentTask:
         self._wanted, self._frequency, self._period = parameters.order, parameters.frequency, period
 
     def measure(self, done: Done[Headings]) -> Measured:
-        """The order of the live, and how closely those who do not lead follow those who do; NaN while nobody leads."""
+        """The order of the live, and how closely followers follow the leaders; NaN while no robot leads."""
         heading, alive = done.knowledge.heading, done.state.alive
         leads = done.knowledge.leads & alive
         reached = order(heading[alive])
@@ -50,7 +50,7 @@ class AlignmentTask:
         return Measured(values, {}, min(1.0, reached / self._wanted), reached >= self._wanted)
 
     def summaries(self) -> Sequence[Summary[Headings]]:
-        """Order over the run, and how far correlations reach at its end."""
+        """Order over the run, and the correlation length at its end."""
         every = None if self._frequency is None else 1.0 / (self._frequency * self._period)
         return (AlignmentMeasures(every),)
 
@@ -78,9 +78,9 @@ class AlignmentMeasures:
     def summary(self) -> dict[str, float | int | None]:
         """Order, how far, how fast and how faithfully leaders were followed, and correlation length.
 
-        `_late` is the mean over the second half of the run, or of the time in which there were leaders. `reach` is the
-        share of followers within CLOSE of their leaders' course at the end, `followed_after` the iterations until
-        followers were that close in the mean.
+        `_late` is the mean over the second half of the run, or of the time with leaders. `reach` is the share of
+        followers within CLOSE of their leaders' course at the end, `followed_after` the iterations until followers were
+        that close on average.
         """
         orders, last = np.array(self._orders), self._last
         half = len(orders) // 2
@@ -108,7 +108,7 @@ class AlignmentMeasures:
         return float(close.mean()) if len(close) else None
 
     def _response(self, every: float) -> float | None:
-        """The response over as many whole turns as fit into the second half of the run; None if none does."""
+        """The response over all whole turns that fit into the second half of the run; None if none does."""
         turns = int(len(self._headings) / 2 / every)
         if turns == 0 or self._last is None:
             return None
@@ -120,13 +120,13 @@ class AlignmentMeasures:
 def order(heading: NDArray[np.float64]) -> float:
     """|sum_j exp(i theta_j)| / n (Vicsek et al. 1995): 1 if all headings (n,) are equal, about 0 if they are random.
 
-    NaN for nobody.
+    NaN without robots.
     """
     return float(np.abs(np.exp(1j * heading).mean())) if len(heading) else float("nan")
 
 
 def following(followers: NDArray[np.float64], leaders: NDArray[np.float64]) -> float:
-    """The mean cosine of the angle between followers' headings (f,) and the leaders' mean direction (l,): 1 is exactly.
+    """The mean cosine of the angle between followers' headings (f,) and the leaders' mean direction (l,): 1 is exact.
 
     NaN without followers or leaders.
     """
@@ -137,9 +137,9 @@ def following(followers: NDArray[np.float64], leaders: NDArray[np.float64]) -> f
 
 
 def response(followers: NDArray[np.float64], leaders: NDArray[np.float64], turns: int) -> float | None:
-    """H^2 = sum_i |h_i|^2 over followers (Mateo et al. 2019): how much of leaders' turning to and fro arrives in all.
+    """H^2 = sum_i |h_i|^2 over followers (Mateo et al. 2019): their total response to the leaders' turning to and fro.
 
-    h_i is the Fourier component of follower i's heading (t, f) at the frequency of so many whole `turns` in these t
+    h_i is the Fourier component of follower i's heading (t, f) at the frequency of `turns` whole turns in these t
     iterations, over that of the leaders' mean heading (t, l). Headings must stay within half a circle of the first
     leader's first. None without leaders.
     """
@@ -155,7 +155,7 @@ def correlation_length(place: NDArray[np.float64], heading: NDArray[np.float64],
     """The distance in m at which the correlation of heading fluctuations first falls to zero (Cavagna et al. 2010).
 
     Fluctuations are the unit vectors of headings (n,) less their mean; pairs of robots at places (n, 2) are binned by
-    distance. None where fewer than three robots are, none fluctuates, or it stays positive.
+    distance. None for fewer than three robots, without fluctuations, or if it stays positive.
     """
     if len(heading) < 3:
         return None

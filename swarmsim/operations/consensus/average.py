@@ -1,4 +1,4 @@
-"""Average consensus: robots that agree on the mean of what each of them has measured, each by talking to few."""
+"""Average consensus: robots agree on the mean of all measurements, each by talking to few."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CURVE: Final = Curve("error", "largest error", low=0.0, format=".2e", rises=Fals
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Share(MessageBatch):
-    """What robots say: their estimate, and how many robots they heard in the last iteration."""
+    """The message: the robot's estimate, and how many robots it heard in the last iteration."""
 
     value: NDArray[np.float64]  # (t,)
     degree: NDArray[np.int32]  # (t,)
@@ -30,7 +30,7 @@ class Share(MessageBatch):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Values(Estimates):
-    """What every robot takes the average for, and what it has measured itself."""
+    """Every robot's estimate of the average, and its own measurement."""
 
     value: NDArray[np.float64]  # (n,)
     measured: NDArray[np.float64]  # (n,)
@@ -39,11 +39,10 @@ class Values(Estimates):
 class AverageConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot moves its estimate towards those that it hears: x_i += sum_j w_ij (x_j - x_i).
 
-    It starts with its number in `values` or, without those, with the field's value where it is or, without a field,
-    with a random number between 0 and 1. `constant`: w_ij = `gain`, which has to be less than 1 / the largest number of
-    robots heard. `metropolis`: w_ij = 1 / (1 + max(d_i, d_j)), where d is how many each heard in the last iteration
-    (Xiao, Boyd and Kim 2007). Where each pair hears each other and nothing is lost, the mean of all estimates stays as
-    it is.
+    It starts with its number in `values`, else with the field's value at its place or, without a field, with a random
+    number between 0 and 1. `constant`: w_ij = `gain`, which has to be less than 1 / the largest number of robots heard.
+    `metropolis`: w_ij = 1 / (1 + max(d_i, d_j)), where d is how many each heard in the last iteration (Xiao, Boyd and
+    Kim 2007). If hearing is mutual and nothing is lost, the mean of all estimates is constant.
     """
 
     weights: Literal["metropolis", "constant"] = "metropolis"
@@ -83,21 +82,21 @@ class AverageComputation:
         return Broadcast.each(Share(self._value.copy(), self._degree.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Share]) -> Values:
-        """Move towards those heard."""
+        """Move towards the estimates heard."""
         receivers, content = inbox.receivers, inbox.content
         heard = np.bincount(receivers, minlength=len(self._value)).astype(np.int32)
         if self._gain is not None:
             weight = np.full(len(receivers), self._gain)
         else:
             weight = 1.0 / (1.0 + np.maximum(content.degree, self._degree[receivers]))
-            weight[(content.degree == 0) | (self._degree[receivers] == 0)] = 0.0  # it is not known yet
+            weight[(content.degree == 0) | (self._degree[receivers] == 0)] = 0.0  # not known yet
         step = np.bincount(receivers, weight * (content.value - self._value[receivers]), minlength=len(self._value))
         self._value += np.where(senses.alive, step, 0.0)
         self._degree[:] = heard
         return Values(self._value.copy(), self._measured.copy())
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) start from what they measure next."""
+        """Restart robots (r,) from their next measurement."""
         self._known[robots] = False
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
@@ -107,7 +106,7 @@ class AverageComputation:
 
 
 class Agreed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Every live robot's estimate is the mean of what all robots have measured."""
+    """Every live robot's estimate is the mean of all robots' measurements."""
 
     tolerance: Annotated[float, Meta(gt=0.0)] = 1e-6  # the largest error that finishes the run
 
@@ -116,7 +115,7 @@ class Agreed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class AgreementTask:
-    """Compares estimates with the mean of all that was measured, the dead's included."""
+    """Compares estimates with the mean of all measurements, including those of dead robots."""
 
     requires_knowledge: type[Knowledge] = Values
     curve = CURVE
@@ -126,7 +125,7 @@ class AgreementTask:
         self._first: float | None = None
 
     def measure(self, done: Done[Values]) -> Measured:
-        """The largest error, how far estimates are apart, and the error of each."""
+        """The largest error, the spread of the estimates, and the error of each."""
         knowledge, alive = done.knowledge, done.state.alive
         each = np.abs(knowledge.value - knowledge.measured.mean())
         error = float(each[alive].max(initial=0.0))

@@ -21,30 +21,30 @@ TURN: Final = 2.0 * np.pi  # rad
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heading(MessageBatch):
-    """What robots say: which way they go."""
+    """The message: the robot's heading."""
 
     heading: NDArray[np.float64]  # (t,): rad
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Headings(Estimates):
-    """Which way every robot has decided to go."""
+    """The heading that every robot has decided on."""
 
     heading: NDArray[np.float64]  # (n,): rad, counter-clockwise from the x axis
-    leads: NDArray[np.bool_]  # (n,): whether it is informed, and turns by itself now
+    leads: NDArray[np.bool_]  # (n,): whether it is informed, and now turns by itself
 
 
 class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Own heading plus the mean of the wrapped differences to those heard, plus noise.
 
     theta_i(t + dt) = theta_i(t) + dt / k sum_j wrap(theta_j(t) - theta_i(t)) + noise xi_i(t), where robot i hears k
-    robots and xi is uniform in [-pi, pi] (Kit, Mateo and Bouffanais 2018, Eq. 1). With `body`, theta_i(t) is where its
-    body heads, so that whoever turns away from a wall turns others too; else it is what it decided last. It starts with
-    the heading of its body or, with a `spread` below a full circle, with that heading times spread / 2 pi: from within
-    half a circle headings never wrap, and the equation is the linear consensus that theorems are about.
+    robots and xi is uniform in [-pi, pi] (Kit, Mateo and Bouffanais 2018, Eq. 1). With `body`, theta_i(t) is the
+    heading of its body, so that a robot turning away from a wall turns others too; else its last decision. It starts
+    with the heading of its body or, with a `spread` below a full circle, with that heading times spread / 2 pi: within
+    half a circle headings never wrap, and the equation is the linear consensus of the theorems.
 
-    `leaders` are informed robots, as the two birds of the paper's Fig. 2 that see an obstacle: from iteration `at` on
-    they head by `turn` away from where they headed then or, with a `frequency`, to and fro by `turn` at each side.
+    `leaders` are informed robots, like the two birds of the paper's Fig. 2 that see an obstacle: from iteration `at` on
+    they turn by `turn` from their heading at that time or, with a `frequency`, to and fro by `turn` to each side.
     """
 
     noise: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0  # eta
@@ -57,7 +57,7 @@ class HeadingConsensus(Struct, frozen=True, forbid_unknown_fields=True, kw_only=
     frequency: Annotated[float, Meta(ge=0.0)] = 0.0  # Hz
 
     def build(self, context: BuildContext) -> HeadingComputation:
-        """The computation. Raises InputError for a leader that there is not."""
+        """The computation. Raises InputError for an unknown leader."""
         for robot in self.leaders:
             if robot >= context.swarm:
                 raise InputError(f"leaders: there is no robot {robot}; expected ids from 0 to {context.swarm - 1}")
@@ -77,10 +77,10 @@ class HeadingComputation:
         self._salt = int(context.streams.open("heading noise").integers(0, 2**64, dtype=np.uint64))
         self._heading, self._known = np.zeros(count), np.zeros(count, np.bool_)
         self._ids, self._leads = context.ids, np.isin(context.ids, parameters.leaders)
-        self._course = np.zeros(count)  # where leaders headed when they began to turn
+        self._course = np.zeros(count)  # leaders' headings when they began to turn
 
     def say(self, senses: Senses) -> Broadcast[Heading]:
-        """Every robot's heading; whoever has none yet has that of its body."""
+        """Every robot's heading; a robot without one yet has that of its body."""
         new = senses.alive | ~self._known if self._parameters.body else ~self._known
         first = ~self._known
         self._heading[new] = senses.pose[new, 2]
@@ -89,7 +89,7 @@ class HeadingComputation:
         return Broadcast.each(Heading(self._heading.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Heading]) -> Headings:
-        """Turn towards those heard."""
+        """Turn towards the headings heard."""
         heading, parameters = self._heading, self._parameters
         count = len(heading)
         apart = wrapped(inbox.content.heading - heading[inbox.receivers])
@@ -106,14 +106,14 @@ class HeadingComputation:
         return Headings(heading.copy(), leads)
 
     def _led(self, since: int) -> NDArray[np.float64]:
-        """Where leaders head, so many iterations after they began to turn."""
+        """Leaders' headings, given the iterations since they began to turn."""
         if since == 0:
             self._course[:] = self._heading
         parameters, turns = self._parameters, TURN * self._parameters.frequency * since * self._period
         return np.asarray(self._course + parameters.turn * (np.sin(turns) if parameters.frequency else 1.0))
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) head where their bodies do."""
+        """Restart robots (r,) from the headings of their bodies."""
         self._known[robots] = False
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:

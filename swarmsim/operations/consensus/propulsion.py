@@ -1,4 +1,4 @@
-"""Self-propelled robots: each goes its heading at constant speed, and turns away from walls that it senses."""
+"""Self-propelled robots: each follows its heading at constant speed, and turns away from walls that it senses."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from swarmsim.operations.steering import away_from_walls, wrapped
 
 
 class SelfPropelled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot drives on at constant speed and turns to its heading within an iteration, as far as it can.
+    """Each robot drives at constant speed and turns to its heading within an iteration, as far as it can.
 
-    Cells of its tile that are occupied, nearer than `clearance` and not behind it, push its direction away from them,
-    as the potential of Khatib (1986) does; robots without tiles drive on blindly.
+    Occupied cells of its tile, nearer than `clearance` and not behind it, push its direction away from them, as in the
+    potential of Khatib (1986); robots without tiles drive blindly.
     """
 
     speed: Annotated[float, Meta(gt=0.0)] | None = None  # m/s; default: two thirds of what wheels can
@@ -38,7 +38,7 @@ class Propulsion:
         self._clearance, self._lattice, self._period = parameters.clearance, context.lattice, context.period
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Headings) -> Intents:
-        """On, towards the heading or away from walls."""
+        """Drive towards the heading or away from walls."""
         heading = knowledge.heading
         tiles, place = senses.readings.tiles, senses.pose[:, :2]
         push = away_from_walls(place, tiles, self._lattice, self._clearance)

@@ -1,1 +1,1 @@
-"""Reconstruction of a scalar field: robots sample it where they are, and each estimates it everywhere."""
+"""Reconstruction of a scalar field: robots sample it at their places, and each estimates it everywhere."""

@@ -19,7 +19,7 @@ from swarmsim.core.state import Knowledge, Record, Senses
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample(MessageBatch):
-    """What robots say: what they have just measured, and where they believe that to be."""
+    """The message: the latest measurement, and its estimated place."""
 
     x: NDArray[np.float64]  # (t,): m
     y: NDArray[np.float64]  # (t,): m
@@ -46,7 +46,7 @@ class Basis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reconstruction(Knowledge):
-    """What every robot believes the field to be: sums of bells, whose weights are normal."""
+    """Every robot's estimate of the field: sums of bells with normal weights."""
 
     weights: NDArray[np.float64]  # (n, b): their means
     precision: NDArray[np.float64]  # (n, b, b): the inverse of their covariance; a view
@@ -81,7 +81,7 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     A robot holds P = I / prior^2 + sum phi phi^T / noise^2 and q = sum phi y / noise^2 over all samples y, its own and
     those heard, where phi are the bells at the sample's place; its estimate has the weights P^-1 q. The order of
-    samples does not matter. With a `half_life` evidence fades, so that a field that changes can be followed.
+    samples does not matter. With a `half_life` evidence fades, so that robots can follow a changing field.
     """
 
     spacing: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # m between bells, and their standard deviation
@@ -90,7 +90,7 @@ class FieldEstimate(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     half_life: Annotated[float, Meta(gt=0.0)] | None = None  # iterations in which evidence loses half of its weight
 
     def build(self, context: BuildContext) -> FieldComputation:
-        """The computation. Raises InputError without a field, and for more bells than can be computed with."""
+        """The computation. Raises InputError without a field, and for too many bells."""
         if context.scalar_field is None:
             raise InputError("use: 'field-estimate' estimates a field; expected a table [field]")
         basis = Basis(context.building.bounds, self.spacing)
@@ -103,7 +103,7 @@ MOST = 1000  # bells: with more, an iteration takes seconds
 
 
 class FieldComputation:
-    """One information matrix a robot."""
+    """One information matrix per robot."""
 
     requires = ("field",)
     knowledge_type: type[Knowledge] = Reconstruction
@@ -124,7 +124,7 @@ class FieldComputation:
         return Broadcast.each(Sample(place[:, 0].copy(), place[:, 1].copy(), field.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Sample]) -> Reconstruction:
-        """Take in the own sample and all that were heard."""
+        """Take in each robot's own sample and all samples heard."""
         field = senses.readings["field"]
         heard = inbox.content
         starts = np.searchsorted(inbox.receivers, np.arange(len(field) + 1))
@@ -147,7 +147,7 @@ class FieldComputation:
         return Reconstruction(weights, view, self._samples.copy(), self._basis)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Leave robots (r,) the prior."""
+        """Reset robots (r,) to the prior."""
         self._precision[robots], self._evidence[robots], self._samples[robots] = self._first, 0.0, 0
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:

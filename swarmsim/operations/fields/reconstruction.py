@@ -1,4 +1,4 @@
-"""The task of reconstructing a field: how far every robot's estimate is from the truth."""
+"""The task of reconstructing a field: the error of every robot's estimate."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ POINTS: Final = 2000  # where truth and estimates are compared, at most
 
 
 class FieldError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The mean error of live robots' estimates falls to a share of the field's own deviation.
+    """The mean error of live robots' estimates falls to a share of the field's deviation.
 
     A robot's error is the root-mean-square difference of its estimate and the truth over the floor, as a share of the
-    truth's standard deviation over the floor at that moment: 1 is as good as knowing the mean alone.
+    truth's standard deviation over the floor at that moment: 1 is as good as knowing only the mean.
     """
 
-    error: Annotated[float, Meta(gt=0.0)] = 0.1  # that finishes the run
+    error: Annotated[float, Meta(gt=0.0)] = 0.1  # finishes the run
 
     def build(self, context: BuildContext) -> FieldTask:
         """The task. Raises InputError without a field."""
@@ -36,7 +36,7 @@ class FieldError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class FieldTask:
-    """Compares estimates with the truth at the cells of the floor that can be explored at the start."""
+    """Compares estimates with the truth at the cells that can be explored at the start."""
 
     requires_knowledge: type[Knowledge] = Reconstruction
     curve = CURVE
@@ -53,7 +53,7 @@ class FieldTask:
         live = errors[done.state.alive]
         error = float(live.mean()) if len(live) else float("nan")
         values = {"error": error, "worst": float(live.max(initial=0.0))}
-        finished = error <= self._wanted  # never while nobody lives, and there is no error
+        finished = error <= self._wanted  # never without live robots: no error
         progress = 1.0 if finished else self._wanted / error if len(live) else 0.0
         return Measured(values, {"errors": errors}, progress, finished)
 

@@ -1,4 +1,4 @@
-"""The field as robots estimated it at any iteration, from the weights that a recording holds."""
+"""The robots' estimates of the field at any iteration, from a recording's weights."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def holds_estimates(recording: Recording) -> bool:
 
 
 def _parameters(recording: Recording) -> FieldEstimate | None:
-    """Those of the robots that estimate a field, of all or of one group."""
+    """The parameters of the robots that estimate a field, of all or of one group."""
     for one in minds_of(recording.scenario):
         try:
             found = one.mind.computation.parameters
-        except InputError:  # code of somebody's own
+        except InputError:  # third-party code
             continue
         if isinstance(found, FieldEstimate):
             return found
@@ -44,10 +44,10 @@ class FieldReplay:
         self._recording, self._shape = recording, lattice.shape
 
     def mean(self, row: int) -> NDArray[np.float64]:
-        """The mean of live robots' estimates (rows, columns) at a row of the recording; of nobody's NaN."""
+        """The mean of live robots' estimates (rows, columns) at a row of the recording; NaN without any."""
         alive = self._recording["alive"][row]
         weights = self._recording.rows("weights", len(alive), len(self._functions))[row][alive]
-        weights = weights[~np.isnan(weights).any(axis=1)]  # groups of robots may have another mind, and none
+        weights = weights[~np.isnan(weights).any(axis=1)]  # groups with another mind have none
         if not len(weights):
             return np.full(self._shape, np.nan)
         return np.asarray((weights.mean(axis=0) @ self._functions).reshape(self._shape))

@@ -1,4 +1,4 @@
-"""Where robots go to sample: to random places, or where they know least."""
+"""Where robots go to sample: to random places, or to the least certain ones."""
 
 from __future__ import annotations
 
@@ -15,16 +15,15 @@ from swarmsim.core.state import Intents, Knowledge, Senses
 from swarmsim.operations.fields.estimate import Basis, Reconstruction
 
 ARRIVED = 0.15  # m: nearer than this to its place, a robot takes the next
-PATIENCE = 3.0  # a way takes a robot so many times as long as its length, at most
+PATIENCE = 3.0  # a robot gives up a place after this many times the time that its way should take
 
 Margin = Annotated[float, Meta(ge=0.0, le=1e6)]
 
 
 class RandomWaypoint(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot drives straight to one random place of the page after the other (Johnson and Maltz 1996).
+    """Each robot drives straight to one random place of the page after another (Johnson and Maltz 1996).
 
-    It knows of no wall: for open floors. A place that it has not reached in three times the time it should take is
-    given up.
+    It ignores walls: for open floors. It gives up a place not reached in three times the time it should take.
     """
 
     margin: Margin = 0.4  # m, from the edges of the page
@@ -34,7 +33,7 @@ class RandomWaypoint(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class Waypoints:
-    """A place for each robot, drawn by its number and how many it has had."""
+    """A place for each robot, drawn by its number and its count of places."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
@@ -58,7 +57,7 @@ class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     It goes where s - `nearness` d is greatest over the centres of the bells at least `margin` from the edges of the
     page: s is the standard deviation as a share of that before any sample, d the distance as a share of the page's
-    diagonal. It knows of no wall: for open floors.
+    diagonal. It ignores walls: for open floors.
     """
 
     margin: Margin = 0.4  # m, from the edges of the page
@@ -69,7 +68,7 @@ class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Uncertainty:
-    """A place for each robot, chosen by what it knows."""
+    """A place for each robot, chosen by its knowledge."""
 
     requires_knowledge: type[Knowledge] = Reconstruction
 
@@ -98,12 +97,12 @@ class Uncertainty:
 
 
 class Legs:
-    """Straight ways of robots, one after the other."""
+    """The robots' straight ways, one after another."""
 
     def __init__(self, context: BuildContext) -> None:
         count = len(context.ids)
         self._place = np.full((count, 2), np.nan)
-        self._until = np.zeros(count, np.int64)  # the iteration in which a place is given up
+        self._until = np.zeros(count, np.int64)  # iteration of giving up a place
         self._pace = context.robots.speed * context.period
         #: How many places each robot (n,) has had.
         self.counts = np.zeros(count, np.int64)
@@ -115,7 +114,7 @@ class Legs:
         return np.flatnonzero(senses.alive & (~(away > ARRIVED) | late))
 
     def intents(self, senses: Senses, robots: NDArray[np.int64], places: NDArray[np.float64]) -> Intents:
-        """Everybody's way, with new places (r, 2) for robots (r,)."""
+        """All robots' ways, with new places (r, 2) for robots (r,)."""
         way = np.hypot(*(places - senses.pose[robots, :2]).T)
         self._place[robots] = places
         self._until[robots] = senses.iteration + 2 + (PATIENCE * way / self._pace).astype(np.int64)

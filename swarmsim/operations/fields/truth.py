@@ -1,4 +1,4 @@
-"""Scalar fields that there are to measure: sources, formulas and pictures."""
+"""Scalar fields to measure: sources, formulas and pictures."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Noise = Annotated[float, Meta(ge=0.0)]
 
 
 class FiniteField:
-    """A field that ends the run where and when it is no finite number: nothing that is measured of it would mean any.
+    """A field that ends the run if a value is not finite: its measurements would mean nothing.
 
-    A formula may have a pole at a time, and what moves may leave what numbers can tell.
+    A formula may have a pole in time, and moving sources may leave the range of numbers.
     """
 
     def __init__(self, field: Field, what: str, context: BuildContext) -> None:
-        """`what` the field is, starting with its key. Raises InputError if it is not finite on the floor at first."""
+        """`what` names the field, its key first. Raises InputError unless it is finite on the floor at first."""
         self._field, self._what, self._period = field, what, context.period
         floor = context.lattice.centres(np.argwhere(context.building.explorable))
         with np.errstate(all="ignore"):
@@ -33,7 +33,7 @@ class FiniteField:
 
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The values (k,) at points (k, 2). Raises InputError, which names the iteration, if one is not finite."""
-        with np.errstate(all="ignore"):  # what comes of it is told
+        with np.errstate(all="ignore"):  # the result is checked below
             found = self._field.value(time, points)
         self._check(found, time, points, "field.")
         return found
@@ -45,7 +45,7 @@ class FiniteField:
         x, y = points[first].tolist()
         raise InputError(
             f"{place}{self._what} is {found[first]} in iteration {round(time / self._period)} (t = {time:g} s) at "
-            f"x = {x:.3g} m, y = {y:.3g} m; expected what is finite everywhere on the floor, at all times"
+            f"x = {x:.3g} m, y = {y:.3g} m; expected finite values everywhere on the floor, at all times"
         )
 
 
@@ -67,12 +67,12 @@ class Sources(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
     def build(self, context: BuildContext) -> FiniteField:
-        """The field. Raises InputError for sources whose sum is no finite number."""
+        """The field. Raises InputError for sources whose sum is not finite."""
         return FiniteField(SourceField(self, context.building.bounds), "sources: their sum", context)
 
 
 class SourceField:
-    """Bells, whose places follow from time alone."""
+    """Bells with places that depend on time alone."""
 
     def __init__(self, parameters: Sources, page: tuple[float, float, float, float]) -> None:
         each = parameters.sources
@@ -108,7 +108,7 @@ class Formula(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
     def build(self, context: BuildContext) -> FiniteField:
-        """The field. Raises InputError for anything that is not a formula, or gives no finite number."""
+        """The field. Raises InputError for anything but a formula, and for values that are not finite."""
         return FiniteField(FormulaField(self.formula), f"formula: {self.formula!r}", context)
 
 
@@ -121,11 +121,11 @@ _FUNCTIONS: Final[dict[str, tuple[np.ufunc, int]]] = {
     **{name: (getattr(np, name), 1) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "abs", "tanh")},
     **{name: (getattr(np, name), 2) for name in ("hypot", "minimum", "maximum")},
 }
-_LONGEST: Final = 500  # characters: deeper nesting than that of so many would exhaust the stack
+_LONGEST: Final = 500  # characters: the nesting in a longer one could exhaust the stack
 
 
 class FormulaField:
-    """A formula, parsed once; only what is known is ever computed, so that a stranger's formula runs no code."""
+    """A formula, parsed once; only known operations are computed, so that a third-party formula runs no code."""
 
     def __init__(self, text: str) -> None:
         try:
@@ -175,12 +175,12 @@ def _compiled(node: ast.AST) -> Callable[[Mapping[str, _Value]], _Value]:
 class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Values on a grid that covers the page, its first row at the top; between them they are interpolated linearly.
 
-    They may stand in a file: `values = {file = "field.csv"}` or, as grey levels from 0 (black) to 1, in a PNG.
+    They may come from a file: `values = {file = "field.csv"}` or, as grey levels from 0 (black) to 1, a PNG.
     """
 
     values: Annotated[tuple[tuple[float, ...], ...], Meta(min_length=2)]  # rows from the top
-    low: float = 0.0  # what 0 stands for, in the field's unit
-    high: float = 1.0  # what 1 stands for
+    low: float = 0.0  # value of 0, in the field's unit
+    high: float = 1.0  # value of 1
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
     def build(self, context: BuildContext) -> FiniteField:
@@ -194,7 +194,7 @@ class Picture(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class PictureField:
-    """Values on a grid, the centres of whose corner cells lie half a cell within the page."""
+    """Values on a grid; the centres of its corner cells lie half a cell within the page."""
 
     def __init__(self, values: NDArray[np.float64], page: tuple[float, float, float, float]) -> None:
         self._values = values[::-1]

@@ -1,1 +1,1 @@
-"""Collective mapping: a swarm that maps a building together, and what is measured of its maps."""
+"""Collective mapping: a swarm maps a building together; measures of its maps."""

@@ -1,4 +1,4 @@
-"""The local computation of collective mapping: each robot keeps an occupancy grid of what it senses and hears.
+"""The local computation of collective mapping: each robot keeps an occupancy grid.
 
 Lines 2 to 5 of Algorithm 1 of Kit, Mateo and Bouffanais, "A Decentralized Mobile Computing Network for
 Multi-Robot Systems Operations" (2018).
@@ -41,38 +41,38 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     The increments are the log-odds of `hit` and `miss`: the probability that a cell is occupied, given
     that one beam ended in it or that all beams passed. A beam that ends proves matter, a passing one only
     its own line, so a hit outweighs several misses. The log-odds stay between those of `lowest` and
-    `highest`, which bounds what has to be unlearned when the world changes: a wall that is gone is free again after
-    more than logit(highest) / -logit(miss) misses, 9 by default, and a new one is a wall after one hit.
+    `highest`, so that maps can follow a changing world: a removed wall is free again after more than
+    logit(highest) / -logit(miss) misses, 9 by default, and a new one is a wall after one hit.
 
     With a `decay` every map loses that share of its log-odds in each iteration, and a cell whose log-odds have
     fallen below half of one observation's, min(logit(hit), -logit(miss)) / 2, becomes unknown again, hence a frontier.
-    A cell last left at log-odds l is forgotten ln(2 |l| / that observation's) / -ln(1 - decay) iterations later: for
-    what is free beyond doubt that is 2.3 / decay by default, for a wall 2.8 / decay. Equal clamps, logit(highest) =
-    -logit(lowest), make both equally long. A robot that does not live forgets nothing.
+    A cell last left at log-odds l is forgotten ln(2 |l| / that observation's) / -ln(1 - decay) iterations later: by
+    default 2.3 / decay for a cell at `lowest`, 2.8 / decay for a wall. Equal clamps, logit(highest) =
+    -logit(lowest), make both equally long. A dead robot forgets nothing.
 
-    With `hits = "spared"` a robot takes back what its tile, or one that it hears, calls occupied where it knows a robot
-    to be: itself, or one whose tile of now it hears. That is for sensors to which robots look like walls; what they
-    leave on maps all the same is unlearned by later free readings.
+    With `hits = "spared"` a robot takes back occupied cells, of its tile or one that it hears, at the known place of a
+    robot: itself, or one whose present tile it hears. That is for sensors to which robots look like walls; later free
+    readings correct what remains on maps.
 
     `share` says what a robot tells: `current-tile`, `gossip`, ..., a table with `use` and the policy's own keys.
-    `trust` is the defence against robots that lie. With "own" a robot's own sensing voids, for good, what it hears of
-    a cell; with "quorum", besides, what it hears of others counts only once `quorum` different senders have said the
-    same.
+    `trust` is the defence against lying robots. With "own" a robot's own sensing of a cell overrides, for good, all
+    that it hears of it; with "quorum", messages about other cells also count only once `quorum` different senders have
+    said the same.
     """
 
     hit: Probability = 0.9  # probability of a wall where a beam ended
     miss: Probability = 0.4  # the same where a beam passed
-    lowest: Probability = 0.12  # probability below which no cell falls
-    highest: Probability = 0.97  # probability above which none rises
+    lowest: Probability = 0.12  # least probability of a cell
+    highest: Probability = 0.97  # largest probability of a cell
     decay: Annotated[float, Meta(ge=0.0, lt=1.0)] = 0.0  # share of the log-odds lost per iteration; 0 never forgets
     sharing: Part[Sharing[TileItems]] = Part("sharing")  # what is told
-    hits: Literal["kept", "spared"] = "kept"  # spared: what is occupied where a robot is known to be, is no wall
-    trust: Literal["all", "own", "quorum"] = "all"  # own: what it hears changes no cell that a robot has sensed itself
-    quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders who must agree; default 2
+    hits: Literal["kept", "spared"] = "kept"  # spared: an occupied cell at a robot's known place is no wall
+    trust: Literal["all", "own", "quorum"] = "all"  # own: messages change no cell that the receiver has sensed itself
+    quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders that must agree; default 2
 
     @property
     def merges(self) -> bool:
-        """Whether robots have frames of reference of their own."""
+        """Whether robots have their own frames of reference."""
         return self.sharing.declares("merges", False)
 
     def build(self, context: BuildContext) -> MapComputation:
@@ -97,7 +97,7 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class MapComputation:
-    """One occupancy grid per robot, of which nobody else can write a cell."""
+    """One occupancy grid per robot; only its own robot writes to it."""
 
     requires = ("tiles",)
     knowledge_type: type[Knowledge] = Maps
@@ -110,7 +110,7 @@ class MapComputation:
         self._grids = grids if parameters.trust == "all" else QuorumGrids(grids, quorum)
         self._sharing = sharing
         spared = parameters.hits == "spared"
-        # A robot is up to half a cell aside, each way, from the middle of its tile, and a hit from that of its cell.
+        # A robot is up to half a cell, each way, from the middle of its tile, and a hit from that of its cell.
         self._spared = context.robots.radius / lattice.cell + math.sqrt(2.0) if spared else 0.0
         weakest = min(logit(parameters.hit), -logit(parameters.miss))
         self._forgets = parameters.decay > 0.0
@@ -118,26 +118,26 @@ class MapComputation:
         self._observed, self._log_odds = _read_only(grids.observed), _read_only(grids.log_odds)
         self._columns = lattice.columns
         self._robots = np.arange(count, dtype=np.int32)  # their rows
-        self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states that were reported
-        self._rewritten = False  # whether maps have changed otherwise than by readings since then
+        self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states last reported
+        self._rewritten = False  # whether maps have since changed other than by readings
         nobody = np.empty(0, np.int32)
         nothing = PlainTiles(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
-        #: What all robots know, as `hear` gave it last.
+        #: The robots' knowledge, as `hear` gave it last.
         self.maps = self._maps(
             np.empty((0, 3), np.int32), np.zeros(count, np.int32), Inbox(nobody, nobody, nobody, nothing)
         )
 
     @property
     def codec(self) -> Codec[TileItems]:
-        """That of what is shared."""
+        """The sharing policy's."""
         return self._sharing.codec
 
     def say(self, senses: Senses) -> Broadcast[TileItems]:
-        """What the sharing policy tells."""
+        """The sharing policy's messages."""
         return self._sharing.say(senses, self.maps if registry.is_ours(self._sharing) else lent(self.maps))
 
     def hear(self, senses: Senses, inbox: Inbox[TileItems]) -> Maps:
-        """Map what was sensed, then what was heard."""
+        """Map own tiles, then those heard."""
         tiles, alive = tiles_of(senses), senses.alive
         accepted = self._sharing.accepted(senses, inbox)
         if self._forgets:
@@ -152,7 +152,7 @@ class MapComputation:
         return self.maps
 
     def _without_robots(self, tiles: Tiles, accepted: Inbox[TileItems], now: int) -> tuple[Tiles, Inbox[TileItems]]:
-        """The same without hits on robots that their robot knows of."""
+        """The same without hits on robots at known places."""
         values, heard = tiles.values.copy(), accepted.content.values.copy()
         fresh: NDArray[np.bool_] = (accepted.content.sensed == now) & (accepted.content.sources >= 0)
         occupancy.spare(
@@ -175,11 +175,11 @@ class MapComputation:
         return np.asarray(np.count_nonzero(self._observed, axis=(1, 2)))
 
     def _maps(self, changes: NDArray[np.int32], new_cells: NDArray[np.int32], accepted: Inbox[TileItems]) -> Maps:
-        frames = getattr(self._sharing, "frames", None)  # of most policies robots need none
+        frames = getattr(self._sharing, "frames", None)  # most policies need none
         return Maps(self._observed, self._log_odds, changes, new_cells, accepted, frames)
 
     def _changes(self, tiles: Tiles, accepted: Inbox[TileItems]) -> NDArray[np.int32]:
-        """Which cells have another state than was last reported: under tiles or, if need be, everywhere."""
+        """The cells whose state differs from that last reported: under tiles or, if need be, everywhere."""
         shown = self._shown
         log_odds, observed = self._grids.log_odds.reshape(shown.shape), self._grids.observed.reshape(shown.shape)
         if self._forgets or self._rewritten:

@@ -1,4 +1,4 @@
-"""Occupancy grids: what each robot believes of each cell (Elfes 1989)."""
+"""Occupancy grids: each robot's estimate of each cell (Elfes 1989)."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class OccupancyGrids:
     def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox[TileItems]) -> NDArray[np.int32]:
         """Add every live robot's own tile, then the readings it heard, in the inbox's order.
 
-        Pieces of somebody's map (source -1) come last and fill unknown cells only: the readings behind them may
-        be in the receiver's map already, and would be counted twice.
+        Pieces of maps (source -1) come last and fill unknown cells only: the readings behind them may be in the
+        receiver's map already, and would be counted twice.
 
         Gives (n + m,): how many cells each robot's own tile, then each tile heard, was the first to show it.
         """
@@ -60,7 +60,7 @@ class OccupancyGrids:
         self.log_odds[robots] = 0.0
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give these robots another one's map."""
+        """Copy another robot's map to these robots."""
         self.observed[robots], self.log_odds[robots] = self.observed[source], self.log_odds[source]
 
     def _update_and_fill(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox[TileItems]) -> NDArray[np.int32]:
@@ -88,19 +88,19 @@ _NOTHING = np.empty((0, 0, 0), np.float32)
 
 
 def _evidence(tiles: Tiles) -> NDArray[np.float32]:
-    """What the sensor itself says of cells (n, rows, columns); no rows if it says nothing."""
+    """The sensor's own evidence on cells (n, rows, columns); no rows if it gives none."""
     return _NOTHING if tiles.evidence is None else tiles.evidence
 
 
 class QuorumGrids:
-    """Occupancy grids of robots that believe what they sense before what they hear.
+    """Occupancy grids of robots that trust their own sensing over messages.
 
-    What a robot hears never changes a cell that it has sensed itself, and the first time it senses one, all that
-    it has heard of it is void. Of other cells it believes what `quorum` different senders, at any time, have said
-    alike; each further message that says so then counts as ever. With a quorum of 1 any sender will do.
+    Messages never change a cell that the robot has sensed itself, and the first time it senses one, all that it has
+    heard of it is void. Of other cells it accepts what `quorum` different senders, at any time, have said alike; then
+    each further message that agrees counts as usual. With a quorum of 1 any sender will do.
 
-    Senders are told apart by their ids modulo 64, and not by who sensed a tile: robots that relay one robot's tile
-    each count, and so does every false name.
+    Senders are told apart by their ids modulo 64, not by the robot that sensed a tile: all robots that relay one
+    robot's tile count, and so does every false name.
     """
 
     def __init__(self, grids: OccupancyGrids, quorum: int) -> None:
@@ -121,7 +121,7 @@ class QuorumGrids:
         return self._grids.observed
 
     def update(self, alive: NDArray[np.bool_], tiles: Tiles, inbox: Inbox[TileItems]) -> NDArray[np.int32]:
-        """Add every live robot's own tile, then what it believes of the tiles it heard, as `OccupancyGrids` does.
+        """Add every live robot's own tile, then what it accepts of the tiles it heard, as `OccupancyGrids` does.
 
         Gives (n + m,): how many cells each robot's own tile, then each tile heard, was the first to show it.
         """
@@ -145,11 +145,11 @@ class QuorumGrids:
         return fresh
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Empty the maps of these robots, and what they were told."""
+        """Empty the maps of these robots, and forget what they were told."""
         self._grids.reset(robots)
         for column in (self._witnesses.own, self._witnesses.free, self._witnesses.occupied):
             column[robots] = 0
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give these robots another one's map; on whose word it stands they do not know."""
+        """Copy another robot's map to these robots, without its record of senders."""
         self._grids.copy_from(robots, source)

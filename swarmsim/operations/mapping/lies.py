@@ -19,7 +19,7 @@ Cells = NDArray[np.uint8]
 
 
 def _retold(change: Callable[[Cells], Cells | int]) -> Lie[TileItems]:
-    """Cells are said to be something else."""
+    """False states of cells."""
 
     def told(items: TileItems, rows: NDArray[np.bool_], offset: tuple[int, int]) -> TileItems:
         values = items.values.copy()
@@ -30,14 +30,14 @@ def _retold(change: Callable[[Cells], Cells | int]) -> Lie[TileItems]:
 
 
 def _displaced(items: TileItems, rows: NDArray[np.bool_], offset: tuple[int, int]) -> TileItems:
-    """Tiles are said to lie elsewhere."""
+    """False places of tiles."""
     origins = items.origins.copy()
     origins[rows] += np.array(offset, np.int32)
     return replace(items, origins=origins)
 
 
-#: `inverted`: free is said to be occupied, and occupied free. `free`, `occupied`: so is every cell, seen or not.
-#: `origin`: each tile lies so many rows (up) and columns (right) from where it was sensed.
+#: `inverted`: free and occupied swapped. `free`, `occupied`: every cell is so, seen or not. `origin`: each tile is
+#: shifted by rows (up) and columns (right) from where it was sensed.
 LIES: Final[Mapping[str, Lie[TileItems]]] = {
     "inverted": _retold(lambda cells: _SWAPPED[cells]),
     "free": _retold(lambda cells: FREE),

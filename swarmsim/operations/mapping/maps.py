@@ -1,4 +1,4 @@
-"""What mapping robots know: an occupancy grid each, and what has changed in it."""
+"""The knowledge of mapping robots: an occupancy grid each, and its changes."""
 
 from __future__ import annotations
 
@@ -33,38 +33,36 @@ class TileItems(MessageBatch, ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlainTiles(TileItems):
-    """Tiles, and nothing else."""
+    """Tiles only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """What robots that started without knowing each other's places know of each other's frames of reference."""
+    """Other robots' frames of reference, as found by robots that started without knowing each other's places."""
 
-    known: NDArray[np.bool_]  # (n, N): whether each robot can place what each of the swarm says
-    #: (n, N, 3): where it places that, in truth: a turn about the grid's corner (rad), then rows and columns (cells).
+    known: NDArray[np.bool_]  # (n, N): whether each robot can place the data of each of the swarm
+    #: (n, N, 3): its true error in placing them: a turn about the grid's corner (rad), then rows and columns (cells).
     #: All are 0 where it is right.
     errors: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Maps(Knowledge):
-    """The map of every robot, as the computation holds it: views, which cannot be written to."""
+    """The map of every robot, as the computation holds it: read-only views."""
 
     observed: NDArray[np.bool_]  # (n, rows, columns): which cells each robot's map holds
-    log_odds: NDArray[np.float32]  # (n, rows, columns): of being occupied; 0 where nothing is known
+    log_odds: NDArray[np.float32]  # (n, rows, columns): of being occupied; 0 where unknown
     changes: NDArray[np.int32]  # (c, 3): robot, row-major cell, new state UNKNOWN, FREE or OCCUPIED
-    new_cells: NDArray[
-        np.int32
-    ]  # (n,): cells that what was sensed and heard now has shown to each robot for the first time
-    accepted: Inbox[TileItems]  # the tiles taken in of what was heard, where the robot places them
+    new_cells: NDArray[np.int32]  # (n,): cells that each robot first learned of now, by sensing or hearing
+    accepted: Inbox[TileItems]  # the tiles heard and taken in, where the robot places them
     frames: Frames | None = None  # None: all know each other's places from the start
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """What has changed, and by whose word."""
+        """The changes, and their sources."""
         return self.changes, self.accepted.senders, self.accepted.content.sources
 
     def record(self) -> Record:
-        """What has changed: all maps can be put together from it."""
+        """The changes: all maps can be put together from them."""
         return Record(lists={"changes": self.changes}, of_robots=("changes",))
 
     def of(self, robot: int) -> SimpleNamespace:
@@ -79,12 +77,12 @@ class Maps(Knowledge):
 
     @classmethod
     def auditor(cls, context: BuildContext) -> MapAuditor:
-        """What compares maps with the tiles that were sensed and heard."""
+        """The check of maps against the tiles sensed and heard."""
         return MapAuditor(context)
 
 
 class MapAuditor:
-    """Robots can know of a cell only what a tile of their own, or one that they heard, has shown."""
+    """Robots can know a cell only from a tile of their own, or one that they heard."""
 
     def __init__(self, context: BuildContext) -> None:
         shape = (len(context.ids), context.lattice.rows * context.lattice.columns)
@@ -94,10 +92,10 @@ class MapAuditor:
         self._words = self._known.view(np.uint64)
 
     def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
-        """The first cell that a robot cannot know, or a map that differs from its changes.
+        """The first cell that a robot cannot know, or a map that contradicts its changes.
 
-        Every change is checked when it is made, since measures and recordings are made of changes; whole maps, which
-        strategies look at, in turns.
+        Every change is checked at once, since measures and recordings use changes; whole maps, which strategies use,
+        are checked in turns.
         """
         if not isinstance(knowledge, Maps):
             return f"{type(knowledge).__name__}; expected Maps"
@@ -112,7 +110,7 @@ class MapAuditor:
         words = observed.reshape(len(observed), -1).view(np.uint64)
         wrong, at = checks.audit(changes, self._shown, self._known, self._words, words, senses.iteration)
         if wrong == 1:
-            return f"changes[{at}]: {changes[at].tolist()}: a robot, cell or state that there is not"
+            return f"changes[{at}]: {changes[at].tolist()}: a robot, cell or state that does not exist"
         if wrong == 2:
             row, column = divmod(int(changes[at, 1]), self._columns)
             return f"robot {changes[at, 0]} claims to know cell ({row}, {column}), which no tile has shown it"
@@ -122,7 +120,7 @@ class MapAuditor:
         return None
 
     def _learn(self, knowledge: Maps, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
-        """Note what was shown; robots that place what they hear by an estimate are shown it there."""
+        """Note the cells shown; for robots that place tiles by an estimate, at those places."""
         tiles = senses.readings.tiled
         if knowledge.frames is not None:
             heard = set(zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True))
@@ -130,7 +128,7 @@ class MapAuditor:
             for pair in zip(inbox.receivers.tolist(), inbox.senders.tolist(), strict=True):
                 if pair not in heard:
                     return f"accepted: robot {pair[0]} took in what robot {pair[1]} has not told it"
-        content: Any = inbox.content  # other people's have the columns of TileItems that are needed
+        content: Any = inbox.content  # third-party ones have the needed columns of TileItems
         rows = (len(self._shown), -1, self._columns)
         occupancy.mark(
             self._shown.reshape(rows), senses.alive, tiles.values, tiles.origins,
@@ -143,5 +141,5 @@ class MapAuditor:
         self._shown[robots] = False
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """What was shown to another was shown to them."""
+        """Cells shown to another robot count as shown to them."""
         self._shown[robots] |= self._shown[source]

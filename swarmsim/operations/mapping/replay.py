@@ -1,4 +1,4 @@
-"""Everybody's map at any iteration, put together from the changes that a recording holds."""
+"""All robots' maps at any iteration, put together from a recording's changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class MapReplay:
         self._recording = recording
         shape = (recording.scenario.robots.count, *recording.lattice.shape)
         self.maps: NDArray[np.uint8] = memory.zeros(shape, np.uint8)  # each cell UNKNOWN, FREE or OCCUPIED
-        #: How many robots know each cell (rows, columns), and how many hold it for occupied.
+        #: How many robots know each cell (rows, columns), and on how many maps it is occupied.
         self.known, self.held_occupied = np.zeros(shape[1:], np.int32), np.zeros(shape[1:], np.int32)
         self.iteration = -1  # the last one that the maps hold
 
@@ -37,6 +37,6 @@ class MapReplay:
         self.iteration = iteration
 
     def collective(self) -> NDArray[np.uint8]:
-        """The union of all maps (rows, columns): OCCUPIED where any robot that saw the cell believes so."""
+        """The union of all maps (rows, columns): OCCUPIED where a cell is on any robot's map."""
         known = np.where(self.known > 0, np.uint8(FREE), np.uint8(UNKNOWN))
         return np.where(self.held_occupied > 0, np.uint8(OCCUPIED), known)

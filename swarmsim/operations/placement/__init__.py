@@ -1,1 +1,1 @@
-"""Where robots ought to be: together, apart, over an area, round a perimeter, in a formation."""
+"""Robots take places: together, apart, over an area, round a perimeter, in a formation."""

@@ -1,4 +1,4 @@
-"""Area coverage: robots that share an area out among them by its Voronoi cells."""
+"""Area coverage: robots divide an area among them into Voronoi cells."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from swarmsim.operations.placement.positions import Positions
 from swarmsim.operations.placement.rendezvous import Clearance, Positive
 from swarmsim.operations.steering import Steering
 
-POINTS: Final = 4000  # that stand for an area, at most
+POINTS: Final = 4000  # that represent an area, at most
 
 
 class Lloyd(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot goes to the centroid of its Voronoi cell among those it hears (Cortes, Martinez, Karatas, Bullo 2004).
 
-    x_i moves towards C_i, the mean of the points of the area that are nearer to it than to anybody whom it hears. With
-    all Voronoi neighbours heard that descends H = mean over the area of the squared distance to the nearest robot. The
+    x_i moves towards C_i, the mean of the points of the area that are nearer to it than to any robot it hears. If it
+    hears all Voronoi neighbours, that descends H = mean over the area of the squared distance to the nearest robot. The
     area is the page of the floor plan less a `margin`.
     """
 
-    margin: Annotated[float, Meta(ge=0.0)] = 0.2  # m, of the page's edges that are no floor
+    margin: Annotated[float, Meta(ge=0.0)] = 0.2  # m along the page's edges that are not floor
     speed: Positive | None = None  # m/s; default: two thirds of what wheels can
     clearance: Clearance = 0.2  # m, from walls
 
@@ -64,7 +64,7 @@ class LloydLaw:
 def centroid(
     place: NDArray[np.float64], others: NDArray[np.float64], points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The mean (2,) of those points (p, 2) that are nearer to a place (2,) than to others (k, 2); else the place."""
+    """The mean (2,) of the points (p, 2) nearer to a place (2,) than to others (k, 2); without any, the place."""
     # |q - x|^2 <= |q - y|^2 is linear in q.
     line = points @ (others - place).T
     mine: NDArray[np.bool_] = (line <= 0.5 * ((others**2).sum(axis=1) - (place**2).sum())).all(axis=1)
@@ -72,7 +72,7 @@ def centroid(
 
 
 class LocationalCost(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Every live robot is at the centroid of its Voronoi cell of the floor, as near as `tolerance`."""
+    """Every live robot is within `tolerance` of the centroid of its Voronoi cell of the floor."""
 
     tolerance: Positive = 0.15  # m
 
@@ -81,7 +81,7 @@ class LocationalCost(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class CoveringTask:
-    """Measures how far the floor is from robots, and robots from their centroids."""
+    """Measures the distances of the floor to robots, and of robots to their centroids."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("cost", "locational cost H, m^2", low=0.0, format=".3f", rises=False)

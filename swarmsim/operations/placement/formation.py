@@ -30,10 +30,10 @@ def offsets_of(places: Places, context: BuildContext) -> NDArray[np.float64]:
 
 
 class Formation(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Consensus on where the formation is, by displacements (Ren and Beard 2008, section 4).
+    """Consensus on the formation's place, by displacements (Ren and Beard 2008, section 4).
 
     u_i = v + gain / k sum_j ((x_j - x_i) - (d_j - d_i)) over the k robots heard, where d are the wanted `places`, in
-    the frame of the floor plan, wherever the whole may be. With a velocity v in `march` the formation moves on.
+    the floor plan's axes, up to a common shift. With a velocity v in `march` the formation moves on.
     """
 
     places: Places  # m, one for each robot
@@ -58,7 +58,7 @@ class FormationLaw:
         self._steering = Steering(context, parameters.speed, parameters.clearance)
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
-        """To the place among those heard, and on."""
+        """Move to the place among the robots heard, and on."""
         own = senses.pose[:, :2] - self._own
         apart = knowledge.place - self._offsets[knowledge.senders] - own[knowledge.receivers]
         counts = np.maximum(knowledge.counts(len(own)), 1)[:, None]
@@ -68,7 +68,7 @@ class FormationLaw:
 class FormationError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Live robots are in formation: their root-mean-square distance from their places falls to `tolerance`.
 
-    Places are where they fit best, since the formation may stand anywhere.
+    Places are shifted to fit best, since the formation may stand anywhere.
     """
 
     places: Places  # m, one for each robot
@@ -80,7 +80,7 @@ class FormationError(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class FormationTask:
-    """Measures how far robots are from their places."""
+    """Measures the distances of robots from their places."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("error", "formation error, m", low=0.0, format=".3f", rises=False)
@@ -89,7 +89,7 @@ class FormationTask:
         self._tolerance, self._offsets = tolerance, offsets
 
     def measure(self, done: Done[Knowledge]) -> Measured:
-        """The root-mean-square and the largest distance of live robots from their places, best moved."""
+        """The root-mean-square and the largest distance of live robots from their places, shifted to fit best."""
         alive = done.state.alive
         own = done.state.pose[alive, :2] - self._offsets[alive]
         if len(own) == 0:

@@ -31,10 +31,10 @@ def ring(corners: Corners) -> shapely.LinearRing:
 
 
 class Perimeter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot goes to the perimeter, and on it to the middle between the next ahead and the next behind.
+    """Each robot goes to the perimeter, and on it to the middle between the next robots ahead and behind.
 
-    It goes to s_i + (g_ahead - g_behind) / 4, where s is the place along the curve and g the gaps to the nearest that
-    it hears each way: even deployment on a ring by local gaps, as in Elor and Bruckstein (2011).
+    It goes to s_i + (g_ahead - g_behind) / 4, where s is the place along the curve and g the gaps to the nearest robot
+    that it hears each way: even deployment on a ring by local gaps, as in Elor and Bruckstein (2011).
     """
 
     corners: Corners  # m
@@ -57,7 +57,7 @@ class PerimeterLaw:
         self._steering = Steering(context, parameters.speed, parameters.clearance)
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
-        """To the middle of the gap."""
+        """Move to the middle of the gap."""
         place = senses.pose[:, :2]
         length = self._curve.length
         at = np.asarray(shapely.line_locate_point(self._curve, shapely.points(place)))
@@ -73,10 +73,10 @@ class PerimeterLaw:
 
 
 class Guarded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Live robots stand on the perimeter, and no gap is much longer than an even share of it."""
+    """Live robots stand on the perimeter, and no gap is much longer than an even share."""
 
     corners: Corners  # m
-    gap: Annotated[float, Meta(gt=1.0)] = 1.15  # times the even share that finishes the run
+    gap: Annotated[float, Meta(gt=1.0)] = 1.15  # largest, in even shares, that finishes the run
     off: Positive = 0.1  # m, from the perimeter, at most
 
     def build(self, context: BuildContext) -> PerimeterTask:
@@ -94,7 +94,7 @@ class PerimeterTask:
         self._parameters, self._curve = parameters, ring(parameters.corners)
 
     def measure(self, done: Done[Knowledge]) -> Measured:
-        """The largest gap, and how far the farthest robot is off the perimeter."""
+        """The largest gap, and the largest distance of a robot from the perimeter."""
         points = np.asarray(shapely.points(done.state.pose[done.state.alive, :2]))
         if len(points) == 0:
             return Measured({"gap": float("nan"), "off": float("nan")})

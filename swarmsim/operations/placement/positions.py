@@ -1,4 +1,4 @@
-"""Robots that tell where they are, and know where those are that they hear."""
+"""Robots that tell their positions, and know those of the robots they hear."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from swarmsim.core.state import Knowledge, Record, Senses
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Position(MessageBatch):
-    """What robots say: where they believe themselves to be."""
+    """The message: the robot's estimated position."""
 
     x: NDArray[np.float64]  # (t,): m
     y: NDArray[np.float64]  # (t,): m
@@ -24,43 +24,43 @@ class Position(MessageBatch):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Positions(Knowledge):
-    """Where each robot knows others to be: the newest that it has heard of each in this iteration."""
+    """The positions of others that each robot knows: the newest heard from each in this iteration."""
 
-    receivers: NDArray[np.int32]  # (t,): the row of who knows it, ascending
-    senders: NDArray[np.int32]  # (t,): the number of whom it knows
+    receivers: NDArray[np.int32]  # (t,): row of the robot that knows it, ascending
+    senders: NDArray[np.int32]  # (t,): number of the robot that it is of
     place: NDArray[np.float64]  # (t, 2): m
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         return self.receivers, self.senders, self.place
 
     def record(self) -> Record:
-        """Nothing: it follows from what became of messages, and from where robots were."""
+        """Nothing: it follows from the messages' fates and the robots' positions."""
         return Record()
 
     def of(self, robot: int) -> SimpleNamespace:
-        """What one robot knows: `senders` (k,) and their `place` (k, 2)."""
+        """One robot's knowledge: `senders` (k,) and their `place` (k, 2)."""
         mine: NDArray[np.bool_] = self.receivers == robot
         return SimpleNamespace(senders=self.senders[mine], place=self.place[mine])
 
     def total(self, values: NDArray[np.float64], robots: int) -> NDArray[np.float64]:
-        """The sums (robots, d) of values (t, d) over what each robot knows."""
+        """The sums (robots, d) of values (t, d) over each robot's items."""
         sums = [np.bincount(self.receivers, column, minlength=robots) for column in values.T]
         return np.stack(sums, axis=1)
 
     def counts(self, robots: int) -> NDArray[np.int64]:
-        """Of how many others each robot (robots,) knows."""
+        """How many others each robot (robots,) knows of."""
         return np.bincount(self.receivers, minlength=robots)
 
 
 class TellPositions(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot tells where it believes itself to be, and knows what it hears in this iteration alone."""
+    """Each robot tells its estimated position, and knows only what it hears in this iteration."""
 
     def build(self, context: BuildContext) -> PositionComputation:
         return PositionComputation()
 
 
 class PositionComputation:
-    """Nothing is remembered: what is not heard again is not known any more."""
+    """Remembers nothing from earlier iterations."""
 
     knowledge_type: type[Knowledge] = Positions
 
@@ -72,7 +72,7 @@ class PositionComputation:
         return Broadcast.each(Position(pose[:, 0].copy(), pose[:, 1].copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Position]) -> Positions:
-        """The newest of each sender."""
+        """The newest item of each sender."""
         receivers, senders = inbox.receivers, inbox.senders
         newest = np.ones(len(receivers), np.bool_)
         newest[:-1] = (receivers[:-1] != receivers[1:]) | (senders[:-1] != senders[1:])  # sorted by iteration sent

@@ -26,9 +26,9 @@ Clearance = Annotated[float, Meta(ge=0.0)]
 class Rendezvous(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot goes to the centre of the smallest circle round itself and those it hears (Ando et al. 1999).
 
-    With the `range` (m) of its radio it goes only so far that nobody whom it hears can be lost: it stays in the circle
-    of that diameter round the middle between them. Nearer to another than `apart` it is pushed away, since bodies
-    cannot meet in a point.
+    With the `range` (m) of its radio it goes only so far that it loses no robot it hears: it stays in the circle of
+    that diameter round the middle between them. Robots nearer than `apart` push each other away, since bodies cannot
+    meet in a point.
     """
 
     range: Positive | None = None  # m
@@ -51,7 +51,7 @@ class RendezvousLaw:
         self._steering = Steering(context, parameters.speed, parameters.clearance)
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Positions) -> Intents:
-        """To the centre, as far as is safe."""
+        """Move to the centre, as far as is safe."""
         place, steering = senses.pose[:, :2], self._steering
         way = centres(place, knowledge) - place
         if self._range is not None:
@@ -61,7 +61,7 @@ class RendezvousLaw:
 
 
 def centres(place: NDArray[np.float64], knowledge: Positions) -> NDArray[np.float64]:
-    """The centre (n, 2) of the smallest circle round each robot's place (n, 2) and those that it knows."""
+    """The centre (n, 2) of the smallest circle round each robot's place (n, 2) and the places it knows."""
     robots = np.concatenate([np.arange(len(place)), knowledge.receivers])
     order = np.argsort(robots, kind="stable")
     points = np.concatenate([place, knowledge.place])[order]
@@ -74,7 +74,7 @@ def centres(place: NDArray[np.float64], knowledge: Positions) -> NDArray[np.floa
 def _safe(
     place: NDArray[np.float64], way: NDArray[np.float64], knowledge: Positions, reach: float
 ) -> NDArray[np.float64]:
-    """The share (n,) of its way (n, 2) that each robot can go and lose nobody who keeps to the same rule."""
+    """The share (n,) of its way (n, 2) that each robot can go without losing others that keep the same rule."""
     mine = knowledge.receivers
     half, step = (place[mine] - knowledge.place) / 2.0, way[mine]  # from the middle between them; and onwards
     a = (step**2).sum(axis=1)
@@ -87,7 +87,7 @@ def _safe(
 
 
 def separation(place: NDArray[np.float64], knowledge: Positions, apart: float, speed: float) -> NDArray[np.float64]:
-    """A velocity (n, 2) away from those nearer than `apart` (m): `speed` at no distance, nothing at that one."""
+    """A velocity (n, 2) away from robots nearer than `apart` (m): `speed` at distance 0, 0 at `apart`."""
     gap = place[knowledge.receivers] - knowledge.place
     size = np.maximum(np.hypot(gap[:, 0], gap[:, 1]), 1e-6)
     push = speed * np.maximum(1.0 - size / apart, 0.0) / size
@@ -97,7 +97,7 @@ def separation(place: NDArray[np.float64], knowledge: Positions, apart: float, s
 class Gathered(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """All live robots are together: the largest distance between two of them falls to `within`."""
 
-    within: Positive | None = None  # m; default: that of n bodies, each with as much room again around it
+    within: Positive | None = None  # m; default: for n bodies, each with as much room again around it
 
     def build(self, context: BuildContext) -> GatheringTask:
         robots = context.robots
@@ -105,7 +105,7 @@ class Gathered(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class GatheringTask:
-    """Measures how far robots are apart."""
+    """Measures distances between robots."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("diameter", "diameter of the swarm, m", low=0.0, format=".2f", rises=False)
@@ -126,7 +126,7 @@ class GatheringTask:
 
 
 class Disperse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot is pushed away from those it hears that are nearer than `apart`, the nearer the harder.
+    """Robots heard nearer than `apart` push each robot away, the nearer the harder.
 
     The velocity is the gradient of pairwise potentials (Howard, Mataric and Sukhatme 2002), with walls pushing too.
     """
@@ -153,7 +153,7 @@ class DispersionLaw:
 
 
 class Spacing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """No two live robots are nearer than a distance."""
+    """No two live robots are nearer than `apart`."""
 
     apart: Positive = 1.0  # m, centre to centre
 
@@ -162,7 +162,7 @@ class Spacing(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class SpacingTask:
-    """Measures how near robots are to the nearest."""
+    """Measures distances to the nearest robot."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("nearest", "smallest distance of two robots, m", low=0.0, format=".2f", robots="gaps")
@@ -171,7 +171,7 @@ class SpacingTask:
         self._wanted = wanted
 
     def measure(self, done: Done[Knowledge]) -> Measured:
-        """The smallest and the mean distance to the nearest, and that of each; of the dead infinite."""
+        """The smallest and the mean distance to the nearest robot, and each one's; infinite for the dead."""
         alive = done.state.alive
         gaps = np.full(len(alive), np.inf)
         if alive.sum() > 1:

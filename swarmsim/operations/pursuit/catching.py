@@ -1,4 +1,4 @@
-"""The task of pursuit: which share of the evaders has been caught."""
+"""The task of pursuit: the share of evaders caught."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Caught(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class CatchingTask:
-    """Keeps who has been caught."""
+    """Remembers which evaders have been caught."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve("caught", "evaders caught, %", 100.0, high=100.0, format=".0f")

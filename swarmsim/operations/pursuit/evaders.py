@@ -20,7 +20,7 @@ Positive = Annotated[float, Meta(gt=0.0)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surrender(MessageBatch):
-    """What evaders say: where they have given up; NaN as long as they have not."""
+    """The evaders' message: where they have given up; NaN before."""
 
     x: NDArray[np.float64]  # (t,): m
     y: NDArray[np.float64]  # (t,): m
@@ -28,13 +28,13 @@ class Surrender(MessageBatch):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surrendered(Estimates):
-    """What evaders know: whether each has given up."""
+    """The evaders' knowledge: whether each has given up."""
 
     given_up: NDArray[np.bool_]  # (n,)
 
 
 class Flight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An evader gives up, for good, once a pursuer is within reach, and says from then on where it is.
+    """An evader gives up, for good, once a pursuer is within reach, and from then on tells its position.
 
     The sensor `neighbours` with `groups = true` shows them.
     """
@@ -48,7 +48,7 @@ class Flight(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class FlightComputation:
-    """Remembers who has given up."""
+    """Remembers which evaders have given up."""
 
     requires = NEEDS
     knowledge_type: type[Knowledge] = Surrendered
@@ -58,7 +58,7 @@ class FlightComputation:
         self.codec = PlainCodec(Surrender(np.zeros(0), np.zeros(0)))
 
     def say(self, senses: Senses) -> Broadcast[Surrender]:
-        """Where each is that has given up."""
+        """The positions of those that have given up."""
         place = np.where(self._given_up[:, None], senses.pose[:, :2], np.nan)
         return Broadcast.each(Surrender(place[:, 0].copy(), place[:, 1].copy()), self.codec.size)
 
@@ -90,7 +90,7 @@ class Evade(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Evasion:
-    """Away from pursuers."""
+    """Flees from pursuers."""
 
     requires = NEEDS
     requires_knowledge: type[Knowledge] = Surrendered
@@ -99,7 +99,7 @@ class Evasion:
         self._steering, self._group = steering, group
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Surrendered) -> Intents:
-        """Away at full speed, unless it has given up."""
+        """Flee at full speed, unless it has given up."""
         place, pursuers = senses.pose[:, :2], seen(senses, self._group)
         gap = place[pursuers.seers] - pursuers.place
         push = gap / np.maximum(pursuers.distance, 1e-3)[:, None] ** 2

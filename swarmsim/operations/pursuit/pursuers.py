@@ -1,4 +1,4 @@
-"""Pursuers: each goes for the nearest evader that it sees or hears of and that has not given up."""
+"""Pursuers: each chases the nearest free evader that it sees or hears of."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from swarmsim.operations.steering import Steering
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting(MessageBatch):
-    """What pursuers say: where the nearest free evader is that they saw last; NaN if they saw none."""
+    """The pursuers' message: the place of the nearest free evader last seen; NaN for none."""
 
     x: NDArray[np.float64]  # (t,): m
     y: NDArray[np.float64]  # (t,): m
@@ -28,15 +28,15 @@ class Sighting(MessageBatch):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quarry(Estimates):
-    """What pursuers know: where the evader is that each of them goes for."""
+    """The pursuers' knowledge: the place of the evader that each chases."""
 
     quarry: NDArray[np.float64]  # (n, 2): m; NaN for none
 
 
 class Chase(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Pursuers tell each other of evaders: each knows the nearest that it sees, or else the nearest it hears of.
+    """Pursuers tell each other of evaders: each knows the nearest that it sees, else the nearest it hears of.
 
-    The sensor `neighbours` with `groups = true` shows them. Evaders that say where they have given up are left out.
+    The sensor `neighbours` with `groups = true` shows them. Evaders that report giving up are left out.
     """
 
     of: str = "evaders"  # the group of robots to catch
@@ -47,23 +47,23 @@ class Chase(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class ChaseComputation:
-    """Remembers what was seen in the last iteration, to tell it."""
+    """Remembers the sightings of the last iteration, to tell them."""
 
     requires = NEEDS
     knowledge_type: type[Knowledge] = Quarry
 
     def __init__(self, of: str, group: int, context: BuildContext) -> None:
         self._name, self._group = of, group
-        self._same = context.robots.radius  # m: nearer to each other than that, two places are of one robot
+        self._same = context.robots.radius  # m: two places nearer than this are of one robot
         self._seen = np.full((len(context.ids), 2), np.nan)
         self.codec = PlainCodec(Sighting(np.zeros(0), np.zeros(0)))
 
     def say(self, senses: Senses) -> Broadcast[Sighting]:
-        """What each saw last."""
+        """Each one's last sighting."""
         return Broadcast.each(Sighting(self._seen[:, 0].copy(), self._seen[:, 1].copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Sighting]) -> Quarry:
-        """The nearest that is seen, else the nearest that is told; without those that have given up."""
+        """The nearest evader seen, else the nearest told of; without those that have given up."""
         there = seen(senses, self._group)
         told = np.stack([inbox.content.x, inbox.content.y], axis=1)
         hearers, told = inbox.receivers[~np.isnan(told[:, 0])], told[~np.isnan(told[:, 0])]
@@ -77,7 +77,7 @@ class ChaseComputation:
     def _have_given_up(
         self, rows: NDArray[np.integer], place: NDArray[np.float64], inbox: Inbox[Sighting]
     ) -> NDArray[np.bool_]:
-        """Whether an evader has told the robots of these rows (s,) that it has given up where they place one (s, 2)."""
+        """Whether an evader has told the robots of these rows (s,) that it gave up where they see one (s, 2)."""
         found = np.zeros(len(rows), np.bool_)
         heard = inbox.others.get(self._name)
         if heard is None or not isinstance(heard.content, Surrender):
@@ -87,16 +87,16 @@ class ChaseComputation:
         return found
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """They have seen none."""
+        """Forget all sightings."""
         self._seen[robots] = np.nan
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """They have seen what another has."""
+        """Copy another's sightings."""
         self._seen[robots] = self._seen[source]
 
 
 def _nearest(here: NDArray[np.float64], rows: NDArray[np.integer], place: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of places (s, 2) that the robots of `rows` (s,) know, the nearest to each robot's own (n, 2); NaN for none."""
+    """The nearest to each robot's own place (n, 2) of the places (s, 2) known to robots `rows` (s,); NaN for none."""
     apart = np.hypot(*(place - here[rows]).T)
     order = np.lexsort((apart, rows))
     found = np.full_like(here, np.nan)
@@ -107,7 +107,7 @@ def _nearest(here: NDArray[np.float64], rows: NDArray[np.integer], place: NDArra
 class Pursue(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot goes straight for its quarry; without one it drives on along a way that bends at random.
 
-    In each iteration it then bends by a normal angle of the standard deviation `bend` sqrt(period).
+    In each iteration the way then bends by a normal angle of the standard deviation `bend` sqrt(period).
     """
 
     bend: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.5  # rad after a second
@@ -130,7 +130,7 @@ class Pursuit:
         self._salts = np.array([stream.integers(0, 2**63) for stream in streams], np.uint64)
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Quarry) -> Intents:
-        """To it, or on."""
+        """Drive to it, or on."""
         place = senses.pose[:, :2]
         yaw = senses.pose[:, 2] + self._bend * chance.normal(0, self._salts, np.array(senses.iteration))
         on = self._steering.speed * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)

@@ -1,4 +1,4 @@
-"""Robots of another group that are seen nearby, and where they are."""
+"""Robots of another group seen nearby, and their places."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from swarmsim.core.state import Senses
 
-NEEDS = ("neighbours", "neighbours_group")  # the channels of sensors that this is read from
+NEEDS = ("neighbours", "neighbours_group")  # the sensors' channels that this reads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
     """All sightings of robots of one group, for each robot the nearest first."""
 
-    seers: NDArray[np.int64]  # (s,): the rows of those who see them, ascending
+    seers: NDArray[np.int64]  # (s,): the rows of the robots that see them, ascending
     distance: NDArray[np.float64]  # (s,): m
-    place: NDArray[np.float64]  # (s, 2): m, from where the seers believe they are
+    place: NDArray[np.float64]  # (s, 2): m, by the seers' estimated positions
 
     def take(self, items: NDArray[np.bool_]) -> Seen:
         """Some of them."""
@@ -26,7 +26,7 @@ class Seen:
 
 
 def seen(senses: Senses, group: int) -> Seen:
-    """What live robots see of the group of this number."""
+    """The live robots' sightings of the group of this number."""
     told, groups = senses.readings["neighbours"], senses.readings["neighbours_group"]
     used = np.arange(told.shape[1]) < senses.readings["neighbours_count"][:, None]
     seers, rank = np.nonzero(used & (groups == group) & senses.alive[:, None])

@@ -1,4 +1,4 @@
-"""Building information models, cut at the robots' height: the work on IFC files that a process of its own does."""
+"""Building information models, cut at the robots' height: the work on IFC files, done in a separate process."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from swarmsim.world.plan import DOORS_LAYER
 from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.sites import moved
 
-CUT: Final = 0.3  # m above the storey, where robots are; higher up, windows on sills would be holes
-_STEPS: Final = (0.1, 0.2)  # m, where stairs and ramps are cut as well, so that robots do not climb the first step
-_LAYERS: Final = {  # of the solid classes, the first that fits; everything else built is `walls`
+CUT: Final = 0.3  # m above the storey, the robots' height; higher up, windows on sills would be holes
+_STEPS: Final = (0.1, 0.2)  # m, further cuts of stairs and ramps, so that robots do not climb the first step
+_LAYERS: Final = {  # of solid classes, the first that fits; every other built class is `walls`
     "IfcColumn": "pillars",
     "IfcPile": "pillars",
     "IfcFurnishingElement": "furniture",
@@ -37,13 +37,13 @@ _LAYERS: Final = {  # of the solid classes, the first that fits; everything else
 _BUILT: Final = ("IfcBuildingElement", "IfcBuiltElement", "IfcBuildingElementPart")
 _PASSED_OVER: Final = ("IfcDoor", "IfcSlab", "IfcRoof", "IfcCovering", "IfcFooting")  # built, but no obstacles
 _CLIMBED: Final = ("IfcStair", "IfcStairFlight", "IfcRamp", "IfcRampFlight")
-_WELD: Final = 0.05  # m, around what is solid: gaps of twice that lead nowhere
+_WELD: Final = 0.05  # m, around solids: gaps of twice that lead nowhere
 _UNITS: Final = {0.001: "mm", 0.01: "cm", 0.1: "dm", 1.0: "m", 0.0254: "in", 0.3048: "ft"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Piece:
-    """What one element covers at the cut."""
+    """The area of one element at the cut."""
 
     area: MultiPolygon
     layer: str
@@ -64,7 +64,7 @@ class _Piece:
 
 
 def cut(path: Path, world: World) -> Drawing:
-    """What `ifc.read` gives, found in this process, which a damaged model may end.
+    """The result of `ifc.read`, found in this process, which a damaged model may crash.
 
     Raises InputError, with the file and what would be right.
     """
@@ -126,13 +126,13 @@ class _Geometry:
     """Cuts elements at a height, and notes those that cannot be cut."""
 
     def __init__(self, model: Model, height: float) -> None:
-        """`height` is that of the cut in the model's coordinates, m."""
+        """`height` of the cut in the model's coordinates, m."""
         self._model = model
         self._height = height
         self._lost: Counter[str] = Counter()
 
     def pieces(self, elements: Sequence[Entity]) -> Iterator[_Piece]:
-        """What elements cover with their openings cut out, in the order of their numbers."""
+        """The elements' areas with their openings cut out, in the order of their numbers."""
         areas = self.areas(elements, {})
         self._lost.update(one.is_a() for one in elements if one.Representation is None and not one.IsDecomposedBy)
         for one in elements:
@@ -140,7 +140,7 @@ class _Geometry:
                 yield _Piece(areas[one.id()], _layer(one), one.is_a(), _where(one))
 
     def areas(self, elements: Sequence[Entity], settings: Mapping[str, bool]) -> dict[int, MultiPolygon]:
-        """What elements cover, by their numbers."""
+        """The elements' areas, by their numbers."""
         from ifcopenshell import geom
 
         shown = sorted((one for one in elements if one.Representation is not None), key=lambda one: int(one.id()))
@@ -167,13 +167,13 @@ class _Geometry:
         return areas
 
     def told(self) -> list[str]:
-        """What was passed over, in sentences."""
+        """The ignored elements, in sentences."""
         counts = Counter(one.is_a() for kind in _PASSED_OVER[1:] for one in self._model.by_type(kind))
         told = [f"{_listed(counts)} are passed over: none of these is in the way"] if counts else []
         return [*told, self.lost()] if self._lost else told
 
     def lost(self) -> str:
-        """What could not be cut, in a sentence, if anything."""
+        """The elements that could not be cut, in a sentence, if any."""
         return f"the shapes of {_listed(self._lost)} are missing or broken, and left out" if self._lost else ""
 
 
@@ -191,7 +191,7 @@ def _of(model: Model, kind: str) -> Sequence[Entity]:
 
 
 def _whole(element: Entity) -> Entity:
-    """What a part is a part of, or the element itself."""
+    """The whole that a part belongs to, or the element itself."""
     from ifcopenshell.util.element import get_aggregate
 
     whole: Entity | None = get_aggregate(element) if element.is_a("IfcBuildingElementPart") else None
@@ -215,7 +215,7 @@ def _holders(model: Model) -> dict[int, int]:
 
 
 def _gaps(model: Model, elements: Sequence[Entity], geometry: _Geometry) -> tuple[list[_Piece], list[_Piece]]:
-    """The openings that robots can go through, and those that windows fill, as thick as their walls."""
+    """The openings that robots can pass, and those that windows fill, as thick as their walls."""
     hosts = {one.id(): one for one in elements}
     pairs = [
         (voids.RelatingBuildingElement, voids.RelatedOpeningElement)
@@ -257,7 +257,7 @@ def _gap(area: MultiPolygon, through: Entity) -> _Piece:
 
 
 def _leading_out(solids: Sequence[MultiPolygon], gaps: Sequence[_Piece]) -> list[bool]:
-    """Whether each gap has the outside on one side of it and a room on the other, if the file does not say no."""
+    """Whether each gap has the outside on one side and a room on the other, unless the file denies it."""
     closed = shapely.buffer(shapely.union_all([*solids, *(gap.area for gap in gaps)]), _WELD, join_style="mitre")
     left, low, right, high = closed.bounds
     page = shapely.box(left - 1.0, low - 1.0, right + 1.0, high + 1.0)

@@ -1,4 +1,4 @@
-"""What is read of an IFC file: the types that its library does not give."""
+"""The contents of an IFC file, as types that its library lacks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Protocol, overload
 
 
 class Entity(Protocol):
-    """One thing in the file. It has those of these attributes that its class has in the standard."""
+    """One entity in the file. It has only the attributes of its class in the standard."""
 
     Name: str | None
     LongName: str | None
@@ -35,7 +35,7 @@ class Model(Protocol):
     """The whole file."""
 
     def by_type(self, kind: str) -> Sequence[Entity]:
-        """All of a class. Raises RuntimeError if this version of IFC lacks it."""
+        """All entities of a class. Raises RuntimeError if this version of IFC lacks it."""
 
     def by_id(self, number: int) -> Entity:
-        """The one with this number."""
+        """The entity with this number."""

@@ -1,4 +1,4 @@
-"""Floor plans in IFC files, as building information models are exchanged: one storey, cut at the robots' height."""
+"""Floor plans from IFC files (building information models): one storey, cut at the robots' height."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swarmsim.core.scenario.file import World
 from swarmsim.world.areas import polygons
 from swarmsim.world.shapes import Drawing, Shape
 
-LONGEST: Final = 600.0  # s, that a model may take; damaged ones may take for ever
+LONGEST: Final = 600.0  # s, time limit of a model; damaged ones may never end
 _ROOT: Final = Path(__file__).parents[3]
 _CHILD: Final = "import sys; sys.path.append(sys.argv[1]); from swarmsim.world.bim.ifc import answer; answer()"
 
@@ -30,7 +30,7 @@ class _Task(Struct, frozen=True):
 
 
 class _Answer(Struct, frozen=True, omit_defaults=True):
-    """A drawing on its way between processes, or what is wrong with the file."""
+    """A drawing on its way between processes, or the error in the file."""
 
     problem: str = ""
     shapes: list[tuple[bytes, str, str, str]] = []  # fill as WKB, layer, group, where
@@ -40,17 +40,17 @@ class _Answer(Struct, frozen=True, omit_defaults=True):
 
 
 def read(path: Path, world: World) -> Drawing:
-    """What one storey of an IFC file shows 0.3 m above it, in metres by the file's unit.
+    """One storey of an IFC file, cut 0.3 m above it, in metres by the file's unit.
 
-    `world.level` names the storey, by its name, its number from 0 for the lowest, or its elevation (m); without it, the
-    lowest that has walls is taken. Walls, stairs, ramps, railings, windows, curtain walls and all else that is built
-    are in the layer `walls`, columns in `pillars`, furniture, equipment and lifts in `furniture`; slabs, roofs,
-    coverings, footings and spaces are not solid. Doors and other openings between rooms are in the layer `doors`. Those
-    that lead out of the building are closed, in `walls`, unless `world.border` is false or the file says that a door is
-    no outer one (IsExternal). A window is as thick as its wall. `group` is the class of IFC.
+    `world.level` selects the storey, by its name, its number from 0 for the lowest, or its elevation (m); the default
+    is the lowest with walls. Walls, stairs, ramps, railings, windows, curtain walls and all else that is built are in
+    the layer `walls`, columns in `pillars`, furniture, equipment and lifts in `furniture`; slabs, roofs, coverings,
+    footings and spaces are not solid. Doors and other openings between rooms are in the layer `doors`. Those that lead
+    out of the building are closed, in `walls`, unless `world.border` is false or the file says that a door is not an
+    outer one (IsExternal). A window is as thick as its wall. `group` is the IFC class.
 
-    The library that reads such files may crash on damaged ones, so that a process of its own does the work. Raises
-    InputError, with the file and what would be right.
+    The library may crash on damaged files, so a separate process does the work. Raises InputError, with the file and
+    what would be right.
     """
     if importlib.util.find_spec("ifcopenshell") is None:
         raise InputError(f'world: {path.name} needs ifcopenshell; install it with: pip install "swarmsim-lab[bim]"')
@@ -74,11 +74,11 @@ def read(path: Path, world: World) -> Drawing:
 
 
 def answer() -> None:
-    """Do the work in a process of its own: a task comes in, an answer goes out."""
+    """Do the work in a separate process: read a task, write an answer."""
     from swarmsim.world.bim.cutting import cut
 
     out = os.dup(1)
-    os.dup2(2, 1)  # what the library prints is no part of the answer
+    os.dup2(2, 1)  # keep the library's prints out of the answer
     task = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=_Task)
     try:
         drawing = cut(Path(task.path), task.world)

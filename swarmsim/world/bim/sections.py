@@ -1,4 +1,4 @@
-"""Horizontal sections of solids that are given by triangles."""
+"""Horizontal sections of solids made of triangles."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from shapely.geometry.base import BaseGeometry
 
 from swarmsim.world.areas import polygons
 
-SHEET: Final = 0.02  # m, how thick a surface without a volume is
+SHEET: Final = 0.02  # m, thickness given to a surface without a volume
 _DIGITS: Final = 6  # of a section's corners, in m
 
 
 def section(corners: NDArray[np.float64], triangles: NDArray[np.int64], height: float) -> MultiPolygon:
-    """What solids with these corners (n, 3) and triangles (m, 3) cover at a height, all in m.
+    """The section, at a height, of solids with these corners (n, 3) and triangles (m, 3), all in m.
 
     Solids that share no corner are united. Surfaces that enclose nothing count as sheets.
     """
-    above = corners[:, 2] > height  # a corner at this height counts as below, so that each triangle is cut or is not
+    above = corners[:, 2] > height  # a corner at this height counts as below: each triangle is cut or is not
     share = above[triangles].sum(axis=1)
     cut: NDArray[np.float64] = triangles[(share == 1) | (share == 2)]
     if not len(cut):
@@ -50,7 +50,7 @@ def _bodies(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
 
 def _enclosed(lines: NDArray[np.object_]) -> BaseGeometry:
-    """What the cut of one body encloses, a ring within another being a hole, and its loose lines as sheets."""
+    """The section of one body, where a ring within another is a hole, and its loose lines as sheets."""
     faces, cuts, dangles, _ = shapely.polygonize_full([shapely.union_all(lines)])
     area: BaseGeometry = MultiPolygon()
     outer = [shapely.Polygon(face.exterior) for face in shapely.get_parts(faces)]

@@ -1,4 +1,4 @@
-"""The storeys of a building in an IFC file, and the one that a scenario means."""
+"""The storeys of a building in an IFC file, and the scenario's choice."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class Storey:
 
     id: int  # in the file
     name: str  # empty if it has none
-    elevation: float  # m, as the file calls it
-    height: float  # m, where it lies in the file's coordinates
+    elevation: float  # m, as stated in the file
+    height: float  # m, in the file's coordinates
     walls: int  # in it
     doors: int
 
     def __str__(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return f"{self.name!r} at {self.elevation:.2f} m" if self.name else f"the one at {self.elevation:.2f} m"
 
 
@@ -38,7 +38,7 @@ def storeys(model: Model, metre: float, walls: Sequence[int], doors: Sequence[in
         None if one.ObjectPlacement is None else float(get_local_placement(one.ObjectPlacement)[2][3]) * metre
         for one in found
     ]
-    if len(set(placed)) == 1 and len(set(said)) > 1:  # programs that place everything in the building itself
+    if len(set(placed)) == 1 and len(set(said)) > 1:  # from programs that place everything in the building itself
         placed = said
     storeys = []
     for one, elevation, place in zip(found, said, placed, strict=True):
@@ -50,10 +50,10 @@ def storeys(model: Model, metre: float, walls: Sequence[int], doors: Sequence[in
 
 
 def chosen(storeys: Sequence[Storey], level: str, name: str) -> tuple[Storey, list[str]]:
-    """The storey that `level` means, by its name, its number from 0 for the lowest, or its elevation, and a notice.
+    """The storey of `level`: a name, a number from 0 for the lowest, or an elevation; and a notice.
 
-    Without a level, the lowest that has walls and doors, or else walls: foundations have walls alone. Raises
-    InputError, with the file's `name`, where there is none.
+    Without a level, the lowest with walls and doors, or else with walls: foundations have only walls. Raises
+    InputError, with the file's `name`, if there is none.
     """
     wanted = level.strip().casefold()
     if not wanted:

@@ -1,4 +1,4 @@
-"""What the layers of building programs' drawings are usually called."""
+"""The usual names of layers in the drawings of building programs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.file import World
 from swarmsim.world.plan import FLOOR_LAYER, LAYERS, SPAWN_LAYER, UNKNOWN_LAYER
 
-_WORDS: Final = {  # by which a layer is known, without accents
+_WORDS: Final = {  # that identify a layer, without accents
     "walls": (
         "wall walls wallex wallin wand wande waende mauer mauern mauerwerk trennwand mur murs cloison cloisons pared "
         "paredes tabique tabiques muro muros muri parete pareti parede muur muren wanden vagg vaggar sciana sciany "
@@ -31,7 +31,7 @@ _WORDS: Final = {  # by which a layer is known, without accents
     ),
 }
 _DOORS: Final = "door doors tur ture turen tuer tueren porte portes puerta puertas porta portas deur deuren"
-_NOTES: Final = (  # what stands beside walls or above them
+_NOTES: Final = (  # annotations beside walls or above them
     "iden text texts anno annotation dims dim dimensions dimension tag tags note notes label labels patt grid head ovhd"
 )
 _LAYER_OF: Final = {word: layer for layer, words in _WORDS.items() for word in words.split()}
@@ -39,10 +39,10 @@ _ENDS_OF_WALLS: Final = ("wand", "wande", "waende", "wall", "walls")  # of compo
 
 
 class Conventions:
-    """Tells the layers of one drawing apart, by what a scenario says and by usual names."""
+    """Tells the layers of one drawing apart, by the scenario and by usual names."""
 
     def __init__(self, names: Iterable[str], world: World, file: str) -> None:
-        """`names` are those of the file's layers, of which `*` and `?` in the scenario's names stand for any.
+        """`names` are the file's layers; `*` and `?` in the scenario's names match any characters.
 
         Raises InputError for a layer that does not exist and for names that the drawing lacks.
         """
@@ -60,7 +60,7 @@ class Conventions:
                 )
 
     def layer_of(self, name: str) -> str:
-        """The layer of a floor plan that one of the file's layers is; empty where neither scenario nor name says."""
+        """The floor plan's layer for one of the file's layers; empty if neither scenario nor name says."""
         given = next((layer for layer in LAYERS if any(_matches(name, p) for p in self._given.get(layer, ()))), "")
         if given:
             return given
@@ -91,7 +91,7 @@ def _matches(name: str, pattern: str) -> bool:
 
 
 def _words(name: str) -> list[str]:
-    """The words of a layer's name: no accents, no digits, and nothing of the file that it was bound from."""
+    """The words of a layer's name, without accents, digits, and the name of the file that it was bound from."""
     own = re.split(r"[|]|\$\d+\$", name)[-1]
     plain = unicodedata.normalize("NFKD", own.casefold().replace("ß", "ss"))
     return re.findall(r"[^\W\d_]+", "".join(c for c in plain if not unicodedata.combining(c)))

@@ -28,26 +28,26 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
 WALL: Final = 0.1  # m, the pen of a line without a width that is a wall by itself
-THIN: Final = 0.02  # m, the pen of one that is the side of a wall, or of something else
-_AREAS: Final = (SPAWN_LAYER, UNKNOWN_LAYER, DOORS_LAYER, FLOOR_LAYER)  # what their outlines enclose counts
-_NARROW: Final = 0.6  # m, twice the area by the outline: a fill that is wider is a room's colour, unless it is black
-_BLACK: Final = 80  # of 255, the brightest part of a colour that is black
+THIN: Final = 0.02  # m, the pen of a line that is the side of a wall, or of something else
+_AREAS: Final = (SPAWN_LAYER, UNKNOWN_LAYER, DOORS_LAYER, FLOOR_LAYER)  # the inside of their outlines counts
+_NARROW: Final = 0.6  # m, twice the area by the outline: a wider fill is a room's colour, unless it is black
+_BLACK: Final = 80  # of 255, the brightest channel of a black colour
 _MARKS: Final = {b"AC10": "DWG", b"%PDF": "PDF"}
 
 
 def read(path: Path, world: World) -> Drawing:
-    """What the model space of a DXF file shows, in metres by its unit ($INSUNITS).
+    """The contents of a DXF file's model space, in metres by its unit ($INSUNITS).
 
-    `world.scale` multiplies the metres, which a file without a unit is taken to be in; `world.width` says how wide all
-    that is drawn is. Things in layer 0 of a block are in the layer of its insertion. Frozen layers, those turned off
-    and invisible things do not count, nor do texts, dimensions, points and hatches other than solid fills. A solid fill
-    counts where its layer is solid, and elsewhere where it is narrow, as walls are, or black.
+    `world.scale` multiplies the metres (the default unit of a file); `world.width` gives the width of the whole
+    drawing. Things in layer 0 of a block are in the layer of its insertion. Frozen layers, those turned off and
+    invisible things do not count, nor do texts, dimensions, points and hatches other than solid fills. A solid fill
+    counts if its layer is solid, and otherwise if it is narrow, like a wall, or black.
 
-    A line with a width has a pen of that width. Lines without one are walls in two ways. Two that run beside each
-    other, 0.05 to 0.6 m apart, are the sides of a wall: what they enclose is filled, and sides that enclose nothing get
-    a pen of 0.02 m. Any other such line is a wall by itself, 0.1 m thick, unless its layer says that it is none.
+    A line with a width has a pen of that width. Lines without one are walls in two ways. Two side by side, 0.05 to
+    0.6 m apart, are the sides of a wall: their inside is filled, and sides that enclose nothing get a pen of 0.02 m.
+    Any other such line is a wall by itself, 0.1 m thick, unless its layer says otherwise.
 
-    `group` is the name of the DXF layer, `layer` what `world.layers`, `world.floor` or a usual name makes of it.
+    `group` is the name of the DXF layer, `layer` its meaning by `world.layers`, `world.floor` or a usual name.
     Symbols of doors have no layer.
 
     Raises InputError, with the file and what would be right.
@@ -85,7 +85,7 @@ def read(path: Path, world: World) -> Drawing:
 
 
 def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) -> Iterator[Shape]:
-    """The shapes, the lowest first, and then what lies between the two sides of walls."""
+    """The shapes, lowest first, then the insides of walls with two sides."""
     known = {name: (names.layer_of(name), names.draws_doors(name)) for name in {one.layer for one in drawn}}
     walls = _Walls(drawn, [None if known[one.layer][1] else known[one.layer][0] for one in drawn])
     colours = leaves = 0
@@ -121,10 +121,10 @@ def _shapes(drawn: Sequence[Primitive], names: Conventions, notices: list[str]) 
 
 
 class _Walls:
-    """What lines without a width make: pens for them, and the insides of walls with two sides."""
+    """The meaning of lines without a width: pens for them, and the insides of walls with two sides."""
 
     def __init__(self, drawn: Sequence[Primitive], layers: Sequence[str | None]) -> None:
-        """`layers` has the layer of each thing, and None for symbols of doors."""
+        """`layers` has the layer of each thing; None for symbols of doors."""
         self.pens = np.full(len(drawn), THIN)  # m
         self.within: list[list[BaseGeometry]] = [[] for _ in drawn]  # where they need no pen
         self.insides: list[Shape] = []
@@ -142,7 +142,7 @@ class _Walls:
 
 
 def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[int, BaseGeometry]]:
-    """Each shape that touches the inside of a wall, with that inside, slightly larger: it needs no pen there."""
+    """Each shape that touches the inside of a wall, with that inside, slightly enlarged: it needs no pen there."""
     if len(found.between):
         grown = shapely.buffer(found.between, FLATNESS, join_style="mitre")
         lines = np.array([shapely.LineString(line) for _, line in own], object)
@@ -151,7 +151,7 @@ def _along(own: Sequence[tuple[int, Line]], found: Cavities) -> Iterator[tuple[i
 
 
 def _drawn(lines: Sequence[Line], pen: float, within: Sequence[BaseGeometry]) -> MultiPolygon:
-    """What a pen covers along lines, where they do not border the inside of a wall."""
+    """The area of a pen along lines, except where they border the inside of a wall."""
     shown = np.array([_ring(line) for line in lines], object)
     for inside in within:
         shown = shapely.difference(shown, inside)
@@ -168,7 +168,7 @@ def _is_closed(line: Line) -> bool:
 
 
 def _is_wall(one: Primitive) -> bool:
-    """Whether a fill in a layer that says nothing is a wall."""
+    """Whether a fill in an unknown layer is a wall."""
     return one.brightness <= _BLACK or 2.0 * one.fill.area < _NARROW * one.fill.length
 
 
@@ -177,7 +177,7 @@ def _is_blank(shape: Shape) -> bool:
 
 
 def _across(drawn: Sequence[Primitive], path: Path) -> float:
-    """How wide all that is drawn is, in the file's units."""
+    """The width of the whole drawing, in the file's units."""
     left, _, right, _ = np.array([one.bounds for one in drawn]).T if drawn else np.zeros((4, 1))
     if not right.max() > left.min():
         raise InputError(f"{path}: nothing in it is wide, so that world.width says nothing; expected walls")
@@ -185,7 +185,7 @@ def _across(drawn: Sequence[Primitive], path: Path) -> float:
 
 
 def _unit(document: Document) -> tuple[str, float]:
-    """The unit's name, empty for none, and how many metres it is."""
+    """The unit's name, empty for none, and its length in metres."""
     from ezdxf.enums import InsertUnits
     from ezdxf.units import conversion_factor, decode
 
@@ -198,7 +198,7 @@ def _unit(document: Document) -> tuple[str, float]:
 
 
 def _opened(path: Path) -> tuple[Document, list[str]]:
-    """The document in a file, mended where it is damaged. Raises InputError."""
+    """The document in a file, repaired if damaged. Raises InputError."""
     try:
         from ezdxf import recover
         from ezdxf.filemanagement import readfile
@@ -225,7 +225,7 @@ def _opened(path: Path) -> tuple[Document, list[str]]:
 
 @contextmanager
 def _quiet(path: Path) -> Iterator[None]:
-    """Keeps what the library logs from the screen, and tells its failures, of any kind, as those of the file."""
+    """Hides the library's log, and reports any of its failures as one of the file."""
     log = logging.getLogger("ezdxf")
     silent, log.disabled = log.disabled, True
     try:

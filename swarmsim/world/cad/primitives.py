@@ -1,4 +1,4 @@
-"""What the entities of a DXF file show, one by one: lines and fills in the file's own unit."""
+"""The entities of a DXF file, one by one, as lines and fills in the file's own unit."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ if TYPE_CHECKING:
     from ezdxf.entities.polyline import Polyline
     from ezdxf.math import Vec3
 
-MOST: Final = 100_000  # things in a drawing; blocks may multiply a small file without end
+MOST: Final = 100_000  # things in a drawing; blocks may multiply a small file endlessly
 _DEEPEST: Final = 50  # blocks within blocks
 _FARTHEST: Final = 1e15  # units, beyond which numbers have no digits left
-_CURVED: Final = 1e7  # flatnesses, the largest size of a curve, which would have thousands of chords
-_CHORDS: Final = 6  # of an arc, at least, by which the swings of doors are known
+_CURVED: Final = 1e7  # flatnesses, the largest size of a curve; its chords already number thousands
+_CHORDS: Final = 6  # of an arc, at least, to recognise door swings
 _LINES: Final = "LINE LWPOLYLINE POLYLINE ARC CIRCLE ELLIPSE SPLINE HELIX"
 _FILLS: Final = "SOLID TRACE HATCH MPOLYGON"
 _NOTES: Final = (
     "TEXT MTEXT ATTRIB ATTDEF DIMENSION ARC_DIMENSION LARGE_RADIAL_DIMENSION LEADER MULTILEADER MLEADER TOLERANCE "
     "ACAD_TABLE POINT RAY XLINE VIEWPORT LIGHT SUN CAMERA SECTION RTEXT ARCALIGNEDTEXT GEOPOSITIONMARKER SEQEND"
 )
-_UNPLOTTED: Final = "defpoints"  # the layer of what no program prints
+_UNPLOTTED: Final = "defpoints"  # the layer that no program prints
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,9 +50,9 @@ class Primitive:
     where: str  # as in `LINE 2F`
     lines: tuple[Line, ...] = ()
     pen: float = 0.0  # the width of its lines, 0 for hairlines
-    stroke: MultiPolygon = NOTHING  # what a pen of that width covers
+    stroke: MultiPolygon = NOTHING  # the area of a pen of that width
     fill: MultiPolygon = NOTHING
-    brightness: int = 0  # of the fill's colour, that of its brightest part, up to 255
+    brightness: int = 0  # of the fill's brightest colour channel, up to 255
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -73,7 +73,7 @@ class Primitive:
         )
 
     def shifted(self, x: float, y: float) -> Primitive:
-        """The same, moved by so much."""
+        """The same, moved by (dx, dy)."""
         return replace(
             self,
             lines=tuple(line + np.array([x, y]) for line in self.lines),
@@ -83,17 +83,17 @@ class Primitive:
 
 
 class Entities:
-    """Finds what can be seen in a document's model space, and counts what is passed over."""
+    """Finds the visible things in a document's model space, and counts those ignored."""
 
     def __init__(self, document: Drawing, name: str) -> None:
-        """`name` is what messages call the file."""
+        """`name`: of the file in messages."""
         self._document = document
         self._name = name
         self._layers = {layer.dxf.name.casefold(): layer for layer in document.layers}
         self._forget()
 
     def primitives(self, flatness: float) -> Iterator[Primitive]:
-        """All that can be seen, in the order of the file; curves become chords, `flatness` from them at most.
+        """All visible things, in the order of the file; curves become chords, at most `flatness` away.
 
         Raises InputError for more than `MOST`.
         """
@@ -101,7 +101,7 @@ class Entities:
         yield from self._seen(self._document.modelspace(), "", flatness, 0)
 
     def told(self) -> list[str]:
-        """What was passed over by the last call of `primitives`, in sentences."""
+        """What the last call of `primitives` ignored, in sentences."""
         told = []
         if self._hidden:
             told.append(
@@ -122,7 +122,7 @@ class Entities:
         return told
 
     def nothing(self) -> str:
-        """Why there is nothing to see."""
+        """Why nothing is visible."""
         if self._elsewhere or self._foreign or self._hidden:
             return "nothing in its model space can be a wall; " + "; ".join(self.told())
         if any(len(layout) for layout in self._document.layouts if layout.name != "Model"):
@@ -137,7 +137,7 @@ class Entities:
         self._elsewhere: Counter[str] = Counter()  # insertions, by file
 
     def _seen(self, entities: Iterable[DXFGraphic], above: str, flatness: float, depth: int) -> Iterator[Primitive]:
-        """What can be seen of entities; things in layer 0 are in the layer `above`, that of their block's insertion."""
+        """The visible entities; things in layer 0 are in the layer `above`, that of their block's insertion."""
         for entity in entities:
             self._count += 1
             if self._count > MOST:
@@ -161,7 +161,7 @@ class Entities:
                 self._foreign[kind] += 1
 
     def _inserted(self, insert: Insert, layer: str, flatness: float, depth: int) -> Iterator[Primitive]:
-        """What can be seen of a block where it is inserted, as often as it is."""
+        """The visible things of a block at each of its insertions."""
         from ezdxf.xclip import XClip
 
         block = insert.block()
@@ -189,7 +189,7 @@ class Entities:
                     yield clipped
 
     def _line(self, entity: DXFGraphic, layer: str, flatness: float) -> Iterator[Primitive]:
-        """A line of any kind, and what its pen covers if it has a width."""
+        """A line of any kind, and its pen's area if it has a width."""
         from ezdxf.path import make_path
 
         kind = entity.dxftype()
@@ -212,7 +212,7 @@ class Entities:
             yield Primitive(layer, _where(entity), (line,), pen, stroke)
 
     def _filled(self, entity: DXFGraphic, layer: str, flatness: float) -> Iterator[Primitive]:
-        """A solid fill; patterns are passed over."""
+        """A solid fill; patterns are ignored."""
         from ezdxf.path import from_hatch
 
         kind = entity.dxftype()
@@ -234,13 +234,13 @@ class Entities:
                 yield Primitive(layer, _where(entity), fill=fill, brightness=self._brightness(entity, layer))
 
     def _parts(self, entity: DXFGraphic) -> list[DXFGraphic]:
-        """What an entity of a program's own shows, where the file says so in lines; nothing otherwise."""
+        """A program-specific entity, if the file gives it as lines; otherwise nothing."""
         from ezdxf.protocols import SupportsVirtualEntities, virtual_entities
 
         return list(virtual_entities(entity)) if isinstance(entity, SupportsVirtualEntities) else []
 
     def _is_real(self, corners: Line, kind: str, flatness: float) -> bool:
-        """Whether a thing has corners that are numbers, and is no curve of far too many chords; told otherwise."""
+        """Whether a thing has finite corners, and is not a curve of far too many chords; notes it otherwise."""
         real = bool(len(corners)) and bool(np.isfinite(corners).all()) and bool(np.abs(corners).max() < _FARTHEST)
         real = real and (flatness == math.inf or float(np.ptp(corners, axis=0).max()) < _CURVED * flatness)
         if not real:
@@ -256,7 +256,7 @@ class Entities:
         return name.casefold() == _UNPLOTTED or (layer is not None and bool(layer.is_frozen() or layer.is_off()))
 
     def _brightness(self, entity: DXFGraphic, layer: str) -> int:
-        """The brightest part of a colour, of 255; black for the colour that is white on black screens."""
+        """The brightest channel of a colour, of 255; black for the colour that is white on black screens."""
         from ezdxf import colors
 
         if entity.rgb is not None:
@@ -271,7 +271,7 @@ class Entities:
 
 
 def _chords(circle: Circle, flatness: float) -> Iterator[Vec3]:
-    """The corners of a circle or an arc, exactly on it, where a path has Bezier curves; no arc has only a few."""
+    """The corners of a circle or an arc, exactly on it (a path has Bezier curves), and never only a few."""
     if circle.dxftype() == "ARC":
         turn = math.radians((circle.dxf.end_angle - circle.dxf.start_angle) % 360.0) or math.tau
         fine = abs(float(circle.dxf.radius)) * (1.0 - math.cos(turn / (2.0 * _CHORDS)))
@@ -280,7 +280,7 @@ def _chords(circle: Circle, flatness: float) -> Iterator[Vec3]:
 
 
 def _pen(entity: LWPolyline | Polyline, line: Line) -> tuple[float, MultiPolygon]:
-    """The width of a polyline, the middle one where it changes, and what a pen of that width covers."""
+    """The width of a polyline, the middle one if it varies, and the area of a pen of that width."""
     from ezdxf.render.trace import TraceBuilder
 
     widths = np.abs(_widths(entity))
@@ -297,7 +297,7 @@ def _pen(entity: LWPolyline | Polyline, line: Line) -> tuple[float, MultiPolygon
 
 
 def _widths(entity: LWPolyline | Polyline) -> NDArray[np.float64]:
-    """The widths of a polyline where its parts start and end, in the file's unit."""
+    """The widths of a polyline at the starts and ends of its parts, in the file's unit."""
     if entity.dxftype() == "LWPOLYLINE":
         flat = cast("LWPolyline", entity)
         same = flat.dxf.get("const_width", 0.0)
@@ -314,7 +314,7 @@ def _widths(entity: LWPolyline | Polyline) -> NDArray[np.float64]:
 
 
 def _area(rings: list[Line]) -> MultiPolygon:
-    """What rings enclose, in which a ring within another is a hole."""
+    """The inside of rings, where a ring within another is a hole."""
     area: BaseGeometry = NOTHING
     for ring in rings:
         if len(np.unique(ring, axis=0)) >= 3:
@@ -323,7 +323,7 @@ def _area(rings: list[Line]) -> MultiPolygon:
 
 
 def _clipped(shown: Primitive, window: MultiPolygon) -> Primitive | None:
-    """What of a thing lies within the window, or None."""
+    """The part of a thing within the window, or None."""
     cut = shapely.get_parts(shapely.intersection([shapely.LineString(line) for line in shown.lines], window))
     lines = tuple(shapely.get_coordinates(part) for part in cut if part.length > 0.0)
     stroke, fill = (polygons(shapely.intersection(area, window)) for area in (shown.stroke, shown.fill))

@@ -1,4 +1,4 @@
-"""Doors that a map marks by a point or a line, as openings through the walls between two rooms."""
+"""Doors marked by a point or a line on a map, as openings through the walls between two rooms."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-WIDTH: Final = 0.9  #: m, of a door that does not say its own
+WIDTH: Final = 0.9  #: m, default width of a door
 
 _REACH = 0.5  # m, between a door's mark and its wall
-_OFFSETS = np.array([0.03, 0.15, 0.3, 0.45, 0.6])  # m from the wall's line, where a room is looked for
-_BEYOND = 0.17  # m, how much farther than where the room begins an opening reaches
-_JAMB = 0.05  # m, what stays of a wall beside a door at its end
-_STRAIGHT = 0.01  # m, bends that are none: doors are corners of outlines
-_ENOUGH = 2  # of three looks through a door, which have to see a room on either side
+_OFFSETS = np.array([0.03, 0.15, 0.3, 0.45, 0.6])  # m from the wall's line, where to look for a room
+_BEYOND = 0.17  # m that an opening reaches into a room
+_JAMB = 0.05  # m of wall left beside a door at its end
+_STRAIGHT = 0.01  # m, bends to ignore: doors are corners of outlines
+_ENOUGH = 2  # of three looks through a door that have to see a room on either side
 _SHORTEST = 0.3  # m, of a wall with a door
 
 
@@ -30,11 +30,11 @@ class _Place:
     along: NDArray[np.float64]
     width: float  # m
     away: float  # m, from the mark
-    parts: bool  # whether it parts two rooms, and does not just stand in one
+    parts: bool  # whether it separates two rooms, and does not just stand in one
 
 
 class Walls:
-    """The borders of rooms, and walls that are lines, with what lies on either side."""
+    """The borders of rooms, and walls drawn as lines, with the rooms on either side."""
 
     def __init__(self, rooms: Sequence[BaseGeometry], lines: Sequence[BaseGeometry]) -> None:
         self._rooms = shapely.STRtree(list(rooms))
@@ -47,8 +47,8 @@ class Walls:
     def opening(self, mark: BaseGeometry, width: float) -> shapely.Polygon | None:
         """The opening for a door at `mark`, a point or a line as long as the door, from room to room.
 
-        None if there is no wall, or a room on one side alone: a door that leads outside stays closed. A door at a
-        corner moves along the wall that parts two rooms.
+        None without a wall, or with a room on one side only: a door that leads outside stays closed. A door at a
+        corner moves along the wall that separates two rooms.
         """
         places = self._at_point(mark, width) if isinstance(mark, shapely.Point) else self._at_line(mark)
         rated = [(self._sides(place), place) for place in places]
@@ -86,7 +86,7 @@ class Walls:
         return [_Place(0.5 * (corners[0] + corners[-1]), (corners[-1] - corners[0]) / length, length, 0.0, False)]
 
     def _sides(self, place: _Place) -> tuple[int, tuple[float, float]]:
-        """How many of three looks see one room on the left and another on the right, and how far away these are."""
+        """How many of three looks see one room on the left and another on the right, and their distances."""
         reach = float(_OFFSETS[0] + _BEYOND)
         if not self._any:
             return 0, (reach, reach)

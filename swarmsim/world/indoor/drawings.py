@@ -23,9 +23,9 @@ from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing, Shape
 from swarmsim.world.sheets import sheet
 
-_NAMES: Final = ("layer", "class", "name", "id")  # of properties, which may name the layer of a feature
-_KINDS: Final = ("category", "indoor", "room", "type")  # likewise, for names that the user gives
-_ANYWHERE: Final = ("", IGNORED, OUTLINE, NO_FLOOR, DOORS_LAYER, SPAWN_LAYER)  # what makes no level
+_NAMES: Final = ("layer", "class", "name", "id")  # of properties that may name the layer of a feature
+_KINDS: Final = ("category", "indoor", "room", "type")  # the same, for names that the user gives
+_ANYWHERE: Final = ("", IGNORED, OUTLINE, NO_FLOOR, DOORS_LAYER, SPAWN_LAYER)  # not enough for a level
 
 
 def drawn(
@@ -35,12 +35,12 @@ def drawn(
     page: Box | None = None,
     unit: Literal["m", "degrees", ""] = "",
 ) -> Drawing:
-    """What features show, in metres.
+    """A drawing of features, in metres.
 
-    Where nothing says the `unit` of their coordinates, these are metres, x right and y up, or degrees if all of it is
-    too small for metres. A feature's layer is what its properties say (`layer`, `class`, `name`, `id`), by the names of
-    layers or those that the user gives; the tags of indoor maps say as well what is a room, a wall or a door. Raises
-    InputError with all that is wrong, or with the levels to choose from.
+    Without a `unit`, coordinates are metres, x right and y up, or degrees if all of them are too small for metres. A
+    feature's layer follows from its properties (`layer`, `class`, `name`, `id`), by the names of layers or those that
+    the user gives; the tags of indoor maps also mark rooms, walls and doors. Raises InputError with all errors, or with
+    the levels to choose from.
     """
     roles = [_role(feature.properties, world) for feature in features]
     indoors = any(role in PLACES if tagged else role == FLOOR_LAYER for role, tagged in roles)
@@ -60,7 +60,7 @@ def drawn(
 
 
 def _role(properties: Mapping[str, object], world: World) -> tuple[str, bool]:
-    """What a feature is, and whether the tags of indoor maps say so."""
+    """A feature's role, and whether it comes from the tags of indoor maps."""
     given = {**world.named, FLOOR_LAYER: (*world.named.get(FLOOR_LAYER, ()), *world.floor)}
     if layer := layer_named(list(texts(properties, (*_NAMES, *_KINDS)).values()), given):
         return layer, False
@@ -72,7 +72,7 @@ def _role(properties: Mapping[str, object], world: World) -> tuple[str, bool]:
 
 
 def _on_level(parts: list[Tagged], name: str, world: World, notices: list[str]) -> list[Tagged]:
-    """What lies on the level that the user means; doors and the like without a level lie on all."""
+    """The features on the user's level; doors and the like without a level lie on all."""
     places = [part for part in parts if not part.shape.is_empty and part.role not in _ANYWHERE]
     rooms = Counter(level for part in places for level in levels_of(part.feature.properties))
     names: dict[str, list[str]] = {}
@@ -100,12 +100,12 @@ def _labels(value: object) -> list[str]:
 
 
 def _placed(parts: Sequence[Tagged], indoors: bool) -> list[BaseGeometry]:
-    """What says where the building is: what floor and walls are made of, or all of a plan without tags."""
+    """The features that locate the building: floor and walls, or all of a plan without tags."""
     return [part.shape for part in parts if not indoors or part.role not in _ANYWHERE]
 
 
 def _in_degrees(parts: Sequence[Tagged], indoors: bool, page: Box | None) -> bool:
-    """Whether the coordinates have to be degrees: all is too small for metres, and no line is thin beside that."""
+    """Whether the coordinates have to be degrees: everything is too small for metres, but no line is thin beside it."""
     bounds = shapely.total_bounds(_placed(parts, indoors))
     if not np.isfinite(bounds).all() or not are_degrees(bounds):
         return False
@@ -117,7 +117,7 @@ def _in_degrees(parts: Sequence[Tagged], indoors: bool, page: Box | None) -> boo
 
 
 def _projected(parts: Sequence[Tagged], indoors: bool, page: Box | None) -> tuple[list[Tagged], Box | None]:
-    """The same in metres from the lower left corner of the building, of all its levels."""
+    """The same in metres from the lower left corner of the building with all its levels."""
     left, low, right, high = (float(side) for side in shapely.total_bounds(_placed(parts, indoors)))
     plane = Projection((left + right) / 2.0, (low + high) / 2.0)
     flat = [replace(part, shape=shapely.transform(part.shape, plane.metres)) for part in parts]
@@ -130,7 +130,7 @@ def _projected(parts: Sequence[Tagged], indoors: bool, page: Box | None) -> tupl
 
 
 def _plain(parts: Sequence[Tagged], name: str, notices: list[str]) -> list[Shape]:
-    """The shapes of a plan without tags of indoor maps, as they are drawn."""
+    """The shapes of a plan without tags of indoor maps, as drawn."""
     problems, shapes, points = Problems(name), [], 0
     for part in parts:
         if wrong := not_an_area(part.shape):

@@ -1,4 +1,4 @@
-"""Features with properties, from any format, and the area that they cover."""
+"""Features with properties, from any format, and their areas."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from swarmsim.world.plan import SPAWN_LAYER
 from swarmsim.world.shapes import Shape
 from swarmsim.world.viewport import LARGEST
 
-WALL: Final = 0.1  #: m, a wall of an indoor map that is a line without a width
+WALL: Final = 0.1  #: m, thickness of an indoor map's wall drawn as a line without a width
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,12 +27,12 @@ class Feature:
 
     properties: Mapping[str, object]
     shape: BaseGeometry  # in metres or degrees
-    where: str  # what messages call it
+    where: str  # its name in messages
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tagged:
-    """A feature, and what it is: a layer of a floor plan, a role of indoor maps, or nothing."""
+    """A feature and its role: a layer of a floor plan, a role of indoor maps, or none."""
 
     feature: Feature
     role: str
@@ -44,21 +44,21 @@ class Tagged:
         return "Polygon" in self.shape.geom_type
 
     def area(self) -> MultiPolygon:
-        """What it covers on an indoor map: outlines that cross themselves are mended, and walls have a width."""
+        """Its area on an indoor map: self-crossing outlines are repaired, and walls have a width."""
         shape = self.shape if self.shape.is_valid else shapely.make_valid(self.shape)
         if self.role in FLOORS:
             return polygons(shape)
         return thick(shape, width_of(self.feature.properties) or WALL)[0]
 
     def drawn(self, area: MultiPolygon, layer: str) -> Shape:
-        """The shape that it is in a drawing."""
+        """Its shape in a drawing."""
         own = self.feature.properties
         spawn = str(own.get("id") or own.get("name") or SPAWN_LAYER) if layer == SPAWN_LAYER else ""
         return Shape(area, layer=layer, group=kind_of(own), spawn=spawn, where=self.feature.where)
 
 
 def thick(shape: BaseGeometry, width: object) -> tuple[MultiPolygon, str]:
-    """The area of a geometry whose lines are `width` (m) thick, and what is wrong with it."""
+    """The area of a geometry with lines `width` (m) thick, and its error."""
     parts = shapely.get_parts(shape)
     lines = [part for part in parts if "Line" in part.geom_type]
     if lines:
@@ -70,7 +70,7 @@ def thick(shape: BaseGeometry, width: object) -> tuple[MultiPolygon, str]:
 
 
 def not_a_place(shape: BaseGeometry) -> str:
-    """What is wrong with the coordinates of a geometry, or nothing."""
+    """The error in a geometry's coordinates, or empty."""
     corners = shapely.get_coordinates(shape)
     if shape.is_empty or not np.isfinite(corners).all():
         return "it is empty, or has a coordinate that is not finite"
@@ -80,13 +80,13 @@ def not_a_place(shape: BaseGeometry) -> str:
 
 
 def not_an_area(shape: BaseGeometry) -> str:
-    """What is wrong with the outlines of a geometry, or nothing."""
+    """The error in a geometry's outlines, or empty."""
     if not shape.is_valid:
         return f"not a valid area ({shapely.is_valid_reason(shape)}); its rings should neither cross nor overlap"
     return ""
 
 
 def layer_named(called: Sequence[str], layers: Mapping[str, Sequence[str]]) -> str:
-    """The layer of what has these names, by the names of each layer, or an empty string."""
+    """The layer for something with these names, by the names of each layer, or an empty string."""
     own = set(map(normal, called))
     return next((layer for layer, names in layers.items() if own & set(map(normal, names))), "")

@@ -19,7 +19,7 @@ from swarmsim.world.shapes import Drawing
 
 SUFFIXES: Final = (".zip", ".imdf")
 
-_FILES: Final = ("unit", "opening", "level", "fixture", "kiosk")  # what a floor plan needs of a venue
+_FILES: Final = ("unit", "opening", "level", "fixture", "kiosk")  # files of a venue for a floor plan
 _BROKEN: Final = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, ValueError, RuntimeError, NotImplementedError
 )  # fmt: skip
@@ -29,7 +29,7 @@ _EXPECTED: Final = "a venue in IMDF, a folder or .zip with unit.geojson"
 def read(path: Path, world: World) -> Drawing:
     """One level of a venue: units are floor with walls between them, openings are doors.
 
-    `world.level` is a level's id, name, short name or ordinal; it is a must where there are several. Raises InputError.
+    `world.level` is a level's id, name, short name or ordinal, required if there are several. Raises InputError.
     """
     name = str(path)
     found: list[Feature] = []
@@ -44,7 +44,7 @@ def read(path: Path, world: World) -> Drawing:
 
 
 def _folder(path: Path) -> Iterator[tuple[str, str]]:
-    """Name and text of the files that are needed, none from outside of the folder."""
+    """Name and text of the needed files, none from outside of the folder."""
     for kind in _FILES:
         file = path / f"{kind}.geojson"
         if file.is_file():
@@ -54,7 +54,7 @@ def _folder(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _archive(path: Path) -> Iterator[tuple[str, str]]:
-    """The same for an archive; no more of it is unpacked than a file may hold."""
+    """The same for an archive; it unpacks at most the size limit of a file."""
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             members = sorted(archive.infolist(), key=lambda member: (member.filename.count("/"), member.filename))
@@ -84,7 +84,7 @@ def _archive(path: Path) -> Iterator[tuple[str, str]]:
 
 
 def _kind(member: str) -> str:
-    """The type of feature in a file of an archive, or nothing for the shadows that macOS adds."""
+    """The type of feature in a file of an archive, or nothing for macOS's shadow files."""
     file = PurePosixPath(member)
     return file.stem if file.suffix == ".geojson" and "__MACOSX" not in file.parts else ""
 

@@ -1,4 +1,4 @@
-"""The levels of a building that has several in one file, and the one of them that is wanted."""
+"""The levels of a building in one file, and the wanted one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LISTED: Final = 20  # levels in one message
 
 
 def levels_of(properties: Mapping[str, object]) -> frozenset[str]:
-    """The levels that a feature lies on, as OSM (`level`, `repeat_on`: 0;1 or 0-3) or IMDF (`level_id`) say it."""
+    """The levels of a feature, as in OSM (`level`, `repeat_on`: 0;1 or 0-3) or IMDF (`level_id`)."""
     level = properties.get("level_id")
     if isinstance(level, str):
         return frozenset([level])
@@ -38,9 +38,9 @@ def _listed(value: object) -> list[str]:
 def chosen(
     wanted: str, rooms: Mapping[str, int], names: Mapping[str, Sequence[str]], name: str, notices: list[str]
 ) -> frozenset[str]:
-    """The levels, of those with `rooms` each, that the user means; `names` are others by which they are known.
+    """The user's choice among the levels with `rooms`; `names` are their other names.
 
-    None named is right where there is one. Several of one name, as in two buildings, are all meant. Raises InputError
+    It may be left out if there is only one. Several of the same name, as in two buildings, all count. Raises InputError
     with the list of levels.
     """
     if not rooms and wanted:

@@ -1,4 +1,4 @@
-"""Indoor maps of OpenStreetMap as XML: nodes, ways and multipolygons with the tags of simple indoor tagging."""
+"""Indoor maps of OpenStreetMap as XML: nodes, ways and multipolygons with simple indoor tagging."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _Nodes = dict[str | None, NDArray[np.float64]]  # longitude and latitude by id
 
 
 def read(path: Path, world: World) -> Drawing:
-    """What the indoor tags of an OSM XML file show.
+    """The drawing of an OSM XML file, by its indoor tags.
 
-    Rooms, areas and corridors are floor, `door` on their outlines are doors. Raises InputError with all that is wrong,
+    Rooms, areas and corridors are floor; `door` tags on their outlines are doors. Raises InputError with all errors,
     each with its line.
     """
     root, name = parsed(path, "osm", _EXPECTED), str(path)

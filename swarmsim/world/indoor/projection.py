@@ -1,4 +1,4 @@
-"""Longitudes and latitudes as metres on a plane that touches the earth in the middle of a building."""
+"""Longitudes and latitudes as metres on a plane tangent to the earth in the middle of a building."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-WIDEST: Final = 0.1  #: degrees, about 10 km: what is wider is no building in degrees
+WIDEST: Final = 0.1  #: degrees, about 10 km: anything wider is not a building in degrees
 
 _AXIS, _ECCENTRICITY_2 = 6_378_137.0, 6.694379990141e-3  # of the ellipsoid WGS 84: m, squared
 
 
 def are_degrees(bounds: NDArray[np.float64]) -> bool:
-    """Whether left, lower, right and upper can be those of a building in degrees: in metres it would be a toy."""
+    """Whether left, lower, right and upper may be a building in degrees: in metres it would be a toy."""
     left, low, right, high = bounds
     on_earth = left >= -180.0 and right <= 180.0 and low > -90.0 and high < 90.0
     return bool(on_earth and 0.0 < max(right - left, high - low) < WIDEST)

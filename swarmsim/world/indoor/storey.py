@@ -1,4 +1,4 @@
-"""One storey of an indoor map: rooms, the walls between them, and doors that lead from room to room."""
+"""One storey of an indoor map: rooms, the walls between them, and doors from room to room."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from swarmsim.world.indoor.tags import FLOORS, NO_FLOOR, OPEN, OUTLINE, ROOM, ki
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER, LAYERS
 from swarmsim.world.shapes import Shape
 
-_GAP: Final = 0.5  # m, a gap between rooms that is the wall between them
+_GAP: Final = 0.5  # m, the widest gap between rooms that counts as wall
 _SPECK: Final = 1e-3  # m2 of such a gap
 _NAMED: Final = 12  # kinds of features in a notice
 
 
 def storey(parts: Sequence[Tagged], notices: list[str]) -> list[Shape]:
-    """The shapes of one storey: rooms are floor, what is solid keeps its layer, and doors are openings.
+    """The shapes of one storey: rooms are floor, solids keep their layer, and doors are openings.
 
-    Where walls are drawn (wrld3d), the floor is what the building's outline holds, and rooms are names alone.
+    If walls are drawn (wrld3d), the floor is the inside of the building's outline, and rooms are only names.
     """
     walled = any(part.role == "walls" and part.feature.properties.get("type") in ("wall", "window") for part in parts)
     floor = _floor(parts, walled)
     own = [layer for layer in LAYERS if layer not in (FLOOR_LAYER, DOORS_LAYER)]
     stairs = [part for part in parts if part.role == NO_FLOOR and part.flat]
     solid = [shape for layer in own for shape in _drawn(parts, (layer,), layer)]
-    solid += _drawn(stairs, (NO_FLOOR,), "walls")  # or doors would be made into them, as into closed rooms
+    solid += _drawn(stairs, (NO_FLOOR,), "walls")  # or they would get doors, like closed rooms
     doors = _doors(parts, floor, solid, walled, notices)
     mended = sum(not part.shape.is_valid for part in parts if part.role)
     if mended:
@@ -52,13 +52,13 @@ def storey(parts: Sequence[Tagged], notices: list[str]) -> list[Shape]:
 
 
 def _drawn(parts: Sequence[Tagged], roles: Sequence[str], layer: str) -> list[Shape]:
-    """What has one of these roles and covers anything, in a layer."""
+    """The features with one of these roles and an area, in a layer."""
     found = [(part, part.area()) for part in parts if part.role in roles]
     return [part.drawn(area, layer) for part, area in found if not area.is_empty]
 
 
 def _floor(parts: Sequence[Tagged], walled: bool) -> list[Shape]:
-    """Rooms, and floor that is open towards other floor in one piece where it touches, without the rooms in it."""
+    """Rooms, and floor that is open towards other floor, joined where it touches, without the rooms in it."""
     rooms = _drawn(parts, (FLOOR_LAYER,) if walled else (FLOOR_LAYER, ROOM), FLOOR_LAYER)
     open_ = _drawn(parts, (OPEN, OUTLINE) if walled else (OPEN,), FLOOR_LAYER)
     rest = shapely.union_all([shape.fill for shape in open_]).difference(
@@ -71,7 +71,7 @@ def _floor(parts: Sequence[Tagged], walled: bool) -> list[Shape]:
 
 
 def _walled(floor: Sequence[Shape], solid: Sequence[Shape]) -> list[Shape]:
-    """Rooms with walls along their borders as strokes, without what stands in them, as floor covers what is solid."""
+    """Rooms with walls as strokes along their borders, less the solids in them, since floor covers solids."""
     tree = shapely.STRtree([shape.fill for shape in solid])
     found = []
     for room in floor:
@@ -83,7 +83,7 @@ def _walled(floor: Sequence[Shape], solid: Sequence[Shape]) -> list[Shape]:
 
 
 def _between(floor: Sequence[Shape]) -> list[Shape]:
-    """The walls that narrow gaps between rooms are."""
+    """The narrow gaps between rooms, as walls."""
     whole = shapely.union_all([shape.fill for shape in floor])
     closed = shapely.buffer(shapely.buffer(whole, _GAP / 2.0, join_style="mitre"), -_GAP / 2.0, join_style="mitre")
     gaps = [gap for gap in polygons(closed.difference(whole)).geoms if gap.area > _SPECK]
@@ -93,7 +93,7 @@ def _between(floor: Sequence[Shape]) -> list[Shape]:
 def _doors(
     parts: Sequence[Tagged], floor: Sequence[Shape], solid: Sequence[Shape], walled: bool, notices: list[str]
 ) -> list[Shape]:
-    """Openings from room to room; a door that is drawn as an area fills its wall, and stays one if it leads outside."""
+    """Openings from room to room; a door drawn as an area fills its wall, and stays wall if it leads outside."""
     walls = [part for part in parts if part.role == "walls"]
     lines = [shapely.boundary(part.shape) if part.flat else part.shape for part in walls]
     borders, tree = Walls([shape.fill for shape in floor], lines), shapely.STRtree([shape.fill for shape in floor])
@@ -122,7 +122,7 @@ def _doors(
 
 
 def _inside(areas: Sequence[MultiPolygon]) -> BaseGeometry:
-    """What lies inside of a building's outer walls."""
+    """The inside of a building's outer walls."""
     whole = polygons(shapely.union_all(areas))
     filled = shapely.union_all([shapely.Polygon(piece.exterior) for piece in whole.geoms])
     inside = shapely.buffer(filled, -WALL / 2.0)

@@ -1,4 +1,4 @@
-"""What features of indoor maps are: tags of OpenStreetMap, categories of IMDF, types of wrld3d."""
+"""The roles of indoor maps' features: tags of OpenStreetMap, categories of IMDF, types of wrld3d."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Final
 
 from swarmsim.world.plan import DOORS_LAYER, FLOOR_LAYER
 
-OPEN: Final = "open"  #: floor without walls towards other such floor, as a corridor's parts
-ROOM: Final = "room"  #: floor where no walls are drawn, or else a name for what lies between them
+OPEN: Final = "open"  #: floor without walls towards other such floor, like a corridor's parts
+ROOM: Final = "room"  #: floor if no walls are drawn, else a name for the space between them
 NO_FLOOR: Final = "no floor"  #: stairs, lifts, and rooms that are not for the public
 OUTLINE: Final = "outline"  #: a building's outline: floor where walls are drawn on it
-IGNORED: Final = "ignored"  #: what stands for a whole level or building
-FLOORS: Final = (FLOOR_LAYER, OPEN, ROOM, OUTLINE)  #: what is floor as a whole, and no line
-PLACES: Final = (FLOOR_LAYER, OPEN, ROOM, "walls")  #: what makes a file an indoor map
+IGNORED: Final = "ignored"  #: a whole level or building
+FLOORS: Final = (FLOOR_LAYER, OPEN, ROOM, OUTLINE)  #: floor as a whole, not a line
+PLACES: Final = (FLOOR_LAYER, OPEN, ROOM, "walls")  #: they make a file an indoor map
 
 _OSM: Final = {
     "room": FLOOR_LAYER, "area": OPEN, "corridor": OPEN, "wall": "walls", "column": "pillars", "pillar": "pillars",
@@ -36,25 +36,25 @@ _UNITS: Final = {
         NO_FLOOR,
     ),
 }
-_KINDS: Final = (  # what may say what a feature is, what says most first
+_KINDS: Final = (  # properties that may give a feature's role, the most telling first
     "category", "feature_type", "room", "highway", "buildingpart", "indoor", "type", "building", "amenity", "layer",
 )  # fmt: skip
 _CLIMBING: Final = ("stairs", "elevator", "steps", "escalator")  # values of `room` and `highway`
 
 
 def texts(properties: Mapping[str, object], keys: Iterable[str]) -> dict[str, str]:
-    """Those of the properties with these keys that are texts."""
+    """The properties with these keys that are texts."""
     return {key: value for key in keys if isinstance(value := properties.get(key), str)}
 
 
 def role_of(properties: Mapping[str, object]) -> str:
-    """The layer of a floor plan that an indoor feature belongs to, one of the roles above, or empty if it is none."""
+    """The floor plan's layer of an indoor feature, one of the roles above, or empty."""
     kind = properties.get("feature_type")
     if isinstance(kind, str):
         category = str(properties.get("category") or "").casefold()
         return _UNITS.get(category, FLOOR_LAYER) if kind == "unit" else _IMDF.get(kind, IGNORED)
     part = properties.get("buildingpart")
-    if isinstance(part, str) and part in _PARTS:  # as OpenStreetMap had it before `indoor=room`
+    if isinstance(part, str) and part in _PARTS:  # OpenStreetMap's form before `indoor=room`
         return _PARTS[part]
     kind = properties.get("indoor")
     if isinstance(kind, str) and kind != "no":
@@ -70,12 +70,12 @@ def role_of(properties: Mapping[str, object]) -> str:
 
 
 def kind_of(properties: Mapping[str, object]) -> str:
-    """What the file itself calls a feature."""
+    """A feature's name in the file."""
     return next(iter(texts(properties, _KINDS).values()), "other")
 
 
 def width_of(properties: Mapping[str, object]) -> float | None:
-    """The property `width` in m, as OpenStreetMap writes it: 0.9, 0.9 m or 90 cm; None if there is none."""
+    """The property `width` in m, in OpenStreetMap's forms: 0.9, 0.9 m or 90 cm; None if there is none."""
     value = properties.get("width")
     if isinstance(value, int | float) and not isinstance(value, bool):
         width = float(value)

@@ -1,4 +1,4 @@
-"""Buildings that are made: rooms, an office, a maze, a cave, a field of obstacles; another one for every seed."""
+"""Generated buildings: rooms, an office, a maze, a cave, a field of obstacles; another one for every seed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from swarmsim.world.made.wall_grid import GeneratedPlan, WallGrid, cut_door, ope
 
 Metres = Annotated[float, Meta(gt=0.0, le=1000.0)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-DRAWS: Final = 200  # of obstacles, before it is plain that there are too many
+DRAWS: Final = 200  # of obstacles, before giving up on too many
 
 
 class Rooms(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A building cut into rooms, over and over; every wall has a door, and some have another one.
+    """A building cut into rooms, again and again; every wall has a door, and some have a second one.
 
     Rooms are cut as in binary space partitioning (Fuchs, Kedem and Naylor 1980).
     """
@@ -122,13 +122,13 @@ class Office(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Passages in which there is one way from everywhere to everywhere, but for some walls that are left out.
+    """Passages with one way between any two places, more where some walls are left out.
 
-    It is made by a depth-first search with random turns, the recursive backtracker.
+    The recursive backtracker makes it: a depth-first search with random turns.
     """
 
     width: Metres = 9.15  # m, outside; rounded down to whole passages
-    height: Metres = 6.15  # m, outside; likewise
+    height: Metres = 6.15  # m, outside; rounded down in the same way
     passage: Metres = 0.6  # m, width
     wall: Metres = 0.15  # m, thickness
     loops: Share = 0.1  # of the walls that could be left out
@@ -173,7 +173,7 @@ class Maze(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Halls and passages with bent walls, from noise that is smoothed by a majority vote among neighbours.
+    """Halls and passages with bent walls, from noise smoothed by a majority vote among neighbours.
 
     That is the cellular automaton of Johnson, Yannakakis and Togelius (2010).
     """
@@ -200,7 +200,7 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         )
         wall = fine[: grid.rows, : grid.columns].copy()
         wall[:2] = wall[-2:] = wall[:, :2] = wall[:, -2:] = True
-        # What a disc three cells wide cannot get into is rock, so that robots see every wall.
+        # Space too narrow for a disc three cells wide is rock, so that robots see every wall.
         free: NDArray[np.bool_] = ndimage.binary_opening(~wall, np.ones((3, 3), np.bool_))
         pieces: NDArray[np.int32]
         count: int
@@ -214,7 +214,7 @@ class Cave(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Obstacles(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A hall with square obstacles at random places of a coarse grid; robots start in its lower left corner.
 
-    What the obstacles cut off from that corner is solid too. That is a tenth of the free squares at most, or they are
+    Space cut off from that corner is solid too. If that is more than a tenth of the free squares, the obstacles are
     drawn again.
     """
 

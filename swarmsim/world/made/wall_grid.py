@@ -1,4 +1,4 @@
-"""What generated buildings are made of: a grid of cells, walls in it, doors in walls."""
+"""The material of generated buildings: a grid of cells, walls in it, doors in walls."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Sized(Protocol):
 
 
 class GeneratedPlan:
-    """A building that is finished."""
+    """A finished building."""
 
     def __init__(self, plan: FloorPlan) -> None:
         self._plan = plan
@@ -47,7 +47,7 @@ class GeneratedPlan:
 
 
 class WallGrid:
-    """The cells that a building is made of."""
+    """The cells of a building."""
 
     def __init__(self, size: Sized, site: WorldContext) -> None:
         self._cell = site.cell
@@ -64,7 +64,7 @@ class WallGrid:
         return cells
 
     def framed(self, wall: int) -> Mask:
-        """An empty building with a wall around it. Raises InputError if it has no room."""
+        """An empty building with a wall around it. Raises InputError if nothing else fits in."""
         if min(self.rows, self.columns) <= 2 * wall + 2:
             raise InputError("width: nothing but walls fits in; expected a larger building")
         solid = np.ones((self.rows, self.columns), np.bool_)
@@ -72,7 +72,7 @@ class WallGrid:
         return solid
 
     def drawn(self, solid: Mask, start: Mask | None = None) -> GeneratedPlan:
-        """The building; robots start on the `start` cells, `spawn`, or anywhere on the `floor`."""
+        """The building; robots start on the `start` cells (area `spawn`), or anywhere on the `floor`."""
 
         def metres(mask: Mask) -> MultiPolygon:
             return united([affinity.scale(traced(mask), self._cell, self._cell, origin=(0.0, 0.0))])
@@ -86,7 +86,7 @@ class WallGrid:
 
 
 def _middle(floor: MultiPolygon) -> MultiPolygon:
-    """The floor within a circle of a quarter of the building's breadth about a place that has room around it."""
+    """The floor within a circle of a quarter of the building's breadth about a roomy place."""
     piece = max(floor.geoms, key=lambda one: one.area)
     left, low, right, high = piece.bounds
     centre = shapely.maximum_inscribed_circle(piece, tolerance=0.1).coords[0]
@@ -94,7 +94,7 @@ def _middle(floor: MultiPolygon) -> MultiPolygon:
 
 
 def strip(solid: Mask, along: int, at: int, wall: int, span: tuple[int, int]) -> Mask:
-    """The cells of a wall that starts at row (`along` 0) or column (1) `at`, between columns or rows `span`."""
+    """The cells of a wall from row (`along` 0) or column (1) `at` on, between columns or rows `span`."""
     across = slice(at, at + wall)
     return solid[across, slice(*span)] if along == 0 else solid[slice(*span), across]
 
@@ -102,7 +102,7 @@ def strip(solid: Mask, along: int, at: int, wall: int, span: tuple[int, int]) ->
 def cut_door(
     solid: Mask, along: int, at: int, wall: int, span: tuple[int, int], door: int, random: np.random.Generator
 ) -> None:
-    """Open a door at a random place of a wall where there is floor on both sides of all of it."""
+    """Open a door at a random place of a wall with floor all along both sides."""
     before, behind = (strip(solid, along, place, 1, span) for place in (at - 1, at + wall))
     clear = ~(before | behind).ravel()
     fits = np.flatnonzero(np.convolve(clear, np.ones(door, np.int64), "valid") == door)
@@ -113,7 +113,7 @@ def cut_door(
 
 
 def open_between(solid: Mask, one: tuple[int, int], other: tuple[int, int], wall: int, passage: int) -> None:
-    """Take away the wall between two squares of a maze that are neighbours."""
+    """Remove the wall between two neighbouring squares of a maze."""
     pitch = wall + passage
     low, left = wall + min(one[0], other[0]) * pitch, wall + min(one[1], other[1]) * pitch
     high = wall + max(one[0], other[0]) * pitch + passage

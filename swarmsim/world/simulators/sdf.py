@@ -31,19 +31,19 @@ _ROUND: Final = 64  # corners of a cylinder
 _HARMLESS: Final = ("sun", "ground_plane")  # models that nearly every world includes
 _TURNING: Final = ("revolute", "continuous", "revolute2")  # joints; a robot has two or more of them
 _NAMED: Final = 8  # names in a notice
-Pose = NDArray[np.float64]  # (4, 4), from the coordinates of a thing to those around it
+Pose = NDArray[np.float64]  # (4, 4), from a thing's own coordinates to the surrounding ones
 
 
 def holds(path: Path) -> bool:
-    """Whether a `.world` file is one of Gazebo, in XML, and not one of Stage. Raises InputError."""
+    """Whether a `.world` file is Gazebo's, in XML, and not Stage's. Raises InputError."""
     return content(path, "a world of Stage or Gazebo").lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<")
 
 
 def read(path: Path, world: World) -> Drawing:
-    """What a world of Gazebo shows at the height of a robot: its collisions that are boxes, cylinders, spheres.
+    """A Gazebo world at the height of a robot: its collisions that are boxes, cylinders, spheres.
 
-    Meshes and models that are included are told by name in a notice: their files are not there. Models with wheels are
-    robots, and where they stand is the spawn area. Raises InputError with all that is wrong, each with its line.
+    A notice names meshes and included models, whose files are missing. Models with wheels are robots, and their places
+    are the spawn area. Raises InputError with all errors, each with its line.
     """
     root, name = parsed(path, "sdf", _EXPECTED), str(path)
     scene = next((child for child in root if child.tag == "world"), root)
@@ -67,12 +67,12 @@ class _SdfReader:
         self.shapes: list[Shape] = []
         self.robots: list[tuple[float, float]] = []
         self._states = states  # where models were when the world was saved, by name
-        self._missing: Counter[str] = Counter()  # models that are included
+        self._missing: Counter[str] = Counter()  # included models
         self._unread: Counter[str] = Counter()  # models with meshes and the like
-        self._seen: Counter[str] = Counter()  # models that nothing collides with
+        self._seen: Counter[str] = Counter()  # models without collisions
 
     def notices(self) -> list[str]:
-        """What was passed over."""
+        """On ignored contents."""
         told = []
         for names, what in (
             (self._missing, "models of other files are not there and not read"),
@@ -87,7 +87,7 @@ class _SdfReader:
         return told
 
     def models(self, parent: Node, to: Pose) -> None:
-        """Read the models in an element whose coordinates `to` leads to the world's."""
+        """Read the models in an element; `to` leads from its coordinates to the world's."""
         waiting = [(parent, to, True)]
         while waiting:
             element, above, outermost = waiting.pop()
@@ -121,7 +121,7 @@ class _SdfReader:
             self._seen[name] += 1
 
     def _in_model(self, element: Node | None, frames: dict[str | None, Node], parent: Node | None = None) -> Pose:
-        """The pose of a collision, link or frame in its model, by those that it is relative to."""
+        """The pose of a collision, link or frame in its model, by the frames that it is relative to."""
         pose, seen = np.eye(4), 0
         while element is not None:
             given = element.find("pose")
@@ -163,7 +163,7 @@ class _SdfReader:
                 self.shapes.append(Shape(area, layer="walls", group=name, where=where))
 
     def _numbers(self, element: Node, key: str, count: int) -> NDArray[np.float64] | None:
-        """So many lengths in a child element; tells if there are others."""
+        """The given number of lengths in a child element; notes an error otherwise."""
         numbers = _floats(element.findtext(key))
         if numbers is None or len(numbers) != count or not all(0.0 < number <= LARGEST for number in numbers):
             what = "a length" if count == 1 else f"{count} lengths"
@@ -172,7 +172,7 @@ class _SdfReader:
         return np.array(numbers)
 
     def _pose(self, element: Node) -> Pose:
-        """What an element's <pose> says: x, y, z in m, roll, pitch, yaw in rad, or in degrees where it says so."""
+        """An element's <pose>: x, y, z in m, roll, pitch, yaw in rad, or in degrees if it says so."""
         pose = element.find("pose")
         if pose is None:
             return np.eye(4)
@@ -210,7 +210,7 @@ def _matrix(place: NDArray[np.float64], angles: NDArray[np.float64]) -> Pose:
 
 
 def _section(corners: NDArray[np.float64], to: Pose) -> MultiPolygon:
-    """What a convex body covers of the ground between LOW and HIGH, seen from above."""
+    """The area of a convex body between LOW and HIGH, seen from above."""
     points = corners @ to[:3, :3].T + to[:3, 3]
     heights = points[:, 2]
     if heights.max() <= LOW or heights.min() >= HIGH:
@@ -227,7 +227,7 @@ def _section(corners: NDArray[np.float64], to: Pose) -> MultiPolygon:
 
 
 def _ball(centre: NDArray[np.float64], radius: float) -> MultiPolygon:
-    """Likewise of a ball."""
+    """The same for a ball."""
     nearest = float(np.clip(centre[2], LOW, HIGH))
     square = radius**2 - (centre[2] - nearest) ** 2
     if square <= 0.0:

@@ -1,4 +1,4 @@
-"""Worlds of the Stage simulator: bitmaps and boxes of models, and where its robots stand."""
+"""Worlds of the Stage simulator: bitmaps and boxes of models, and its robots' places."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _TOKENS: Final = re.compile(r"""(#[^\n]*|\s+)|"([^"\n]*)"|([()\[\]])|([^\s()\[\]
 _DEEPEST: Final = 50  # models or files inside of each other
 _MOST: Final = 20_000  # models, with those of definitions
 _STRAY: Final = 0.075  # m, how far outlines may stray from pixels: half of a usual cell
-_SIZE: Final = (0.1, 0.1)  # m, of a model that does not say its own
-_FRAME: Final = 0.1  # m, what `boundary` puts around a model
-#: What is neither solid nor a robot: windows and what robots carry.
+_SIZE: Final = (0.1, 0.1)  # m, default size of a model
+_FRAME: Final = 0.1  # m, thickness of a model's `boundary`
+#: Neither solids nor robots: windows and robots' equipment.
 _OTHERS: Final = (
     "window", "ranger", "sensor", "laser", "sonar", "blobfinder", "fiducial", "camera", "actuator", "gripper",
     "bumper", "lightindicator", "block", "speech",
@@ -44,23 +44,23 @@ _OTHERS: Final = (
 class _Entity:
     """A model with its keys, those of its definition included."""
 
-    kind: str  # what the definitions make of it in the end: model, position, window, ...
+    kind: str  # resolved by the definitions: model, position, window, ...
     line: int
     keys: Mapping[str, list[str]] = field(default_factory=dict)
     parts: tuple[_Entity, ...] = ()
 
 
 def read(path: Path, world: World) -> Drawing:
-    """What a world of Stage shows: the dark pixels of bitmaps, and boxes.
+    """A Stage world: the dark pixels of bitmaps, and boxes.
 
-    Stage fits the box of a bitmap's dark pixels to `size`, x and y apart, with the origin in the middle. Where robots
-    stand is a spawn area. Only files in the world's folder are included. Raises InputError.
+    Stage fits the box of a bitmap's dark pixels to `size`, x and y separately, with the origin in the middle. The
+    robots' places are a spawn area. Only files in the world's folder are included. Raises InputError.
     """
     reader = _StageReader(path)
     reader.file(path, 0)
     solid: list[Shape] = []
     robots: list[tuple[float, float]] = []
-    bitmap = lru_cache(maxsize=64)(_bitmap)  # of models that look the same
+    bitmap = lru_cache(maxsize=64)(_bitmap)  # shared by equal models
     for entity, to in _placed(reader.entities, path):
         if entity.kind == "position" or (entity.kind not in ("model", *_OTHERS) and not _is_solid(entity)):
             robots.append((float(to[0, 2]), float(to[1, 2])))
@@ -90,7 +90,7 @@ class _StageReader:
         self._path = path
 
     def file(self, path: Path, depth: int) -> None:
-        """Add what is in a file. Raises InputError."""
+        """Add a file's contents. Raises InputError."""
         if depth > _DEEPEST or path.resolve() in self._seen:
             return
         self._seen.add(path.resolve())
@@ -129,7 +129,7 @@ class _StageReader:
             self.notices.append(f"it includes {named}, which is not in its folder; what that defines is not known")
 
     def _body(self, kind: str, line: int, depth: int) -> _Entity:
-        """What stands between parentheses, on top of what the definition of `kind` says."""
+        """The contents of parentheses, on top of the definition of `kind`."""
         if depth > _DEEPEST:
             raise InputError(f"{self._path}: line {line}: models nested deeper than {_DEEPEST}; expected {_EXPECTED}")
         base = self._defined.get(kind) or _Entity(kind, line)
@@ -155,7 +155,7 @@ class _StageReader:
         return values
 
     def _next(self) -> str:
-        """The mark that comes next, or an empty string for a word. Raises InputError at the end of the file."""
+        """The next mark, or an empty string for a word. Raises InputError at the end of the file."""
         if self._at >= len(self._tokens):
             line = self._tokens[-1][1] if self._tokens else 1
             raise InputError(f"{self._path}: line {line}: it ends in the middle; expected {_EXPECTED}")
@@ -190,7 +190,7 @@ def _tokens(text: str, path: Path) -> Iterator[tuple[str, int, bool]]:
 
 
 def _placed(entities: list[_Entity], path: Path) -> Iterator[tuple[_Entity, NDArray[np.float64]]]:
-    """Models, with those inside of others, each with what leads from its own coordinates to the world's."""
+    """Models, also nested ones, each with the transform from its own coordinates to the world's."""
     waiting, count = [(entity, np.eye(3)) for entity in reversed(entities)], 0
     while waiting:
         entity, above = waiting.pop()
@@ -216,7 +216,7 @@ def _solid(
     notices: list[str],
     bitmap: Callable[[Path, float, float], MultiPolygon],
 ) -> list[Shape]:
-    """What stops robots of a model."""
+    """The solid part of a model."""
     where = f"line {entity.line}"
     # Stage's own map.inc gives floor plans obstacle_return 0: its robots see these walls, and drive around them.
     ghost = entity.keys.get("ranger_return", entity.keys.get("laser_return", [""])) in (["-1"], ["0"])
@@ -224,7 +224,7 @@ def _solid(
         return []
     width, height = (_numbers(entity, "size", path) or _SIZE)[:2]
     if not (0.0 < width <= LARGEST and 0.0 < height <= LARGEST):
-        raise InputError(f"{path}: {where}: size is no size; expected metres, as in size [16 16 1]")
+        raise InputError(f"{path}: {where}: size is out of range; expected metres, as in size [16 16 1]")
     if "bitmap" in entity.keys:
         image, told = rosmap.picture(" ".join(entity.keys["bitmap"]), path.parent)
         notices.extend(told)
@@ -242,7 +242,7 @@ def _solid(
 
 
 def _bitmap(image: Path, width: float, height: float) -> MultiPolygon:
-    """The dark pixels of a picture, whose box is as large as that and has the origin in its middle."""
+    """The dark pixels of a picture, with their box fitted to that size around the origin."""
     mask = rosmap.dark(image)
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
@@ -271,7 +271,7 @@ def _blocks(entity: _Entity, width: float, height: float, path: Path) -> MultiPo
 
 
 def _pose(entity: _Entity, key: str, path: Path) -> NDArray[np.float64]:
-    """What leads from the coordinates of a model to those around it; headings are in degrees."""
+    """The transform from a model's coordinates to the surrounding ones; headings are in degrees."""
     numbers = _numbers(entity, key, path) or (0.0, 0.0, 0.0)
     x, y, turn = numbers[0], numbers[1], math.radians(numbers[-1])
     if max(abs(x), abs(y)) > LARGEST:
@@ -281,7 +281,7 @@ def _pose(entity: _Entity, key: str, path: Path) -> NDArray[np.float64]:
 
 
 def _numbers(entity: _Entity, key: str, path: Path) -> tuple[float, ...] | None:
-    """The numbers of a key, at least two; None if there is no such key."""
+    """The numbers of a key, at least two; None without the key."""
     if key not in entity.keys:
         return None
     try:
@@ -290,5 +290,7 @@ def _numbers(entity: _Entity, key: str, path: Path) -> tuple[float, ...] | None:
         numbers = ()
     least = 2 if key == "size" or key.startswith("point") else 3
     if len(numbers) < least or not all(map(math.isfinite, numbers)):
-        raise InputError(f"{path}: line {entity.line}: {key} is no list of numbers; expected such as {key} [1 2 0 90]")
+        raise InputError(
+            f"{path}: line {entity.line}: {key} is not a list of numbers; expected such as {key} [1 2 0 90]"
+        )
     return numbers

@@ -1,4 +1,4 @@
-"""The area in which the robots of a simulator's world stand."""
+"""The area of the robots in a simulator's world."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _AROUND: Final = 0.5  # m, on each side of the outermost robots
 
 
 def start(places: Sequence[tuple[float, float]], solid: Sequence[Shape], page: Box) -> list[Shape]:
-    """A spawn area: a box around the places (m) of robots, without what is solid and what lies behind that."""
+    """A spawn area: a box around the robots' places (m), without solids and the space behind them."""
     points = np.array(places).reshape(-1, 2)
     if not len(points):
         return []

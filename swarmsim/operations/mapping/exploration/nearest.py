@@ -30,7 +30,7 @@ class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     ties: Literal["own-order", "row-order"] = "own-order"  # between frontiers equally near
     neighbours: Literal[4, 8] = 8  # of a cell, for paths
     patience: Annotated[int, Meta(ge=1)] | None = None  # iterations without progress; default: 4 cells' time
-    idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes where nobody looked for long
+    idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes to long unseen places
 
     def build(self, context: BuildContext) -> FrontierStrategy:
         """The plans of a whole swarm."""
@@ -38,7 +38,7 @@ class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class PlannedStrategy(ABC):
-    """One goal and path per robot; the rules by which they are kept stand at `kernels.decide.decide`."""
+    """One goal and path per robot; `kernels.decide.decide` lists the rules."""
 
     requires_knowledge: type[Knowledge] = Maps
 
@@ -134,5 +134,5 @@ class FrontierStrategy(PlannedStrategy):
 
 
 def salts(context: BuildContext, purpose: str) -> NDArray[np.uint64]:
-    """One random number of each robot's own, never 0."""
+    """One random number per robot, never 0."""
     return np.array([stream.integers(1, 2**63) for stream in context.own_streams(purpose)], np.uint64)

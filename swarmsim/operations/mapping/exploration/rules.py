@@ -1,8 +1,8 @@
 """Which frontier to explore: rules from the literature, each a few lines over what one robot can choose from.
 
-Every rule sees the pieces of frontier that its robot can reach, nearest first, and what it has heard of others. What it
-needs of them beyond their tiles, and how many bytes that takes, is said with each. Where nothing tells two pieces apart
-the nearer is taken, and of those equally near the first in an order of the robot's own.
+Every rule sees the pieces of frontier that its robot can reach, nearest first, and what it has heard of others. Each
+names what it needs of them beyond their tiles, and how many bytes that takes. Between equal pieces the nearer wins, and
+between equally near ones the first in the robot's own order.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.optimize import linear_sum_assignment
 
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Grain
 
-NO_WAY: Final = 1e9  # cells: longer than any way, for sums that must stay finite
+NO_WAY: Final = 1e9  # cells: longer than any way, yet finite for sums
 Weight = Annotated[float, Meta(ge=0.0, le=1e6)]
 Cells = Annotated[float, Meta(gt=0.0, le=1e6)]
 
@@ -23,7 +23,7 @@ Cells = Annotated[float, Meta(gt=0.0, le=1e6)]
 class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot walks to a frontier drawn at random, all equally likely. Needs nothing of others.
 
-    The yardstick of exploration without any judgement; in place of the nearest of Yamauchi (1997).
+    The baseline without judgement; in place of the nearest of Yamauchi (1997).
     """
 
     grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
@@ -39,7 +39,7 @@ class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only
 class LargestFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot walks to the frontier with the most cells. Needs nothing of others.
 
-    Yamauchi (1997) forms frontiers as regions of touching cells; their size stands for what there is to be seen.
+    Yamauchi (1997) forms frontiers as regions of touching cells; their size estimates what can be seen.
     """
 
     grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
@@ -53,7 +53,7 @@ class LargestFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class UtilityFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot walks where what it may see outweighs the way: the most of U - weight L / Lmax.
+    """Each robot walks to the frontier with the largest gain less way, U - weight L / Lmax.
 
     Needs nothing of others.
 
@@ -62,7 +62,7 @@ class UtilityFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_onl
     of unknown environments", Autonomous Robots 33 (2012).
     """
 
-    weight: Weight = 0.5  # of the way against what there is to see
+    weight: Weight = 0.5  # of the way against the gain
 
     @property
     def needs_others(self) -> bool:
@@ -73,7 +73,7 @@ class UtilityFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_onl
 
 
 class CoordinatedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot plans for those it hears as well, pair by pair; what one of them will see counts less for the next.
+    """Each robot also plans for those it hears, pair by pair; what one of them will see counts less for the next.
 
     Of all robots and pieces without one, the pair with the most of U - weight V is taken, V the way in cells; then
     every U falls by max(0, 1 - d / reach), d the distance to the piece taken: Burgard, Moors, Stachniss and Schneider,
@@ -82,10 +82,10 @@ class CoordinatedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw
     """
 
     weight: Weight = 0.02  # per cell of the way
-    reach: Cells = 7.0  # cells: what is seen from one frontier
+    reach: Cells = 7.0  # cells seen from a frontier
 
     def choose(self, candidates: Candidates) -> int:
-        """What is left for the robot itself."""
+        """The piece left for the robot itself."""
         useful = np.ones(len(candidates.own))
         costs = self.weight * np.minimum(candidates.ways, NO_WAY)
         waiting = list(range(len(costs)))
@@ -110,7 +110,7 @@ class MinPos(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class AssignedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot plans for those it hears as well: one piece for each, so that all ways together are shortest.
+    """Each robot also plans for those it hears: one piece for each, so that the sum of all ways is least.
 
     The assignment is Kuhn's (1955), known as the Hungarian method, as Wurm, Stachniss and Burgard, "Coordinated
     Multi-Robot Exploration using a Segmentation of the Environment", IROS (2008), use it. Of others it needs where they
@@ -118,14 +118,14 @@ class AssignedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_on
     """
 
     def choose(self, candidates: Candidates) -> int:
-        """The robot's own piece; the nearest where there are not enough of them."""
+        """The robot's own piece; the nearest if there are not enough of them."""
         robots, pieces = linear_sum_assignment(np.minimum(candidates.ways, NO_WAY))
         mine = pieces[robots == 0]
         return int(mine[0]) if len(mine) else 0
 
 
 class PotentialField(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot walks down a potential that frontiers lower and those whom it hears raise.
+    """Each robot walks down a potential that frontiers lower and the robots it hears raise.
 
     The potential of a cell is the sum of -size / way over all frontiers, and of reach - way over all robots within
     reach, sizes and ways in cells; the goal is the frontier at which a walk to the lowest neighbour, never back,
@@ -143,9 +143,9 @@ class PotentialField(Exploring, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 class Market(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot goes for the frontier with the most profit that nobody it hears goes for at a lower price.
+    """Each robot picks the most profitable frontier that no robot it hears goes for at a lower price.
 
-    The profit is the unknown share of what can be seen from there, times `revenue`, less the way in cells; the price is
+    The profit is the unknown share of the view from there, times `revenue`, less the way in cells; the price is
     the way. A robot that hears of a lower price gives way: Zlot, Stentz, Dias and Thayer, "Multi-robot exploration
     controlled by a market economy", ICRA (2002), with announcements in place of an auctioneer. Of others it needs where
     they go and how far that is: 6 bytes, the sharing tile-and-goal.
@@ -153,10 +153,10 @@ class Market(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
     revenue: Weight = 10.0  # cells of way that seeing a wholly unknown disc is worth
-    reach: Cells = 4.0  # cells: goals as near as this are one and the same
+    reach: Cells = 4.0  # cells: goals this close are the same
 
     def choose(self, candidates: Candidates) -> int:
-        """The most profitable that is not taken; the nearest if all are."""
+        """The most profitable free piece; the nearest if all are taken."""
         apart, left = candidates.announced()
         lost = ((apart <= self.reach) & (left[:, None] < candidates.own)).any(axis=0)
         profit = self.revenue * candidates.unknown - candidates.own
@@ -164,11 +164,11 @@ class Market(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class ReservedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot walks to the nearest frontier that is not reserved, and changes its mind for much less way only.
+    """Each robot walks to the nearest frontier that is not reserved, and changes its goal only for a much shorter way.
 
-    What others go for is reserved for them, with all frontiers within reach of it, unless they have the longer way; a
-    robot's own goal counts as nearer by `stays` cells. Against the herding of robots whose maps are equal. Of
-    others it needs where they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    Others' goals, and all frontiers within reach of these, are reserved for them unless they have the longer way; a
+    robot's own goal counts as nearer by `stays` cells. This keeps robots with equal maps from herding. Of others it
+    needs where they go and how far that is: 6 bytes, the sharing tile-and-goal.
     """
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
@@ -176,7 +176,7 @@ class ReservedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_on
     stays: Weight = 5.0  # cells that a new goal has to be nearer than the present one
 
     def choose(self, candidates: Candidates) -> int:
-        """The nearest that is free, the present one preferred; the nearest of all if none is free."""
+        """The nearest free piece, preferring the present one; the nearest of all if none is free."""
         apart, left = candidates.announced()
         reserved = ((apart <= self.reach) & (left[:, None] < candidates.own)).any(axis=0)
         ways = candidates.own + NO_WAY * reserved
@@ -186,12 +186,12 @@ class ReservedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_on
 
 
 class DispersedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot walks to the frontier that is near for it and far for those it hears.
+    """Each robot walks to a frontier that is near for it and far for those it hears.
 
-    It minimises its way plus, for every other robot, weight exp(-way / reach): another one next to a frontier makes it
-    as unattractive as `weight` cells more to walk, one `reach` cells off a third of that. Of others it needs where they
-    are, which their tiles say: no byte more. With the sharing `gossip`, 15 bytes more for tiles of 6 x 7, this is the
-    recommended way to map a building.
+    It minimises its way plus, for every other robot, weight exp(-way / reach): a robot next to a frontier costs like
+    `weight` more cells to walk, one `reach` cells off a third of that. Of others it needs where they are, which their
+    tiles say: no byte more. With the sharing `gossip`, 15 bytes more for tiles of 6 x 7, this is the recommended way
+    to map a building.
     """
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"

@@ -1,4 +1,4 @@
-"""Robots that explore by a rule: they keep, drop and follow plans as those that walk to the nearest frontier do."""
+"""Robots that explore by a rule: they keep, drop and follow plans like robots that walk to the nearest frontier."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ class Others:
 
     ids: NDArray[np.int32]  # (h,)
     goals: NDArray[np.int32] | None  # (h, 2): row and column of what they go to explore, -1 for none; None: not told
-    left: NDArray[np.float64] | None  # (h,): cells of their way there
+    left: NDArray[np.float64] | None  # (h,): cells left of their way there
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
-    """What one robot can choose from: pieces of frontier, nearest first; there is at least one."""
+    """One robot's choices: pieces of frontier, nearest first; at least one."""
 
     id: int  # the robot's number
     goals: NDArray[np.int32]  # (p, 2): row and column of the nearest cell of each piece
     ways: NDArray[np.float64]  # (1 + h, p): cells from the robot, then from each it hears; inf where it knows no way
     sizes: NDArray[np.int32]  # (p,): cells of each piece
-    unknown: NDArray[np.float64]  # (p,): share of the disc within the sensor's reach of the goal that is not known
+    unknown: NDArray[np.float64]  # (p,): unknown share of the disc within the sensor's reach of the goal
     present: int  # the piece that the robot was going for, -1 for none
     others: Others
-    random: np.random.Generator  # of the robot's own
+    random: np.random.Generator  # the robot's own
     descend: Callable[[float], int]  # the piece at which a walk down the potential ends, see `PotentialField`
 
     @property
@@ -53,7 +53,7 @@ class Candidates:
         return np.asarray(self.ways[0])
 
     def announced(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How far each announced goal is from each piece (g, p), as the crow flies in cells, and the ways left (g,).
+        """The straight distance in cells of each announced goal from each piece (g, p), and the ways left (g,).
 
         Raises InputError if robots do not tell their goals.
         """
@@ -69,7 +69,7 @@ class Candidates:
 
 
 class Exploring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What all rules share: when they are asked, and how a robot that follows one gets about."""
+    """The keys that all rules share: when they are called, and how a robot that follows one moves."""
 
     replan: Literal["on-arrival", "every-iteration"] = "on-arrival"
     neighbours: Literal[4, 8] = 8  # of a cell, for paths
@@ -78,7 +78,7 @@ class Exploring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def needs_others(self) -> bool:
-        """Whether it makes a difference to it how far others have to go, which takes a while to compute."""
+        """Whether it needs the others' ways, which take a while to compute."""
         return True
 
     @abstractmethod
@@ -149,12 +149,12 @@ class _Descent:
     ground: frontier_costs.Ground
 
     def __call__(self, reach: float) -> int:
-        """The piece at which it ends, robots within `reach` cells pushing."""
+        """The piece at which it ends; robots within `reach` cells push."""
         return int(frontier_costs.descend(*self.at, self.others, self.found, reach, self.ground))
 
 
 def _latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
-    """Of the tiles heard, the latest that each robot has sensed, sorted by receiver and by who sensed it."""
+    """The latest tile heard of each robot, sorted by receiver and by the robot that sensed it."""
     items = inbox.content
     order = np.lexsort((items.sensed, items.sources, inbox.receivers))
     order = order[items.sources[order] >= 0]

@@ -1,1 +1,1 @@
-"""What is measured of maps, and of the building that they are of."""
+"""Measures of maps, and of the building they show."""

@@ -1,4 +1,4 @@
-"""How well the maps follow a building that changes: how late, how stale, and how much is mapped again."""
+"""How well the maps follow a changing building: delay, staleness, and how much is mapped again."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ Cells = NDArray[np.bool_]  # (rows, columns)
 
 @dataclass(slots=True)
 class Change:
-    """One change of the building, and when the maps took notice of it; delays count iterations, 1 is at once."""
+    """One change of the building, and when it reached the maps; delays count iterations, 1 is at once."""
 
     iteration: int  # the first one with the change
-    cells: NDArray[np.int64]  # (c,): row-major, those of the domain that were free and are occupied, or the reverse
+    cells: NDArray[np.int64]  # (c,): row-major, those of the domain that turned from free to occupied, or the reverse
     first: int | None = None  # until the union was right about one of them
     half: int | None = None  # until it was right about half of them
     robots: dict[int, int] = field(default_factory=dict)  # until a robot's own map was right about half, by its id
-    right: float = 0.0  # share of the cells that the union was right about when last looked at
+    right: float = 0.0  # share of the cells that the union had right when last checked
     over: bool = False  # whether another change has touched its cells since, which ends the watch
 
 
 class ChangeMeasures:
-    """An observer that compares the maps with the truth of the moment.
+    """An observer that compares the maps with the present truth.
 
-    The union holds a cell for occupied if any robot that observed it does, as in the films.
+    In the union a cell is occupied if it is for any robot that observed it, as in the films.
     """
 
     def __init__(self, building: Building) -> None:
-        """The `building` as it is at the start."""
+        """`building`: as at the start."""
         self._version = building.version
         self._truth, self._domain = building.occupied, building.explorable
         self._stale: list[float | None] = []  # since the first change
@@ -75,7 +75,7 @@ class ChangeMeasures:
             change.robots.setdefault(robot, delay)
 
     def _note(self, building: Building, iteration: int) -> None:
-        """Watch the cells that have changed; what was changed once more is not watched for the earlier change."""
+        """Watch the changed cells; a cell that changes again is no longer watched for the earlier change."""
         self._version = building.version
         changed: NDArray[np.bool_] = building.occupied != self._truth
         for change in self.changes:
@@ -86,7 +86,7 @@ class ChangeMeasures:
         self._truth, self._domain = building.occupied, building.explorable
 
     def summary(self) -> dict[str, float | int | None]:
-        """The run in numbers; docs/buildings.md defines each. None where a number is not defined."""
+        """The run in numbers; docs/buildings.md defines each. None where undefined."""
         changes = self.changes
         stale = [share for share in self._stale if share is not None]
         watched = len(changes) * self._robots

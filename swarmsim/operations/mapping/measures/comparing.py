@@ -1,4 +1,4 @@
-"""What recorded runs of mapping are compared by, beyond what all tasks are."""
+"""Measures that compare recorded runs of mapping, beyond those of all tasks."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from swarmsim.recording.reader import Recording
 
 
 def course(run: Recording) -> NDArray[np.float64]:
-    """How much of the task was done after each iteration (t,), 0 to 1; of mapping all that there is counts."""
+    """The share of the task done after each iteration (t,), 0 to 1; for mapping the whole domain counts."""
     return run["coverage"] if "changes" in run and run.curve.name == "coverage" else run.progress
 
 
 def quality_of(run: Recording) -> Quality:
-    """How the collective map compares with the truth at the end; nothing is defined where nobody maps."""
+    """How the collective map compares with the truth at the end; undefined if no robot maps."""
     if "changes" not in run:
         return Quality(None, None, None, None, 0)
     maps = MapReplay(run)

@@ -26,24 +26,24 @@ CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0
 
 
 class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The union of all maps, the dead's included, has to cover a share of the coverage domain.
+    """The union of all maps, dead robots' included, has to cover a share of the coverage domain.
 
     The domain is all that can be explored: every free cell that robots can observe, and the wall cells beside those; it
-    changes with the building. It is measured, and never fed back.
+    changes with the building. Robots never learn this measure.
 
-    Robots that put others' maps where they believe them to lie may put them wrong. Of theirs a cell counts only where a
-    map holds it for what some robot has truly seen there; `correct` is the share of all cells on the union that are so.
+    Robots that place others' maps by an estimate may err. Then a cell counts only if a map shows there what some robot
+    has truly seen; `correct` is the share of such cells in the union.
     """
 
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the domain
-    provenance: bool = False  # measure the age and origin of what robots know, too; takes memory for each map
+    provenance: bool = False  # also measure the age and origin of knowledge; takes memory for each map
 
     def build(self, context: BuildContext) -> CoverageTask:
         return CoverageTask(self, context)
 
 
 class CoverageTask:
-    """Counts cells by the changes of the maps, which recordings keep as well; where maps can be put wrong, by truth."""
+    """Counts cells by the changes of the maps, which recordings keep too; where maps can be misplaced, by the truth."""
 
     requires_knowledge: type[Knowledge] = Maps
     curve = CURVE
@@ -59,7 +59,7 @@ class CoverageTask:
         self._sightings = Sightings(context.lattice)
 
     def measure(self, done: Done[Maps]) -> Measured:
-        """The share of the domain that the union covers, and that each robot's own map does."""
+        """The shares of the domain that the union and each robot's own map cover."""
         if self._version != done.building.version:
             self._count_anew(done.building)
         more: dict[str, float] = {}
@@ -75,13 +75,13 @@ class CoverageTask:
         )  # fmt: skip
 
     def _count_what_is_right(self, done: Done[Maps]) -> float:
-        """Count the cells that maps hold for what was truly seen there; gives the share of the union that is so."""
+        """Count the cells where maps show what was truly seen there; gives their share of the union."""
         self._sightings.add(done)
         maps = cells_of(done.knowledge)
         right = self._sightings.agree(maps).reshape(len(maps), -1) & self._domain
         self._each[:] = np.count_nonzero(right, axis=1)
         self._union = int(np.count_nonzero(right.any(axis=0)))
-        share = self._sightings.share(maps.max(axis=0))  # OCCUPIED where any robot believes so
+        share = self._sightings.share(maps.max(axis=0))  # OCCUPIED where it is on any map
         return 1.0 if share is None else share
 
     def _take_up(self, building: Building) -> None:
@@ -94,7 +94,7 @@ class CoverageTask:
         self._union = int(np.count_nonzero((self._holders > 0) & self._domain))
 
     def summaries(self) -> Sequence[Summary[Maps]]:
-        """What maps are judged by, and how well they follow a building that changes."""
+        """The maps' quality, and how well they follow a changing building."""
         robots, building, lattice = self._context.swarm, self._context.building, self._context.lattice
         domain = building.explorable
         always = MapMeasures(robots, domain, lattice), ChangeMeasures(building), FrameMeasures(domain)

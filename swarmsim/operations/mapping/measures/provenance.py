@@ -1,7 +1,7 @@
-"""Who sensed what each robot knows, over how many links it came, and how old it is.
+"""The origin of each robot's knowledge: the robot that sensed it, the links it came over, and its age.
 
-A map holds what was believed at some time. How long ago that was is the age of information (Kaul, Yates and Gruteser,
-"Real-time status: How often should one update?", INFOCOM 2012), here of every cell of every robot's map.
+The time since a cell's reading is the age of information (Kaul, Yates and Gruteser, "Real-time status: How often should
+one update?", INFOCOM 2012), here of every cell of every robot's map.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from swarmsim.operations.mapping.sharing.codecs import RelayedItems
 
 
 class MapProvenance:
-    """An observer that follows every reading to the maps it ends up in; it sees all messages, as no robot does.
+    """An observer that follows every reading to the maps it reaches; unlike any robot, it sees all messages.
 
-    A piece of its sender's map has the origins that the sender knows when it arrives; where messages are delayed these
-    can be later ones than when it was said.
+    A piece of its sender's map has the origins that the sender knows when it arrives; with delayed messages these can
+    be later than when it was sent.
     """
 
     def __init__(self, robots: int, lattice: Lattice) -> None:
         shape = (robots, *lattice.shape)
         by = memory.zeros(shape, np.int32)
-        #: What is known of each cell, by robot.
+        #: The origins of each cell, by robot.
         self.origins = provenance.Origins(
             memory.zeros(shape, np.int32), by, memory.zeros(shape, np.uint8),
             *(np.zeros(robots, np.int64) for _ in range(4)),
@@ -50,12 +50,12 @@ class MapProvenance:
         self.ages.append(np.where(state.alive & (self.origins.cells > 0), age, np.nan))
 
     def age(self, robot: int) -> NDArray[np.float64]:
-        """How many iterations old what a robot knows of each cell is (rows, columns); NaN for what it does not know."""
+        """The age in iterations of a robot's knowledge of each cell (rows, columns); NaN for unknown cells."""
         sensed = self.origins.sensed[robot]
         return np.where(sensed > 0, len(self.ages) - sensed, np.nan)
 
     def summary(self) -> dict[str, float | int | None]:
-        """The mean age over the run and at its end, the mean number of links, and the share that others sensed."""
+        """The mean age over the run and at its end, the mean number of links, and the share sensed by others."""
         known = int(self.origins.cells.sum())
         ages = np.array(self.ages)
         return {

@@ -1,4 +1,4 @@
-"""How good the maps of a run are, and what each robot did for them, in numbers."""
+"""The quality of a run's maps, and each robot's contribution, in numbers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from swarmsim.recording.measures import jain, mean_value, share_of
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """How the cells that a map calls occupied compare with the truth; None where nothing defines a share."""
+    """How a map's occupied cells compare with the truth; undefined shares are None."""
 
     precision: float | None  # TP / (TP + FP)
     recall: float | None  # TP / (TP + FN)
@@ -54,17 +54,17 @@ def probability(log_odds: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 class Pool:
-    """What the maps of all robots say together, taken in one after the other, so that no more than one is copied."""
+    """All robots' maps together, added one after another, so that no more than one is copied."""
 
     def __init__(self, cells: int) -> None:
         """`cells` of each map that count."""
         #: How many maps hold each cell (cells,).
         self.holders = np.zeros(cells, np.int64)
         self._total = np.zeros(cells)
-        #: Where any robot that observed the cell believes it occupied (cells,): the collective map of the films.
+        #: Where any robot's map calls the cell occupied (cells,): the collective map of the films.
         self.occupied = np.zeros(cells, np.bool_)
-        self._full: list[NDArray[np.int64]] = []  # the cells that each robot holds for occupied ...
-        self._empty: list[NDArray[np.int64]] = []  # ... and for free
+        self._full: list[NDArray[np.int64]] = []  # each robot's occupied cells ...
+        self._empty: list[NDArray[np.int64]] = []  # ... and its free ones
 
     def add(self, observed: NDArray[np.bool_], log_odds: NDArray[np.float32]) -> None:
         """Take in one robot's map (cells,)."""
@@ -93,13 +93,13 @@ class Pool:
     def disagreement(self) -> float | None:
         """How much robots' maps contradict each other, from 0 to 1.
 
-        The share of cells known to both robots that one holds for occupied and the other for free (Hamming
+        The share of cells known to both robots that are occupied on one map and free on the other (Hamming
         1950), as the mean over all pairs that know a cell in common; None if there is no such pair.
         """
         from scipy import sparse  # takes a while to import
 
         def marked(cells: list[NDArray[np.int64]]) -> sparse.csr_array:
-            """Which cells each robot holds so, as a matrix (n, cells) of 1 and 0."""
+            """Each robot's marked cells as a matrix (n, cells) of 1 and 0."""
             ends = np.cumsum([0, *map(len, cells)])
             ones = np.ones(ends[-1], np.int32)
             return sparse.csr_array((ones, np.concatenate(cells), ends), shape=(len(cells), len(self.holders)))
@@ -126,7 +126,7 @@ def brier(belief: NDArray[np.float64], truth: NDArray[np.bool_], where: NDArray[
 
 
 def overlap(holders: NDArray[np.int64]) -> float | None:
-    """How often cells are held once more, by how many hold each: sum_i |M_i| / |union M_i| - 1 (Xu et al. 2022)."""
+    """The redundancy of maps, given how many hold each cell: sum_i |M_i| / |union M_i| - 1 (Xu et al. 2022)."""
     ratio = share_of(int(holders.sum()), int(np.count_nonzero(holders)))
     return None if ratio is None else ratio - 1.0
 
@@ -139,20 +139,20 @@ def _inside(origins: NDArray[np.int32], tiles: tuple[int, ...], grid: tuple[int,
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    """The mean of what is defined."""
+    """The mean of the defined values."""
     defined = [value for value in values if value is not None]
     return float(np.mean(defined)) if defined else None
 
 
 class MapMeasures:
-    """An observer that keeps what it takes to judge the maps of a run, so that studies need no recording.
+    """An observer that keeps the data to judge a run's maps, so that studies need no recording.
 
-    Cells count in the coverage domain alone, except those that messages carry. What a robot *sensed* came
-    from its own tiles; its map also holds what it heard. Robots that died keep their rows.
+    Cells count only in the coverage domain, except those that messages carry. A robot *sensed* the cells of its own
+    tiles; its map also holds those it heard of. Dead robots keep their rows.
     """
 
     def __init__(self, robots: int, domain: NDArray[np.bool_], lattice: Lattice) -> None:
-        """The coverage domain (rows, columns) at the start counts for what was sensed, the last one for maps."""
+        """The coverage domain (rows, columns) at the start counts for sensing, the last one for maps."""
         self._domain, self._sightings = domain, Sightings(lattice)
         self._sensed = memory.zeros((robots * domain.size,), np.bool_)
         self._known = memory.zeros((robots * domain.size,), np.bool_)  # sensed or heard
@@ -170,7 +170,7 @@ class MapMeasures:
         self._read(moment)
 
     def _read(self, moment: Moment[Maps]) -> None:
-        """Count what was sensed, then what was heard."""
+        """Count the cells sensed, then those heard of."""
         robots, tiles, inbox = len(self._robots), moment.readings.tiled, moment.knowledge.accepted
         values = np.concatenate([tiles.values * moment.state.alive[:, None, None], inbox.content.values])
         origins = np.concatenate([tiles.origins, inbox.content.origins])
@@ -195,7 +195,7 @@ class MapMeasures:
         self._fresh += len(set(fresh.tolist()))  # a cell in two messages is new once
 
     def summary(self) -> dict[str, float | int | None]:
-        """The maps in numbers; docs/measures.md defines each. None where a number is not defined."""
+        """The maps in numbers; docs/measures.md defines each. None where undefined."""
         union = np.array(self._union)
         times: dict[str, float | int | None] = {
             "coverage": float(union[-1]) if len(union) else 0.0,

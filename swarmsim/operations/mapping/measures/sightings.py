@@ -1,4 +1,4 @@
-"""What robots have truly seen of the building, wherever they and others have put it on their maps."""
+"""What robots have truly seen of the building, wherever their maps show it."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from swarmsim.recording.measures import share_of
 
 
 class Sightings:
-    """The cells that robots' own tiles have shown, as free or as occupied, at the places where they truly lie."""
+    """The cells that robots' own tiles have shown, as free or occupied, at their true places."""
 
     def __init__(self, lattice: Lattice) -> None:
         self._lattice = lattice
         self._shown = memory.zeros((2, *lattice.shape), np.bool_)  # as FREE, and as OCCUPIED
 
     def add(self, done: Elapsed[Knowledge]) -> None:
-        """Take in the tiles of one iteration; those of robots that err about their place go back where they belong."""
+        """Take in the tiles of one iteration, each at its robot's true place."""
         tiles, state = done.readings.tiled, done.state
         origins = tiles.origins
         if done.believed is not None and done.believed is not state.pose:
@@ -38,7 +38,7 @@ class Sightings:
         return np.asarray(self._shown.any(axis=0))
 
     def agree(self, cells: NDArray[np.uint8]) -> NDArray[np.bool_]:
-        """Where maps (..., rows, columns) hold a cell for what some robot has seen there."""
+        """Where maps (..., rows, columns) show what some robot has seen there."""
         free, occupied = self._shown
         return np.asarray(((cells == FREE) & free) | ((cells == OCCUPIED) & occupied))
 

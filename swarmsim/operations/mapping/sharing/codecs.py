@@ -1,4 +1,4 @@
-"""What the messages of mapping robots hold, and how they look on the air, byte by byte."""
+"""The contents of mapping robots' messages, and their form on the air, byte by byte."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from swarmsim.operations.mapping.maps import PlainTiles, TileItems
 #: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
 HEADER: Final = struct.Struct(">HIhh")
 
-#: Before each tile that a message relays: who sensed it (2 bytes), when (4), its origin (2 each, signed) and over how
-#: many links it has come to the sender (1), big-endian.
+#: Before each relayed tile: the robot that sensed it (2 bytes), when (4), its origin (2 each, signed) and the number of
+#: links over which it came to the sender (1), big-endian.
 RELAYED: Final = struct.Struct(">HIhhB")
 
 #: Before a map: sender (2 bytes), iteration (4), then the first row and column (2 each, signed) and the numbers of rows
@@ -25,7 +25,7 @@ RELAYED: Final = struct.Struct(">HIhhB")
 MAP: Final = struct.Struct(">HIhhHH")
 
 #: After a tile: the row and column of the cell that its sender goes to explore (2 bytes each, signed; -1 for none) and
-#: how many cells of its way there are left (2), big-endian.
+#: how many cells of its way are left (2), big-endian.
 GOAL: Final = struct.Struct(">hhH")
 
 
@@ -40,10 +40,10 @@ class RelayedItems(TileItems):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalItems(TileItems):
-    """Tiles of robots that tell where they go."""
+    """Tiles with their senders' goals."""
 
     goals: NDArray[np.int32]  # (t, 2): row and column of the cell that the sender goes to explore; -1, -1 for none
-    left: NDArray[np.int32]  # (t,): cells of its way there that are left
+    left: NDArray[np.int32]  # (t,): cells left of its way there
 
     @classmethod
     def of(cls, tiles: TileItems, goals: NDArray[np.int32], left: NDArray[np.int32]) -> GoalItems:
@@ -68,17 +68,17 @@ def current_tile_bytes(rows: int, columns: int) -> int:
 
 
 def relayed_tile_bytes(rows: int, columns: int) -> int:
-    """How much longer each relayed tile makes a message: RELAYED and the cells."""
+    """The bytes that each relayed tile adds to a message: RELAYED and the cells."""
     return RELAYED.size + packed_bytes(rows * columns)
 
 
 def map_bytes(cells: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The sizes (n,) of messages with a map each, of which all known cells lie in a rectangle of so many `cells`."""
+    """The sizes (n,) of messages with a map each, given the `cells` of the rectangle around its known ones."""
     return np.asarray(MAP.size - (-2 * cells // 8), np.int32)
 
 
 def packed_bytes(cells: int) -> int:
-    """How many bytes hold so many cells of 2 bits each."""
+    """How many bytes hold `cells` cells of 2 bits each."""
     return -(-2 * cells // 8)
 
 
@@ -153,7 +153,7 @@ def unpack_map(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[n
 
 
 class TileCodec:
-    """One robot's current tile a message."""
+    """One robot's current tile per message."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._shape = shape
@@ -169,7 +169,7 @@ class TileCodec:
 
 
 class GoalCodec:
-    """One robot's current tile a message, and where it goes."""
+    """One robot's current tile and goal per message."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._tile = TileCodec(shape)
@@ -242,7 +242,7 @@ def _ints(value: int) -> NDArray[np.int32]:
 def pieces(
     maps: NDArray[np.uint8], shape: tuple[int, ...]
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.uint8]]:
-    """The `maps` (n, rows, columns) cut into tiles of `shape`, without those that are UNKNOWN all over.
+    """The `maps` (n, rows, columns) cut into tiles of `shape`, without wholly UNKNOWN ones.
 
     Gives the row in `maps` (t,), rising, the origins (t, 2) and the values (t, *shape) of the tiles.
     """
@@ -259,7 +259,7 @@ def pieces(
 
 
 def assembled(values: NDArray[np.uint8], origins: NDArray[np.int32], grid: tuple[int, int]) -> NDArray[np.uint8]:
-    """The map (rows, columns) of a `grid` of which these tiles (t, rows, columns) are the `pieces`."""
+    """The map (rows, columns) of a `grid`, put together from its `pieces`, tiles (t, rows, columns)."""
     height, width = values.shape[1:]
     cells = np.full((grid[0] + height, grid[1] + width), UNKNOWN, np.uint8)
     for (row, column), tile in zip(origins.tolist(), values, strict=True):

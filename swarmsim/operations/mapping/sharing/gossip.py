@@ -1,4 +1,4 @@
-"""Gossip: besides its tile each robot tells one piece of its map an iteration, so that what it knows gets about."""
+"""Gossip: besides its tile each robot tells one piece of its map per iteration, so that its knowledge spreads."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ PIECE: Final = struct.Struct(">hh")
 
 
 def piece_bytes(rows: int, columns: int) -> int:
-    """How much longer a piece of its sender's map makes a message: PIECE and the cells; 15 bytes for 6 x 7."""
+    """The bytes that a piece of its sender's map adds to a message: PIECE and the cells; 15 bytes for 6 x 7."""
     return PIECE.size + packed_bytes(rows * columns)
 
 
 class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot tells its tile and, of its map cut into tiles, the piece that has waited longest since it changed.
 
-    Once all that changed has been told, it starts again with what it told longest ago. A piece is belief, not evidence:
-    it fills cells that the receiver does not know, and no others, as the sharing of whole maps does. What one robot
-    knows so spreads through the network like a rumour (Demers et al. 1987), in messages of constant length.
+    Once all changes have been told, it starts again with the piece told longest ago. A piece is belief, not evidence:
+    it fills only cells unknown to the receiver, as in sharing whole maps. So knowledge spreads through the network like
+    a rumour (Demers et al. 1987), in messages of constant length.
     """
 
     def build(self, context: BuildContext) -> GossipSharing:
@@ -46,7 +46,7 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class GossipSharing:
-    """A tile and a piece of map a message."""
+    """A tile and a piece of map per message."""
 
     def __init__(self, context: BuildContext) -> None:
         self.codec = GossipCodec(tile_shape(context))
@@ -79,7 +79,7 @@ class GossipSharing:
         return Broadcast(items, np.searchsorted(speakers[order], self._robots, side="right"), sizes)
 
     def _chosen(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """Which robots have a piece to tell, and which it is: first what is news, then anything that they know of."""
+        """Which robots have a piece to tell, and which one: first news, then anything known."""
         never = np.iinfo(np.int32).max
         is_news = self._changed > self._told
         waiting = np.where(is_news, self._changed, never)
@@ -89,7 +89,7 @@ class GossipSharing:
         return tellers, pieces[tellers]
 
     def _cells(self, maps: Maps, robots: NDArray[np.int32], corners: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """What these robots' maps (r,) hold from these corners (r, 2) on, a tile each; nothing beyond the grid."""
+        """One tile of each of these robots' maps (r,) from these corners (r, 2) on; UNKNOWN beyond the grid."""
         where = corners[:, :, None, None] + np.indices(self._tile)
         rows, columns = where[:, 0], where[:, 1]
         inside = (rows < self._grid[0]) & (columns < self._grid[1])

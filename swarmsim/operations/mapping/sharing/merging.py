@@ -1,9 +1,8 @@
-"""Robots that start without knowing each other's places, and find out from their maps when they meet.
+"""Robots that start without knowing each other's places, and find them from their maps when they meet.
 
-Each robot maps in a frame of reference of its own, which begins where it starts, and what others say means nothing to
-it until it knows how their frames lie in its own. Maps are kept on one lattice all the same, which takes nothing away
-from that: what a robot hears is put where it believes it to be, which is where it is but for the error of what it has
-found out.
+Each robot maps in its own frame of reference, which begins at its start, and cannot use others' messages until it knows
+how their frames lie in its own. All maps share one lattice internally; received data is placed by the receiver's own
+frame estimate, including its error.
 """
 
 from __future__ import annotations
@@ -27,29 +26,29 @@ from swarmsim.operations.mapping.sharing.gossip import GossipCodec, GossipSharin
 from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 from swarmsim.operations.mapping.sharing.registration import Cells, Meetings, Transform, register
 
-#: Whose frame it is and how well founded (2 bytes each), then how it lies in the sender's: a turn (rad), rows and
+#: The frame's robot and its number of walls (2 bytes each), then how it lies in the sender's: a turn (rad), rows and
 #: columns (cells), 4 bytes each.
 FRAME: Final = struct.Struct(">HHfff")
 
 TILE, MAP, PLACE = 0, 1, 2  # what an item is: a tile or a piece of gossip, a piece of a whole map, another's frame
-SPREAD: Final = 2.0  # times `within` that the places where two robots met span at least
-WALLS: Final = 40  # of one map that lie on walls of the other at least, for a frame to be believed ...
+SPREAD: Final = 2.0  # times `within`, the least span of the places where two robots met
+WALLS: Final = 40  # of one map on walls of the other, the least for accepting a frame ...
 MARGIN: Final = 0.15  # ... by how much better it is than the next best ...
-SURE: Final = 200  # ... and walls beyond which nobody looks for a better founded one
-PATIENCE: Final = 5  # times `again` before a robot looks for a better founded frame than one that it knows
+SURE: Final = 200  # ... and walls beyond which robots look for no better founded one
+PATIENCE: Final = 5  # times `again` before a robot looks for a better founded frame than a known one
 MOST: Final = 0xFFFF  # walls that a message can tell of
-SECOND_HAND: Final = 0.8  # of the walls that founded a frame, what counts after each robot that passes it on
-EXACT: Final = 2.0  # cells: a frame that puts some place of the building farther off than that is not exact
+SECOND_HAND: Final = 0.8  # share of the walls behind a frame that counts after each robot that passes it on
+EXACT: Final = 2.0  # cells: a frame that puts some place of the building farther off is not exact
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MergeItems(TileItems):
-    """Tiles, pieces of whole maps, and frames of reference, which say nothing of any cell."""
+    """Tiles, pieces of whole maps, and frames of reference, which contain no cells."""
 
     part: NDArray[np.uint8]  # (t,): TILE, MAP or PLACE
-    whose: NDArray[np.int32]  # (t,): the robot whose frame is told; -1 for all else
-    weight: NDArray[np.int32]  # (t,): walls by which it was found; 0 for all else
-    place: NDArray[np.float32]  # (t, 3): how it lies in the sender's, as in FRAME; 0 for all else
+    whose: NDArray[np.int32]  # (t,): the robot whose frame is told; else -1
+    weight: NDArray[np.int32]  # (t,): walls by which it was found; else 0
+    place: NDArray[np.float32]  # (t, 3): how it lies in the sender's, as in FRAME; else 0
 
     @classmethod
     def of(
@@ -66,26 +65,26 @@ class MergeItems(TileItems):
 
 
 class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots start without knowing each other's places: they gossip, and hear those alone whose frame they have found.
+    """Robots start without knowing each other's places: they gossip, and hear only those whose frame they have found.
 
-    Robots that hear each other `within` reach have met, and note where on their own maps, for the tile in a message
-    tells where its sender believes to be, to half a cell. Those that have met in places far enough apart tell what they
-    have mapped themselves, at most once in `again` iterations. Who hears that looks for the turn and the shift that lay
-    it on its own map and that agree with all their meetings, and believes them if both maps agree and nothing else is
-    nearly as good (`registration`). Besides, every message tells one frame that its sender knows, the one it has told
-    longest ago, so that robots learn of frames from those in between. The more walls a frame was found by, the better
-    it is founded, and a better founded one takes the place of what was believed before.
+    Robots that hear each other `within` reach have met, and note where on their own maps: the tile in a message gives
+    its sender's estimated position, to half a cell. Those that have met in places far enough apart tell what they have
+    mapped themselves, at most once in `again` iterations. The receiver searches for the rotation and translation that
+    align it with its own map and agree with all their meetings, and accepts them if both maps agree and nothing else is
+    nearly as good (`registration`). Besides, every message tells one frame that its sender knows, the one told longest
+    ago, so that robots learn frames from those in between. A frame found by more walls is better founded, and replaces
+    a less well founded one.
 
-    To gossip, 1 byte says what follows, 16 tell a frame, and a map takes 14 and 2 bits a cell of the smallest rectangle
-    that holds it.
+    Beyond gossip, 1 byte says what follows, a frame takes 16, and a map 14 and 2 bits per cell of its smallest
+    enclosing rectangle.
     """
 
-    within: Annotated[float, Meta(gt=0.0, le=1000.0)] = 1.0  # m, that robots which meet are apart at most
+    within: Annotated[float, Meta(gt=0.0, le=1000.0)] = 1.0  # m, the largest distance of robots that meet
     again: Annotated[int, Meta(ge=1)] = 10  # iterations before a robot tells its map once more
 
     @property
     def merges(self) -> bool:
-        """Whether robots have frames of reference of their own."""
+        """Whether robots have their own frames of reference."""
         return True
 
     def build(self, context: BuildContext) -> MergeSharing:
@@ -100,25 +99,25 @@ class MergeSharing:
         self._gossip, self._tile = GossipSharing(context), tile_shape(context)
         self.codec = MergeCodec(self._tile, lattice.shape)
         self._ids, self._robots = context.ids.astype(np.int32), np.arange(count, dtype=np.int32)  # and their rows
-        pairs = count, context.swarm  # by each robot's row and another one's number
+        pairs = count, context.swarm  # by one robot's row and another's number
         self._parameters, self._lattice = parameters, lattice
         self._frames = [_into_own_frame(pose, lattice) for pose in context.starts]  # by number
         self._own = [self._frames[robot] for robot in context.ids.tolist()]
         self._itself: NDArray[np.bool_] = self._ids[:, None] == np.arange(context.swarm)
         self._found = np.zeros((*pairs, 3))  # how the column's frame lies in the row's ...
-        self._weight: NDArray[np.int64] = np.iinfo(np.int32).max * self._itself  # ... and walls by which that was found
+        self._weight: NDArray[np.int64] = np.iinfo(np.int32).max * self._itself  # ... and the walls behind that
         self._told_at = np.zeros(pairs, np.int32)  # iterations from 1; 0: never
-        self._offers = np.zeros(count, np.bool_)  # who tells its whole map next
+        self._offers = np.zeros(count, np.bool_)  # robots that tell their whole map next
         self._offered = np.full(count, -parameters.again, np.int64)
         self._tried = np.full(pairs, -PATIENCE * parameters.again, np.int64)
-        self._met: dict[tuple[int, int], list[NDArray[np.float64]]] = {}  # where hearer and teller were, in cells
+        self._met: dict[tuple[int, int], list[NDArray[np.float64]]] = {}  # places of receiver and sender, in cells
         self._sensed: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)
-        self._maps: Maps | None = None  # those of the end of the last iteration
-        #: What robots know of each other's frames, and how wrong it is.
+        self._maps: Maps | None = None  # at the end of the last iteration
+        #: The robots' knowledge of each other's frames, and its errors.
         self.frames = Frames(self._itself.copy(), np.zeros((*pairs, 3)))
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[MergeItems]:
-        """Gossip, then a frame, then, of those who have met a stranger, the whole map."""
+        """Gossip, then a frame, then, from robots that have met a stranger, the whole map."""
         said = self._gossip.say(senses, maps)
         self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
         mark_sensed(self._sensed, senses.alive, tiles_of(senses))
@@ -147,18 +146,18 @@ class MergeSharing:
         return Broadcast(content, np.searchsorted(whole[order], robots, side="right"), sizes)
 
     def _sensed_by_itself(self, maps: Maps) -> NDArray[np.uint8]:
-        """What of its map each robot has sensed itself, as `cells_of` gives it."""
+        """The part of its map that each robot has sensed itself, as `cells_of` gives it."""
         return np.asarray(cells_of(maps) * self._sensed)
 
     def _next_frames(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-        """Who has a frame to tell, and whose: of those it knows the one that it has told longest ago."""
+        """Which robots have a frame to tell, and whose: the known one told longest ago."""
         others: NDArray[np.bool_] = self.frames.known & ~self._itself
         waited = np.where(others, self._told_at, np.iinfo(np.int32).max)
         tellers: NDArray[np.int32] = self._robots[alive & others.any(axis=1)]
         return tellers, waited[tellers].argmin(axis=1)
 
     def accepted(self, senses: Senses, inbox: Inbox[MergeItems]) -> Inbox[MergeItems]:
-        """What those said whose frames are known, put where the hearer believes it to be."""
+        """The items from robots with known frames, placed by the receiver's estimate."""
         self._find_frames(senses, inbox)
         self._hear_of_frames(inbox)
         self._meet(senses, inbox)
@@ -169,7 +168,7 @@ class MergeSharing:
         return replace(heard, content=replace(heard.content, values=values, origins=origins))
 
     def _meet(self, senses: Senses, inbox: Inbox[MergeItems]) -> None:
-        """Note who hears whom nearby; those who have met in places far enough apart will tell their maps."""
+        """Note which robots hear each other nearby; those that met in places far enough apart will tell their maps."""
         self._offers[:] = False
         content, now = inbox.content, senses.iteration
         own = np.flatnonzero((content.part == TILE) & (content.sources == inbox.senders))  # where their senders are
@@ -187,17 +186,17 @@ class MergeSharing:
                 self._offers[hearer] |= self._far_enough(np.array(met))
 
     def _wanted(self, now: int) -> NDArray[np.bool_]:
-        """Whose frame each robot looks for (n, N): strangers', and now and then those that are not well founded."""
+        """Whose frame each robot looks for (n, N): strangers', and now and then poorly founded ones."""
         rested = now - self._tried >= PATIENCE * self._parameters.again
         return np.asarray((self._weight < SURE) & (rested | ~self.frames.known))
 
     def _far_enough(self, met: NDArray[np.float64]) -> bool:
-        """Whether both robots have come around enough between their meetings (m, 2, 2) to tell a turn by them."""
+        """Whether both robots' meetings (m, 2, 2) are far enough apart to find a turn by them."""
         spans = [np.hypot(*np.ptp(met[:, one], axis=0)) for one in (0, 1)]
         return bool(min(spans) * self._lattice.cell >= SPREAD * self._parameters.within)
 
     def _find_frames(self, senses: Senses, inbox: Inbox[MergeItems]) -> None:
-        """Lay the maps of strangers on one's own."""
+        """Align strangers' maps with each robot's own."""
         part = np.flatnonzero(inbox.content.part == MAP)
         if not len(part) or self._maps is None:
             return
@@ -219,7 +218,7 @@ class MergeSharing:
     def _compared(
         self, own: Cells, told: Cells, frame: Transform, met: NDArray[np.float64]
     ) -> tuple[Transform, int] | None:
-        """How a told map lies on a robot's own, from its teller's `frame` to the lattice, and by how many walls.
+        """How a received map lies on a robot's own, from its sender's `frame` to the lattice, and by how many walls.
 
         They `met` (m, 2, 2) at these cells of the lattice.
         """
@@ -236,7 +235,7 @@ class MergeSharing:
         return back.after(match.transform).after(shift), match.walls
 
     def _hear_of_frames(self, inbox: Inbox[MergeItems]) -> None:
-        """Take others' word for frames that they have found."""
+        """Accept frames that others have found."""
         content, weight = inbox.content, self._weight
         for row in np.flatnonzero(content.part == PLACE).tolist():
             hearer, teller, third = int(inbox.receivers[row]), int(inbox.senders[row]), int(content.whose[row])
@@ -244,12 +243,12 @@ class MergeSharing:
             if third != self._ids[hearer] and weight[hearer, teller] > 0:
                 found = Transform(*self._found[hearer, teller]).after(told)
                 self._learn(hearer, third, found, int(SECOND_HAND * min(walls, weight[hearer, teller])))
-            if weight[hearer, third] > 0:  # which the hearer itself may be
+            if weight[hearer, third] > 0:  # may be the hearer itself
                 found = Transform(*self._found[hearer, third]).after(told.inverse())
                 self._learn(hearer, teller, found, int(SECOND_HAND * min(walls, weight[hearer, third])))
 
     def _learn(self, hearer: int, other: int, found: Transform, walls: int) -> None:
-        """Believe a frame that is better founded than what was believed before."""
+        """Accept a frame that is better founded than the present one."""
         if walls <= self._weight[hearer, other]:
             return
         error = self._own[hearer].inverse().after(found).after(self._frames[other])
@@ -267,7 +266,7 @@ class MergeCodec:
         self._shape, self._gossip, self._map = shape, GossipCodec(shape), MapCodec(shape, grid)
 
     def pack(self, sender: int, iteration: int, items: MergeItems) -> bytes:
-        """The message: a byte that says what there is of piece (1), frame (2) and map (4), then these."""
+        """The message: a byte that says which of piece (1), frame (2) and map (4) follow, then these."""
         part = items.part
         gossip, frame, whole = (_only(items, np.flatnonzero(part == kind)) for kind in (TILE, PLACE, MAP))
         parts = [bytes([(len(gossip) > 1) + 2 * bool(len(frame)) + 4 * bool(len(whole))])]
@@ -295,11 +294,11 @@ class MergeCodec:
 
 
 class FrameMeasures:
-    """An observer that counts who has found whose frame, and judges how right; silent where all know from the start."""
+    """An observer that counts the frames found, and their errors; silent where all are known from the start."""
 
     def __init__(self, domain: NDArray[np.bool_]) -> None:
         rows, columns = (np.flatnonzero(domain.any(axis=axis)) for axis in (1, 0))
-        #: The corners of the building, of which one is displaced most.
+        #: The corners of the building; one of them is displaced most.
         self._corners = np.array([(row, column) for row in rows[[0, -1]] for column in columns[[0, -1]]], float)
         self._joined: int | None = None
         self._last: Frames | None = None
@@ -312,7 +311,7 @@ class FrameMeasures:
             self._joined = moment.state.iteration + 1
 
     def summary(self) -> dict[str, float | int | None]:
-        """How many pairs know each other's frames, when all did, and how many are not exact."""
+        """How many frames are known, when all were, and how many are not exact."""
         if self._last is None:
             return {}
         pairs = np.argwhere(self._last.known & ~np.eye(len(self._last.known), dtype=np.bool_))
@@ -326,7 +325,7 @@ class FrameMeasures:
         }
 
     def _displaced(self, error: NDArray[np.float64]) -> float:
-        """By how many cells the worst place of the building is off."""
+        """The displacement, in cells, of the worst place of the building."""
         apart = Transform(*error).apply(self._corners) - self._corners
         return float(np.hypot(*apart.T).max())
 
@@ -384,11 +383,11 @@ def _cells_at(pose: NDArray[np.float64], lattice: Lattice) -> NDArray[np.float64
 
 
 def _tiles(values: NDArray[np.uint8], origins: NDArray[np.int32], now: int) -> TileItems:
-    """Cells that nobody in particular has sensed."""
+    """Cells without a sensing robot."""
     nobody, sensed = np.full(len(values), -1, np.int32), np.full(len(values), now, np.int32)
     return PlainTiles(values, origins, nobody, sensed)
 
 
 def _only(items: MergeItems, rows: NDArray[np.int64]) -> TileItems:
-    """Some of the items as the tiles that they are."""
+    """Some of the items as tiles."""
     return PlainTiles(items.values[rows], items.origins[rows], items.sources[rows], items.sensed[rows])

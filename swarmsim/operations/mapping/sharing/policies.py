@@ -26,14 +26,14 @@ from swarmsim.operations.mapping.sharing.codecs import (
 
 
 class CurrentTile(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot tells the tile it senses now and nothing else: no history, no relaying, no map."""
+    """Each robot tells only the tile it senses now: no history, no relaying, no map."""
 
     def build(self, context: BuildContext) -> CurrentTileSharing:
         return CurrentTileSharing(context)
 
 
 class CurrentTileSharing:
-    """One tile a message."""
+    """One tile per message."""
 
     def __init__(self, context: BuildContext) -> None:
         tile = tile_shape(context)
@@ -43,7 +43,7 @@ class CurrentTileSharing:
         self._sizes = np.full(len(self._ids), current_tile_bytes(*tile), np.int32)
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[TileItems]:
-        """Every robot's own tile; a dead robot's is UNKNOWN, and nobody is linked to it."""
+        """Every robot's own tile; a dead robot's is UNKNOWN, and no robot is linked to it."""
         tiles = tiles_of(senses)
         sensed = np.full(len(self._ids), senses.iteration, np.int32)
         items = PlainTiles(tiles.values, tiles.origins, self._ids, sensed)
@@ -54,17 +54,17 @@ class CurrentTileSharing:
 
 
 class WholeMap(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot tells all that it knows: its map as it stands before it takes in what it senses and hears now."""
+    """Each robot tells all that it knows: its map before it takes in this iteration's tiles and messages."""
 
     def build(self, context: BuildContext) -> WholeMapSharing:
         return WholeMapSharing(context)
 
 
 class WholeMapSharing:
-    """The known cells of a map, cut into tiles that nobody in particular has sensed (source -1).
+    """The known cells of a map, cut into tiles without a sensing robot (source -1).
 
-    Such a tile is belief, not evidence: a receiver fills with it the cells that it does not know, and no others,
-    for the reading behind it may have reached the receiver before, or come from the receiver itself.
+    Such a tile is belief, not evidence: it fills only cells unknown to the receiver, as the reading behind it may
+    have reached the receiver before, or come from the receiver itself.
     """
 
     def __init__(self, context: BuildContext) -> None:
@@ -85,9 +85,9 @@ class WholeMapSharing:
 
 
 class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot tells the tile it senses now, the cell that it is going to explore and how far it has to go there.
+    """Each robot tells the tile it senses now, the cell that it goes to explore and how far it has to go there.
 
-    Goal and way are those that it decided on in the iteration before: 6 bytes more than the tile alone.
+    Goal and way are those decided in the iteration before: 6 bytes more than the tile alone.
     """
 
     def build(self, context: BuildContext) -> TileAndGoalSharing:
@@ -95,14 +95,14 @@ class TileAndGoal(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
 
 class TileAndGoalSharing:
-    """One tile and one goal a message."""
+    """One tile and one goal per message."""
 
     def __init__(self, context: BuildContext) -> None:
         self._tiles, self.codec = CurrentTileSharing(context), GoalCodec(tile_shape(context))
         self._lattice = context.lattice
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[GoalItems]:
-        """Every robot's own tile, and what it is going for; a dead robot's is UNKNOWN, and nobody is linked to it."""
+        """Every robot's own tile and goal; a dead robot's tile is UNKNOWN, and no robot is linked to it."""
         said = self._tiles.say(senses, maps)
         count, decided = len(said.sizes), senses.decided
         none = np.full((count, 2), np.nan)
@@ -130,7 +130,7 @@ def tiles_of(senses: Senses) -> Tiles:
 
 def cells_of(maps: Maps) -> NDArray[np.uint8]:
     """Every robot's map, each cell UNKNOWN, FREE or OCCUPIED (n, rows, columns)."""
-    # Arithmetic on the values of cells, because it is several times as fast as choosing between them.
+    # Arithmetic on cell values is several times as fast as choosing between them.
     cells = np.uint8(OCCUPIED - FREE) * (maps.log_odds > 0.0) + np.uint8(FREE)
     cells *= maps.observed
     return cells
@@ -143,14 +143,14 @@ def mark_sensed(sensed: NDArray[np.bool_], alive: NDArray[np.bool_], tiles: Tile
 
 
 def enclosing_cells(maps: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """How many cells (n,) the smallest rectangles with all known cells of the `maps` (n, rows, columns) have."""
+    """The number of cells (n,) of the smallest rectangles around all known cells of the `maps` (n, rows, columns)."""
     known: NDArray[np.bool_] = maps != UNKNOWN
     height, width = (_spans(np.asarray(known.any(axis=axis))) for axis in (2, 1))
     return np.asarray(height * width, np.int32)
 
 
 def _spans(marked: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """From the first to the last of the marked in each row (n, length), both included; 0 where none is."""
+    """The span from the first to the last mark in each row (n, length), both included; 0 without any."""
     length = marked.shape[1]
     spans = length - marked.argmax(axis=1) - marked[:, ::-1].argmax(axis=1)
     return np.asarray(np.where(marked.any(axis=1), spans, 0))

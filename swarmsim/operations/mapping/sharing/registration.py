@@ -1,10 +1,10 @@
-"""How two maps lie to each other whose robots know nothing of each other's places: a turn and a shift, or no answer.
+"""Aligns two maps of robots that do not know each other's places: a turn and a shift, or no answer.
 
-One map is turned step by step; for each turn all shifts are judged at once, by correlations of what both maps call
-occupied and free (as Carpin, "Fast and accurate map merging for multi-robot systems", Autonomous Robots 25 (2008), and
-Birk and Carpin, "Merging Occupancy Grid Maps From Multiple Robots", Proceedings of the IEEE 94 (2006), judge overlaps
-by agreement). The answer is given only if it is good and nothing else is nearly as good: a merge that is wrong spoils
-both maps, one that comes later costs time.
+One map is turned step by step; for each turn all shifts are judged at once, by correlating both maps' occupied and free
+cells (as Carpin, "Fast and accurate map merging for multi-robot systems", Autonomous Robots 25 (2008), and Birk and
+Carpin, "Merging Occupancy Grid Maps From Multiple Robots", Proceedings of the IEEE 94 (2006), judge overlaps by
+agreement). There is an answer only if it is good and nothing else is nearly as good: a wrong merge spoils both maps, a
+late one only costs time.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ Points = NDArray[np.float64]  # (p, 2): row and column
 
 COARSE: Final = np.deg2rad(3.0)  # between the turns that are tried first ...
 FINE: Final = np.deg2rad(0.5)  # ... and between those around the best of them
-KEPT: Final = 12  # turns around which is tried again
-WALL: Final = 4.0  # what a wall on a wall counts; beside it, half of that
-FLOOR: Final = 0.3  # what free floor on free floor counts, away from walls
-CLASH: Final = 20.0  # what a wall on free floor costs, away from walls, since the same place cannot be both ...
+KEPT: Final = 12  # coarse turns that are refined
+WALL: Final = 4.0  # score of a wall on a wall; beside it, half of that
+FLOOR: Final = 0.3  # score of free floor on free floor, away from walls
+CLASH: Final = 20.0  # cost of a wall on free floor, away from walls, since one place cannot be both ...
 ROUNDED: Final = 1.5  # cells by which robots may seem to have been farther apart than they were
 NEAR: Final = 2.0  # cells from a wall, within which another one may be the same ...
-LEVER: Final = 20.0  # ... when a transform settles; cells by which a turn is weighed against a shift
+LEVER: Final = 20.0  # ... when a transform is refined; cells that weigh a turn against a shift
 LENIENT: Final = 8.0  # ... but less while turns are coarse, and the ends of a map may lie beside their place
 
 
@@ -42,13 +42,13 @@ class Transform:
     columns: float  # cells
 
     def apply(self, points: Points) -> Points:
-        """Points (p, 2) of the one map, row and column in cells, in the other."""
+        """Points (p, 2) of one map, row and column in cells, in the other."""
         cos, sin = np.cos(self.turn), np.sin(self.turn)
         row, column = points[:, 0], points[:, 1]
         return np.stack([row * cos + column * sin + self.rows, column * cos - row * sin + self.columns], axis=1)
 
     def after(self, first: Transform) -> Transform:
-        """What comes of another transform and then this one."""
+        """Another transform followed by this one."""
         turn = (self.turn + first.turn + np.pi) % (2.0 * np.pi) - np.pi
         return Transform(float(turn), *self._of(first.rows, first.columns))
 
@@ -58,7 +58,7 @@ class Transform:
         return row, column
 
     def inverse(self) -> Transform:
-        """The transform that takes this one back."""
+        """The inverse transform."""
         return Transform(-self.turn, *Transform(-self.turn, 0.0, 0.0)._of(-self.rows, -self.columns))
 
 
@@ -68,26 +68,26 @@ class Match:
 
     transform: Transform
     overlap: int  # cells that both maps know
-    agreement: float  # share of the overlap in which both say the same
+    agreement: float  # share of the overlap that agrees
     walls: int  # occupied cells of the one map that lie on walls of the other
-    margin: float  # by what share of its score it is better than the best that is another one
+    margin: float  # its lead, as a share of its score, over the best different one
 
     def accepted(self, agreement: float = 0.97, walls: int = 25, margin: float = 0.08) -> bool:
-        """Whether it is worth believing: both maps agree, by enough walls, and nothing else is nearly as good."""
+        """Whether to accept it: both maps agree, by enough walls, and nothing else is nearly as good."""
         return self.agreement >= agreement and self.walls >= walls and self.margin >= margin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Meetings:
-    """What two robots that have met know of each other: each time they were near, each somewhere on its own map."""
+    """The meetings of two robots: their places, each on its own map."""
 
-    fixed: Points  # (m, 2): row and column, in cells, where the robot of the one map was each time
-    moving: Points  # (m, 2): the same of the other, on the other map
-    within: float  # cells that they were apart at most
+    fixed: Points  # (m, 2): row and column, in cells, of the fixed map's robot each time
+    moving: Points  # (m, 2): the same for the other, on the other map
+    within: float  # cells, their largest distance
 
 
 def register(fixed: Cells, moving: Cells, meetings: Meetings) -> Match | None:
-    """How `moving` lies in `fixed`, by meetings of their robots; None if there are no walls to go by, or no answer."""
+    """How `moving` lies in `fixed`, by meetings of their robots; None without walls or an answer."""
     if not (fixed == OCCUPIED).any() or not (moving == OCCUPIED).any():
         return None
     judge = _Judge(fixed, moving, meetings)
@@ -106,10 +106,10 @@ def register(fixed: Cells, moving: Cells, meetings: Meetings) -> Match | None:
 
 
 def _settled(first: Transform, fixed: Cells, moving: Cells) -> Transform:
-    """A transform moved a little, so that walls lie on walls to less than a cell.
+    """A transform refined so that walls lie on walls to less than a cell.
 
-    Least squares over how far each of the one map's walls lies from the nearest wall of the other, where that is near,
-    as in iterative closest points (Besl and McKay 1992) with a loss that forgets what is far.
+    Least squares over the distances of one map's walls to the nearest walls of the other, where these are near, as in
+    iterative closest points (Besl and McKay 1992) with a loss that ignores far ones.
     """
     away: Points = ndimage.distance_transform_edt(fixed != OCCUPIED)
     walls: Points = np.argwhere(moving == OCCUPIED).astype(np.float64) + 0.5
@@ -187,10 +187,10 @@ class _Judge:
         return np.asarray(fft.irfft2(sums, self._shape, workers=1), np.float32)
 
     def _window(self, turn: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-        """The rows and columns of shifts, and which of them leave the robots as near to each other as they were."""
+        """The rows and columns of shifts, and which of them keep the robots within their meeting distance."""
         middle = (np.array(self._moving.shape) - 1) / 2.0
         away = Transform(turn, 0.0, 0.0).apply(self._meetings.moving - middle) + (self._side - 1) / 2.0
-        wanted = self._meetings.fixed - away  # (m, 2): the shift that puts them on one place
+        wanted = self._meetings.fixed - away  # (m, 2): the shift that puts both on one place
         reach = self._meetings.within + ROUNDED
         low, high = np.ceil(wanted.max(axis=0) - reach), np.floor(wanted.min(axis=0) + reach)
         down, right = (np.arange(low[axis], high[axis] + 1.0) for axis in (0, 1))
@@ -208,7 +208,7 @@ class _Judge:
         return _Peak(float(turn), int(rows[row]), int(columns[column]), float(scores[row, column]))
 
     def second(self, best: _Peak) -> float:
-        """The score of the best shift at the same turn that is another one: more than three cells away."""
+        """The score of the best different shift at the same turn: more than three cells away."""
         rows, columns, near = self._window(best.turn)
         down, right = (
             np.minimum((at - peak) % side, (peak - at) % side)
@@ -236,7 +236,7 @@ class _Judge:
         return Transform(peak.turn, float(rows), float(columns))
 
     def compared(self, peak: _Peak) -> tuple[int, float, int]:
-        """The overlap in cells, the share of it that agrees, and how many walls lie on walls."""
+        """The overlap in cells, the share that agrees, and how many walls lie on walls."""
         turned = self.turned(peak.turn)
         down, right = self.shift(peak)
         rows, columns = self._fixed.shape

@@ -18,7 +18,7 @@ from swarmsim.operations.mapping.sharing.policies import tile_shape, tiles_of
 
 
 class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot tells its own tile, and once more those that it heard for the first time in the last iteration.
+    """Each robot tells its own tile, and repeats those that it first heard in the last iteration.
 
     A reading travels over at most `hops` links, one an iteration; with 1 nothing is relayed.
     """
@@ -30,15 +30,15 @@ class Relay(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class RelaySharing:
-    """Flooding with a limit of hops; a robot takes in each reading once, and never one of its own."""
+    """Flooding with a limit of hops; a robot takes in each reading once, and never its own."""
 
     def __init__(self, context: BuildContext, hops: int) -> None:
         self._tile = tile_shape(context)
         self.codec = RelayCodec(self._tile)
         self._ids, self._hops = context.ids.astype(np.int32), hops
         self._known = KnownReadings(len(self._ids), context.swarm)
-        self._relayed: Inbox[RelayedItems] | None = None  # to be said by its receivers
-        self._oldest: dict[int, int] = {}  # of the readings said, by the iteration in which they were
+        self._relayed: Inbox[RelayedItems] | None = None  # for its receivers to tell
+        self._oldest: dict[int, int] = {}  # of the readings told, by the iteration of telling
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[RelayedItems]:
         """Every live robot's own tile, then those that it relays; the dead say nothing."""
@@ -62,7 +62,7 @@ class RelaySharing:
         return Broadcast(content, ends, sizes.astype(np.int32))
 
     def accepted(self, senses: Senses, inbox: Inbox[RelayedItems]) -> Inbox[RelayedItems]:
-        """The readings that are news to their receivers, each by the shortest way, ties by the sender's id."""
+        """The readings new to their receivers, each by the shortest way, ties by the sender's id."""
         known, items = self._known, inbox.content
         hops = items.hops.astype(np.int64) + 1
         keys = known.keys(inbox.receivers, items.sources, items.sensed)
@@ -84,12 +84,12 @@ class KnownReadings:
     """Which robot has which reading of the others."""
 
     def __init__(self, rows: int, swarm: int) -> None:
-        """Of so many robots, among all those of the swarm."""
+        """For `rows` robots, among all those of the swarm."""
         self._rows, self._swarm = rows, swarm
         self._keys = np.empty(0, np.int64)  # rising
 
     def keys(self, owners: ArrayLike, sources: ArrayLike, sensed: ArrayLike) -> NDArray[np.int64]:
-        """One number for each robot, by its row in `owners`, and the reading that it has; they rise with `sensed`."""
+        """One number for each robot, by its row in `owners`, and its reading; they rise with `sensed`."""
         when, owner, source = (np.asarray(column, np.int64) for column in (sensed, owners, sources))
         return np.asarray((when * self._rows + owner) * self._swarm + source)
 

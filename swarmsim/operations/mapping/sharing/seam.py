@@ -8,25 +8,25 @@ from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.seams import Seam
 from swarmsim.core.state import Senses
 
-if TYPE_CHECKING:  # who asks for seams needs no kernels
+if TYPE_CHECKING:  # the seams' users need no kernels
     from swarmsim.operations.mapping.maps import Maps, TileItems
 
 I = TypeVar("I", bound="TileItems")  # noqa: E741 (of items)
 
 
 class Sharing(Protocol[I]):
-    """What robots that map say of what they know, and what they take in of what they hear.
+    """What mapping robots tell of their knowledge, and which messages they take in.
 
-    The items that they take in have the columns of TileItems at least.
+    The items taken in have at least the columns of TileItems.
     """
 
     @property
     def codec(self) -> Codec[I]:
-        """What it looks like on the air."""
+        """The form on the air."""
         ...
 
     def say(self, senses: Senses, known: Maps, /) -> Broadcast[I]:
-        """The message of every robot, from what it senses now and what it knew before this iteration."""
+        """The message of every robot, from its present readings and its knowledge before this iteration."""
         ...
 
     def accepted(self, senses: Senses, inbox: Inbox[I]) -> Inbox[TileItems]:
