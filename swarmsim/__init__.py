@@ -8,9 +8,9 @@ run.summary["status"], run.curve()[-1]
 run.film("room.mp4")
 ```
 
-Every verb of the command line is a function here. One about a recorded run is a function of the `Run` that `run` and
-`open` give, one about a study of the `StudyRun` that `study` and `open_study` give; `swarmsim world check` is
-`world_check`. Everything is imported when it is first used.
+Every verb of the command line is a function here. Those about recorded runs are methods of the `Run` that `run` and
+`open` return, those about studies of the `StudyRun` that `study` and `open_study` return; `swarmsim world check` is
+`world_check`. Everything is imported at first use.
 """
 
 from __future__ import annotations

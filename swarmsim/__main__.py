@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Run the command line, which can be interrupted while it is still being imported."""
+    """Run the command line, which can be interrupted even during its import."""
     try:
         from swarmsim.cli import main as run
     except KeyboardInterrupt:
@@ -15,7 +15,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    # `-m` puts the current folder first, and the command does not: both have to find the same modules.
+    # `-m` puts the current folder first, unlike the command: both must find the same modules.
     if not sys.flags.safe_path and sys.path[0] in ("", str(Path.cwd())):
         del sys.path[0]
     main()

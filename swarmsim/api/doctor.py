@@ -1,4 +1,4 @@
-"""Whether everything works here, and what to do where it does not."""
+"""Checks whether everything works here, and tells how to fix it."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What came of one check."""
+    """The result of one check."""
 
     what: str
     works: bool
     needed: bool  # by most commands
-    found: str  # or what is wrong, and what to do
+    found: str  # or the problem and its fix
 
 
 def doctor() -> list[Finding]:
     """Check versions, simulation, film, letters, compiled code, folders and display: `swarmsim doctor`.
 
-    Gives one finding for each, whatever goes wrong.
+    Returns one finding for each, whatever goes wrong.
     """
     return [_finding(what, check) for what, check in CHECKS.items()]
 
@@ -32,7 +32,7 @@ def _finding(what: str, check: Callable[[], str]) -> Finding:
     needed = what not in OPTIONAL
     try:
         return Finding(what, True, needed, check())
-    except Exception as problem:  # whatever it is, it is to be told
+    except Exception as problem:  # any problem is reported
         return Finding(what, False, needed, f"{problem}; {ADVICE[what]}")
 
 
@@ -119,6 +119,6 @@ ADVICE: Final = {
     "film": "install an encoder with: pip install --force-reinstall imageio-ffmpeg",
     "letters": "install pygame again with: pip install --force-reinstall pygame-ce",
     "compiled code": "every run compiles anew; name a folder that can be written in NUMBA_CACHE_DIR",
-    "folder": "go to a folder of your own, or name one with --out",
+    "folder": "change to your own folder, or name one with --out",
     "display": "only swarmsim view needs one; films and pages do not",
 }

@@ -1,4 +1,4 @@
-"""Recorded runs as files of other programs."""
+"""Recorded runs as files for other programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from swarmsim.world import rosmap
 from swarmsim.world.rasters import cropped
 from swarmsim.world.source import floor_plan
 
-Progress = Callable[[int, int], None]  # is called with the iterations done and all iterations
+Progress = Callable[[int, int], None]  # called with iterations done and all iterations
 
 
 def exported(
@@ -29,7 +29,7 @@ def exported(
     at: int | None,
     progress: Progress,
 ) -> list[Path]:
-    """Write a run for other programs; gives the files. `name` is the run's in messages. Raises InputError."""
+    """Write a run for other programs and return the files. `name` is the run's in messages. Raises InputError."""
     if map_ is None and mcap is None and rerun is None:
         raise InputError("export: nothing to write; name a file with --map, --mcap or --rerun")
     for option, path, suffix in (("--mcap", mcap, ".mcap"), ("--rerun", rerun, ".rrd")):
@@ -78,7 +78,7 @@ def _whole(
             part.replace(out)
     except OSError as problem:
         raise unwritten(out, problem) from problem
-    except RuntimeError as problem:  # as the SDK for MCAP says it, with no number of the system's
+    except RuntimeError as problem:  # from the MCAP SDK, without a system error number
         if "I/O error" not in str(problem):
             raise
         raise StorageError(f"{out}: cannot be written ({problem})") from problem

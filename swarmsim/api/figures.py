@@ -1,4 +1,4 @@
-"""Figures of a recorded run for print: single moments, and its network."""
+"""Printable figures of a recorded run: single moments, and its network."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PRINT: Final = 300  # dots per inch
-MOST: Final = 12  # maps in one figure that can still be read
+MOST: Final = 12  # readable maps in one figure
 
 
 def local_maps(recording: Recording, name: str, robots: Sequence[int], at: int, out: Path | None) -> list[Path]:
@@ -41,7 +41,7 @@ def local_maps(recording: Recording, name: str, robots: Sequence[int], at: int, 
 
 
 def rewiring(recording: Recording, at: int, and_: int, out: Path | None) -> list[Path]:
-    """Draw who hears whom at two iterations. Raises InputError."""
+    """Draw the links at two iterations. Raises InputError."""
     for option, iteration in (("--at", at), ("--and", and_)):
         _check_iteration(recording, option, iteration)
     if at == and_:
@@ -55,7 +55,7 @@ def rewiring(recording: Recording, at: int, and_: int, out: Path | None) -> list
 
 
 def provenance(recording: Recording, name: str, robot: int, at: int | None, out: Path | None) -> list[Path]:
-    """Simulate the run again, and draw where what a robot knows came from. Raises InputError."""
+    """Repeat the run, and draw where a robot's knowledge came from. Raises InputError."""
     check_maps(recording, name)
     last = recording.iterations - 1 if at is None else at
     _check_iteration(recording, "--at", last)
@@ -79,7 +79,7 @@ def network_figures(report: NetworkReport, folder: Path) -> list[Path]:
 
 
 def _of_network(graphs: Mapping[str, Graph], first: int, caption: str) -> dict[str, Figure]:
-    """The four figures by name; one curve where what was heard is just what was linked."""
+    """The four figures by name; one curve if all links were heard."""
     same = np.array_equal(graphs["linked"].reach.first_heard, graphs["heard"].reach.first_heard) and all(
         np.array_equal(one.degrees, other.degrees)
         for one, other in zip(graphs["linked"].snapshots, graphs["heard"].snapshots, strict=True)
@@ -98,7 +98,7 @@ def _of_network(graphs: Mapping[str, Graph], first: int, caption: str) -> dict[s
 
 
 def save_picture(figure: Figure, path: Path) -> Path:
-    """Save a figure as PNG, and give its path. Raises InputError, and StorageError for a full disk."""
+    """Save a figure as PNG and return its path. Raises InputError, and StorageError for a full disk."""
     try:
         figure.savefig(path, format="png", metadata={"Software": None})
     except OSError as problem:
@@ -132,7 +132,7 @@ def _titled(recording: Recording) -> str:
 
 
 def _save(figures: Mapping[Path, Figure], option: str, dpi: int = 150) -> list[Path]:
-    """Save figures under their stems as PNG and SVG; gives the files. Raises InputError, naming the option."""
+    """Save figures under their stems as PNG and SVG, and return the files. Raises InputError, naming the option."""
     try:
         return [path for stem, figure in figures.items() for path in plots.save(figure, stem, dpi)]
     except OSError as problem:

@@ -24,14 +24,14 @@ def filmed(
     frames: bool,
     progress: Callable[[int, int], None],
 ) -> Path:
-    """Write a film, or one of how robots find each other's frames of reference; gives its path.
+    """Write a film, or one of how robots find each other's frames of reference, and return its path.
 
     `name` is the run's in messages. Raises InputError.
     """
     check_film(out, film)
     if frames:
         if beside is not None or film.look != Style(film.look.theme):
-            raise InputError("--frames: such a film has a look of its own; expected --fps, --speed, --size or --theme")
+            raise InputError("--frames: such films have their own look; expected --fps, --speed, --size or --theme")
         _of_frames(recording, name, out, film, progress)
     else:
         write_film(recording, out, film, beside, progress)

@@ -1,4 +1,4 @@
-"""Tables of a recorded run for pandas: its iterations, a probe's samples, a channel's readings."""
+"""Pandas tables of a recorded run: its iterations, a probe's samples, a channel's readings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def framed(rows: Mapping[str, object] | Sequence[Mapping[str, object]]) -> pd.DataFrame:
-    """Columns or records as a table of pandas. Raises ImportError without it."""
+    """Columns or records as a pandas DataFrame. Raises ImportError without pandas."""
     try:
         import pandas as pd
     except ImportError as problem:
@@ -51,7 +51,7 @@ def _iterations(recording: Recording) -> dict[str, object]:
 
 
 def _sampled(recording: Recording, name: str) -> dict[str, Row]:
-    """The columns of a probe: where it has a table with a row for each robot, others' numbers are repeated."""
+    """The columns of a probe: next to a table with a row per robot, the others' numbers are repeated."""
     known = {one.name: one for one in recording.probes}
     if name not in known:
         there = {**known, **recorded(recording)}
@@ -76,6 +76,6 @@ def _sampled(recording: Recording, name: str) -> dict[str, Row]:
 
 
 def named(curve: Curve) -> str:
-    """What a curve shows, with its unit: `coverage (%)`."""
+    """A curve's measure with its unit: `coverage (%)`."""
     name, _, unit = curve.label.partition(", ")
     return f"{name} ({unit})" if unit else name

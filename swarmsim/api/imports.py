@@ -1,4 +1,4 @@
-"""From the file of a stranger to a scenario that runs, one question at a time."""
+"""Turns an unknown floor plan into a runnable scenario, one question at a time."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from swarmsim.world.source import drawing_of, floor_plan, is_map, read_world
 from swarmsim.world.unreached import unreached
 
 ROBOTS = 5
-COARSE = 1_000_000  # cells of 0.15 m, beyond which larger ones are proposed
-PAPER = 3.0  # m; what is drawn in mm or cm on less is a sheet of paper
+COARSE = 1_000_000  # cells of 0.15 m, above which larger ones are proposed
+PAPER = 3.0  # m; smaller drawings in mm or cm are sheets of paper
 DOOR = 0.9  # m
 
 
 class Keys(TypedDict, total=False):
-    """The keys of [world] that answers give."""
+    """The keys of [world] from answers."""
 
     file: Required[str]
     width: float
@@ -48,22 +48,22 @@ class Keys(TypedDict, total=False):
 
 
 class Answers(Protocol):
-    """Who is asked, and told what was read."""
+    """Answers questions, and receives findings."""
 
     def choice(self, question: str, default: bool) -> bool:
         """Yes or no."""
         ...
 
     def length(self, question: str, key: str) -> float:
-        """A number of metres above 0, which the file does not say. Raises InputError where nobody can be asked."""
+        """A number of metres above 0 that the file lacks. Raises InputError if there is no one to ask."""
         ...
 
     def text(self, question: str, key: str) -> str:
-        """A name. Raises InputError where nobody can be asked."""
+        """A name. Raises InputError if there is no one to ask."""
         ...
 
     def tell(self, sentence: object) -> None:
-        """Tell what was read."""
+        """Pass on a finding."""
         ...
 
 
@@ -71,7 +71,7 @@ class Defaults:
     """Takes every default."""
 
     def __init__(self, tell: Callable[[str], None] = lambda sentence: None) -> None:
-        """`tell` gets what was read and which defaults were taken, a sentence each."""
+        """`tell` gets the findings and the defaults taken, a sentence each."""
         self._tell = tell
 
     def choice(self, question: str, default: bool) -> bool:
@@ -94,12 +94,12 @@ class Defaults:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """A scenario that was made of a floor plan."""
+    """A scenario made from a floor plan."""
 
     scenario: Path
-    picture: Path  # what the file shows beside what was read
+    picture: Path  # the file's contents beside the result
     problem: str | None  # why it does not run yet
-    seconds: float  # that a run of it takes, about
+    seconds: float  # of a run, about
 
 
 def world_import(
@@ -110,18 +110,18 @@ def world_import(
     level: str = "",
     answers: Answers | None = None,
 ) -> Imported:
-    """Make a scenario of somebody's floor plan, with a picture of what was read beside it: `swarmsim world import`.
+    """Make a scenario from any floor plan, with a picture of the result beside it: `swarmsim world import`.
 
-    `out` is the scenario to write (TOML), by default in the current folder and named as `file`. `width` is that of the
-    page in metres, which is never guessed, and `level` the storey of a file with several. `answers` is asked what is
-    not certain and told what was read; by default every default is taken. Raises InputError for what cannot be read,
-    for a width that is missing, and for a file that exists already; then nothing is written.
+    `out` is the scenario to write (TOML), by default in the current folder and named as `file`. `width` is the page's
+    in metres, which is never guessed, and `level` the storey of a file with several. `answers` gets uncertain
+    questions and the findings; without it all defaults are taken. Raises InputError, and writes nothing, for an
+    unreadable file, a missing width, and a scenario that exists already.
     """
     path, scenario, ask = Path(file), Path(out or f"{Path(file).stem}.toml"), answers or Defaults()
     if scenario.suffix.lower() != ".toml":
         raise InputError(f"{scenario}: expected a name that ends in .toml")
     if scenario.exists():
-        raise InputError(f"{scenario}: there is such a file already; name another one: --out NAME.toml")
+        raise InputError(f"{scenario}: exists already; name another one: --out NAME.toml")
     keys: Keys = {"file": str(path)}
     if width is not None:
         keys["width"] = width
@@ -143,7 +143,7 @@ def _world(keys: Keys) -> World:
 
 
 def _shown(file: Path, keys: Keys, answers: Answers) -> Drawing | None:
-    """What the file shows, in metres; None for a map in pixels."""
+    """The file's contents in metres; None for a map in pixels."""
     if is_map(_world(keys)):
         _map(file, keys, answers)
         return None
@@ -180,7 +180,7 @@ def _shown(file: Path, keys: Keys, answers: Answers) -> Drawing | None:
 
 
 def _map(file: Path, keys: Keys, answers: Answers) -> None:
-    """Find out how large the pixels of a map are."""
+    """Find the size of a map's pixels."""
     try:
         rosmap.read(file, None if "width" not in keys else 1.0)
     except InputError as problem:
@@ -195,8 +195,8 @@ def _layers(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
     none_yet = drawing is not None and not any(group.layer == "walls" for group in advice.groups(drawing))
     for group in advice.decoration(drawing) if drawing is not None else ():
         shapes = "1 shape" if group.shapes == 1 else f"{group.shapes} shapes"
-        share = f"`{group.name}` ({shapes}, {100.0 * group.share:.0f} % of what is drawn) is no layer of ours, so that"
-        if answers.choice(f"{share} robots would drive through it. Is it walls?", none_yet or group.share >= 0.5):
+        share = f"`{group.name}` ({shapes}, {100.0 * group.share:.0f} % of what is drawn) is not one of our layers, so"
+        if answers.choice(f"{share} robots would drive through it. Is it a wall?", none_yet or group.share >= 0.5):
             taken.append(group.name)
     if taken and drawing is not None:
         walls = [group.name for group in advice.groups(drawing) if group.layer == "walls" and group.name]
@@ -204,7 +204,7 @@ def _layers(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
 
 
 def _reading(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
-    """Read the floor plan, and ask about what a rule has decided."""
+    """Read the floor plan, and ask about decisions made by rules."""
 
     def read() -> FloorPlan:
         world = _world(keys)
@@ -243,7 +243,7 @@ def _reading(drawing: Drawing | None, keys: Keys, answers: Answers) -> None:
 
 
 def _start(plan: FloorPlan, answers: Answers) -> list[float]:
-    """A square in the free space in which robots shall start."""
+    """A square in the free space where robots shall start."""
     free = polygons(shapely.difference(shapely.box(*plan.page), shapely.union(plan.walls, plan.unknown)))
     pieces = sorted(free.geoms, key=lambda piece: -piece.area)[:4]
     taken = next(iter(plan.spawns.values()))
@@ -258,7 +258,7 @@ def _start(plan: FloorPlan, answers: Answers) -> list[float]:
 
 
 def _inspected(keys: Keys, answers: Answers) -> tuple[float, Inspection]:
-    """The building as a swarm finds it, with cells that are not too many."""
+    """The building as a swarm finds it, with a reasonable number of cells."""
     world, cell = _world(keys), CELL
     plan = floor_plan(read_world(world, cell), world)
     cells = plan.width * plan.height / cell**2
@@ -278,7 +278,7 @@ def _inspected(keys: Keys, answers: Answers) -> tuple[float, Inspection]:
 
 
 def _write(path: Path, keys: Keys, cell: float, found: Inspection) -> None:
-    """Write the scenario, from whose folder the file's path leads."""
+    """Write the scenario, with the file's path relative to its folder."""
     file = os.path.relpath(keys["file"], path.parent)
     robots = min(ROBOTS, max(found.seats, 1))
     limit = max(500, 4 * (found.iterations or 1250) * found.scenario.robots.count // robots)
@@ -294,7 +294,7 @@ def _write(path: Path, keys: Keys, cell: float, found: Inspection) -> None:
 
 
 def _draw(path: Path, drawing: Drawing | None, found: Inspection, name: str) -> None:
-    """Draw what the file shows, and what was read."""
+    """Draw the file's contents, and the result."""
     plan, robots = found.arena.plan, found.scenario.robots
     if drawing is None:
         shown = [(plan.unknown, 0.3), (plan.layers["walls"], 1.0)]
@@ -310,7 +310,7 @@ def _draw(path: Path, drawing: Drawing | None, found: Inspection, name: str) -> 
         spawn = found.arena.area_name(robots.spawn)
         beside = unreached(found.arena, found.arena.reachable(spawn, robots.radius), robots.radius, spawn)
         floor, pockets = beside.home, list(beside.pockets)
-    except InputError:  # it is told already
+    except InputError:  # told already
         free = shapely.get_parts(shapely.difference(shapely.box(*plan.page), joined([plan.walls])))
         floor = max(free, key=lambda piece: piece.area, default=None)
     figure = plots.imported(shown, plan, floor, pockets, f"{name}: {plan.width:.4g} m x {plan.height:.4g} m")

@@ -1,4 +1,4 @@
-"""Pages for a browser: replays of runs, and studies."""
+"""Browser pages: replays of runs, and studies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from swarmsim.view.page import document
 
 
 def replay_page(named: Sequence[tuple[str, Recording]], out: Path) -> Path:
-    """Write the page that replays a run, or two in step; messages have their names. Raises InputError."""
+    """Write the page that replays a run, or two in step; messages use their names. Raises InputError."""
     check_page(out)
     for name, recording in named:
         if not recording.iterations:
@@ -62,7 +62,7 @@ def check_page(out: Path) -> None:
 
 
 def _replays(plan: Plan, found: dict[str, Result], out: Path) -> dict[str, str]:
-    """Write the page of the median run of each condition into a folder beside the study's; gives links by run."""
+    """Write each condition's median run as a page into a folder beside the study's; return links by run."""
     links: dict[str, str] = {}
     for number, condition in enumerate(plan.conditions, 1):
         rows = sorted(found[condition.name].rows, key=lambda row: (row.iterations, row.seed))

@@ -1,4 +1,4 @@
-"""Papers: their experiments done again."""
+"""Reproductions of papers."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def reproduce(
     allow_code: bool = False,
     progress: Progress = untold,
 ) -> list[Reproduction]:
-    """Do a paper's experiments again, its numbers beside ours, for each way to read it: `swarmsim reproduce`.
+    """Repeat a paper's experiments, its numbers beside ours, for each reading of it: `swarmsim reproduce`.
 
     `paper` is its folder, or the name of one that comes with swarmsim: kit2018 or shang2014. Each condition is run with
     the seeds 1 to `seeds`, by default those of its study. `readings` names ways to read the paper, by default all.
-    Report, figures and results go into the folder `out`, by default runs/PAPER; runs that it has are not done again.
-    `allow_code` lets its scenarios run code of their own. Other parameters are those of `StudyRun.run`. Raises
-    InputError for a folder that is no paper, for a reading that it does not have, and for runs that failed.
+    Report, figures and results go into the folder `out`, by default runs/PAPER; existing runs are not repeated.
+    `allow_code` lets its scenarios run their own code. Other parameters are those of `StudyRun.run`. Raises
+    InputError for a folder that is no paper, for an unknown reading, and for failed runs.
     """
     with registry.own_code(allow_code):
         folder = find_paper(str(paper))

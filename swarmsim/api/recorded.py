@@ -1,4 +1,4 @@
-"""A recorded run: what it says, shows and gives to other programs."""
+"""A recorded run: its numbers, pictures and exports."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from swarmsim.network.report import NetworkReport
     from swarmsim.view.style import LookKeys
 
-Progress = Callable[[int, int], None]  # is called with what is done, and how much there is
+Progress = Callable[[int, int], None]  # called with the amount done and the total
 
 
 def untold(done: int, of: int) -> None:
-    """Tell nobody of progress."""
+    """Ignore progress."""
 
 
 class Run:
     """A recorded run."""
 
     def __init__(self, recording: Recording, path: Path | None = None) -> None:
-        #: All that was recorded.
+        #: The recording.
         self.recording = recording
-        #: The folder or file that was opened, as messages name it.
+        #: The opened folder or file, as messages name it.
         self.path = path or recording.path
 
     @cached_property
@@ -54,30 +54,30 @@ class Run:
 
     @property
     def iterations(self) -> int:
-        """How many iterations were recorded."""
+        """The number of recorded iterations."""
         return self.recording.iterations
 
     @property
     def measures(self) -> dict[str, NDArray[np.float64]]:
-        """What the task measured of the swarm after each iteration (t,), by name."""
+        """The task's measures of the swarm after each iteration (t,), by name."""
         return {name: self.recording[name] for name in self.recording.measures}
 
     def curve(self) -> NDArray[np.float64]:
-        """The measure that the task is about, after each iteration (t,), in the unit of its label."""
+        """The task's main measure after each iteration (t,), in the unit of its label."""
         curve = self.recording.curve
         return np.asarray(curve.scale * self.recording[curve.name], np.float64)
 
     def frame(self, name: str | None = None) -> pd.DataFrame:
         """One row for each iteration; columns are named with their units. Needs pandas.
 
-        With the name of a probe, as in the scenario, one row for each sample and robot. With that of a channel of the
-        robots' sensors or actuators, such as `neighbours` or `led`, one for each iteration and robot and, where there
-        are several of something, for each of them. Raises InputError for what is neither.
+        With the name of a probe, as in the scenario, one row for each sample and robot. With a sensor's or actuator's
+        channel, such as `neighbours` or `led`, one for each iteration and robot, and each item if it has several.
+        Raises InputError for an unknown name.
         """
         return tables.framed(tables.columns(self.recording, name))
 
     def plot(self) -> Figure:
-        """What the task is about, over the iterations."""
+        """The task's main measure over the iterations."""
         from swarmsim.view import plots
 
         recording = self.recording
@@ -86,10 +86,10 @@ class Run:
                             curve=recording.curve)  # fmt: skip
 
     def verify(self, *, allow_code: bool = False, progress: Progress = untold) -> Verification:
-        """Simulate the run again and compare every field of every iteration: `swarmsim verify`.
+        """Repeat the run and compare every field of every iteration: `swarmsim verify`.
 
-        `allow_code` lets it run code of its own. `progress` is called with the iterations compared and all of them.
-        Raises InputError for a run that cannot be made again, PartError for parts of others that fail.
+        `allow_code` lets it run its own code. `progress` is called with the iterations compared and all of them.
+        Raises InputError for a run that cannot be repeated, PartError for third-party parts that fail.
         """
         from swarmsim.api.verification import verified
 
@@ -97,10 +97,10 @@ class Run:
             return verified(self.recording, str(self.path), progress)
 
     def network(self, *, from_: int = 0, to: int | None = None, plots: str | Path | None = None) -> NetworkReport:
-        """Measure who was linked, who was heard, how that changed and what was lost: `swarmsim network`.
+        """Measure links, received and lost messages, and their changes: `swarmsim network`.
 
         The window begins with iteration `from_` and ends before `to`, by default with the run. Figures are drawn into
-        the folder `plots`, as PNG and SVG. Raises InputError for a window outside of the run.
+        the folder `plots`, as PNG and SVG. Raises InputError for a window outside the run.
         """
         from swarmsim.api.figures import network_figures
         from swarmsim.network.report import network_report
@@ -109,19 +109,19 @@ class Run:
         return found if plots is None else replace(found, figures=tuple(network_figures(found, Path(plots))))
 
     def figure_local_maps(self, robots: Sequence[int], at: int, out: str | Path | None = None) -> list[Path]:
-        """Draw the maps that robots have at the end of an iteration, side by side: `swarmsim figure local-maps`.
+        """Draw the robots' maps at the end of an iteration, side by side: `swarmsim figure local-maps`.
 
-        `robots` are numbers from 0, `out` is the figure's path without suffix, by default in the run's folder. Gives
-        the files, PNG and SVG for print. Raises InputError for robots or iterations that there are not.
+        `robots` are numbers from 0, `out` is the figure's path without suffix, by default in the run's folder. Returns
+        the files, PNG and SVG for print. Raises InputError for unknown robots or iterations.
         """
         from swarmsim.api.figures import local_maps
 
         return local_maps(self.recording, str(self.path), robots, at, _path(out))
 
     def figure_network(self, at: int, and_: int, out: str | Path | None = None) -> list[Path]:
-        """Draw who hears whom at two iterations, and whose neighbours differ: `swarmsim figure network`.
+        """Draw the links at two iterations, and the robots whose neighbours differ: `swarmsim figure network`.
 
-        `out`, what it gives and errors are those of `figure_local_maps`.
+        `out`, result and errors are those of `figure_local_maps`.
         """
         from swarmsim.api.figures import rewiring
 
@@ -130,10 +130,10 @@ class Run:
     def figure_provenance(
         self, robot: int, at: int | None = None, out: str | Path | None = None, *, allow_code: bool = False
     ) -> list[Path]:
-        """Draw who sensed what a robot knows, over how many links it came, how old it is: `swarmsim figure provenance`.
+        """Draw the source, hops and age of a robot's knowledge: `swarmsim figure provenance`.
 
-        The run is simulated again up to iteration `at`, by default the last; `allow_code` lets it run code of its own.
-        `out`, what it gives and errors are those of `figure_local_maps`.
+        The run is repeated up to iteration `at`, by default the last; `allow_code` lets it run its own code.
+        `out`, result and errors are those of `figure_local_maps`.
         """
         from swarmsim.api.figures import provenance
 
@@ -150,12 +150,12 @@ class Run:
         at: int | None = None,
         progress: Progress = untold,
     ) -> list[Path]:
-        """Write the run for other programs, and give the files: `swarmsim export`.
+        """Write the run for other programs and return the files: `swarmsim export`.
 
         `map_` is a map for ROS: .yaml for map_server or .json for an OccupancyGrid, of one `robot` or of all, at the
-        end of an iteration, by default the last. `mcap` is the run for Foxglove and Lichtblick, `rerun` that for the
-        Rerun viewer; `progress` is called with the iterations written and all of them. Raises InputError for what
-        cannot be written, StorageError for a full disk.
+        end of an iteration, by default the last. `mcap` is a file for Foxglove and Lichtblick, `rerun` one for the
+        Rerun viewer; `progress` is called with the iterations written and all of them. Raises InputError for files
+        that cannot be written, StorageError for a full disk.
         """
         from swarmsim.api.exports import exported
 
@@ -164,7 +164,7 @@ class Run:
         )  # fmt: skip
 
     def report(self, out: str | Path, *, beside: Run | None = None) -> Path:
-        """Write `out`, the page that replays the run in any browser, and give its path: `swarmsim report`.
+        """Write the page `out`, which replays the run in any browser, and return its path: `swarmsim report`.
 
         `beside` is a second run to replay in step. Raises InputError for a name that does not end in .html, and for
         runs without iterations.
@@ -187,11 +187,11 @@ class Run:
         progress: Progress = untold,
         **look: Unpack[LookKeys],
     ) -> Path:
-        """Write a film and give its `path`, which ends in .mp4, .gif or, for numbered pictures, .png: `swarmsim video`.
+        """Write a film and return its `path`: .mp4, .gif or, for numbered pictures, .png: `swarmsim video`.
 
-        It has `fps` frames a second, `speed` simulated seconds in one, and a `size` of width and height in pixels.
-        `cards` begin it with the scenario and end it with the result; `beside` is a second run to show in step;
-        `frames` simulates the run again and shows how robots that share by merge find each other's frames; `progress`
+        It has `fps` frames per second, `speed` simulated seconds per second, and a `size` of width and height in
+        pixels. `cards` show the scenario first and the result last; `beside` is a second run to show in step;
+        `frames` repeats the run and shows how robots that share by merge find each other's frames; `progress`
         is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.style.Style`: theme,
         layers, focus, robots. Raises InputError for what cannot work, StorageError for a full disk.
         """
@@ -206,9 +206,9 @@ class Run:
     def picture(
         self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Unpack[LookKeys]
     ) -> NDArray[np.uint8]:
-        """The picture (height, width, 3) after `iteration` iterations, by default at the end.
+        """The picture (height, width, 3) after `iteration` iterations, by default all.
 
-        `size` and `look` are those of `film`. Raises InputError for a moment outside of the run.
+        `size` and `look` are those of `film`. Raises InputError for a moment outside the run.
         """
         from swarmsim.view.style import Style
         from swarmsim.view.video import frame
@@ -235,7 +235,7 @@ def _path(given: str | Path | None) -> Path | None:
 
 
 def _png(picture: NDArray[np.uint8]) -> str:
-    """A picture (height, width, 3) as the address of an image in a page."""
+    """A picture (height, width, 3) as a data URL."""
     from PIL import Image
 
     file = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Runs: simulate and record, step, read back, put side by side."""
+"""Runs: simulate and record, step, read back, compare."""
 
 from __future__ import annotations
 
@@ -40,14 +40,13 @@ def run(
     out: str | Path | None = None,
     allow_code: bool = False,
 ) -> Run:
-    """Simulate a scenario to its end, and record it: `swarmsim run`.
+    """Simulate a scenario to its end and record it: `swarmsim run`.
 
-    `seed` replaces the scenario's. `overrides` are values at dotted keys, {"robots.count": 20}, or the same in words as
-    for --set, ["robots.count=20"]; a table replaces the whole table. `faults` come on top of the scenario's, in words:
-    ["crash at=50 count=2"]. Recording and summary go into the new folder `out` or, without one, into a temporary one
-    that lives as long as the run that is given. `allow_code` lets the scenario run code of its own. Raises InputError
-    for what cannot work, PartError for parts of others that fail, StorageError for a full disk, on which what was
-    flushed can be read.
+    `seed` replaces the scenario's. `overrides` are values at dotted keys, {"robots.count": 20}, or texts as for --set,
+    ["robots.count=20"]; setting a table replaces it entirely. `faults` are added to the scenario's, in words:
+    ["crash at=50 count=2"]. Recording and summary go into the new folder `out` or, by default, into a temporary one
+    that lives as long as the returned run. `allow_code` lets the scenario run its own code. Raises InputError for what
+    cannot work, PartError for third-party parts that fail, StorageError for a full disk, which keeps flushed data.
     """
     with registry.own_code(allow_code):
         made = prepared(scenario, seed, overrides, faults)
@@ -71,9 +70,9 @@ def simulate(
     faults: Sequence[str] = (),
     allow_code: bool = False,
 ) -> Iterator[Moment[Knowledge]]:
-    """Step a scenario to its end: everything that happened in each iteration, and nothing is recorded.
+    """Step a scenario to its end without a recording: gives everything that happened in each iteration.
 
-    Parameters and errors are those of `run`. The swarm is made before the first step is asked for.
+    Parameters and errors are those of `run`. The swarm is built before the first step.
     """
     with registry.own_code(allow_code):
         simulation = prepared(scenario, seed, overrides, faults).simulation
@@ -86,14 +85,14 @@ def simulate(
 
 
 def open(path: str | Path) -> Run:  # noqa: A001
-    """Read back the recording at `path`, or in the folder of a run. Raises InputError for what is none."""
+    """Read the recording at `path`, or in a run's folder. Raises InputError for anything else."""
     return Run(Recording(Path(path)), Path(path))
 
 
 def compare(runs: Sequence[str | Path], *, plot: str | Path | None = None) -> Comparison:
-    """Tell what faults cost: each recorded run beside the first: `swarmsim compare`.
+    """Compare each recorded run with the first, such as to see what faults cost: `swarmsim compare`.
 
-    `plot` is a figure to draw of what their task is about, without its ending: PNG and SVG. Raises InputError for fewer
+    `plot` is the path, without suffix, of a figure of their main measure: PNG and SVG. Raises InputError for fewer
     than two runs, runs of different tasks and runs without iterations.
     """
     from swarmsim.studies.comparison import compared
@@ -130,33 +129,33 @@ def scenario_of(path: Path, seed: int | None, overrides: Overrides | None, fault
 
 
 def told_apart(overrides: Overrides | None) -> tuple[Sequence[str], Mapping[str, object]]:
-    """Overrides in words and overrides as values, one of which there are none of."""
+    """Overrides as texts and as values; one of the two is empty."""
     if isinstance(overrides, Mapping):
         return (), overrides
     return ([overrides] if isinstance(overrides, str) else overrides or ()), {}
 
 
 def record(made: engine.BuiltRun, folder: Path, observers: Sequence[Observer] = ()) -> Run:
-    """Simulate a run to its end into a folder; one that is interrupted keeps what it has recorded, and its summary."""
+    """Simulate a run to its end into a folder; an interrupted one keeps its recording so far, and its summary."""
     try:
         with made.recorder(folder / "recording.h5") as recorder:
             made.simulate([recorder, *observers])
     except BaseException:
-        with suppress(InputError, StorageError):  # what ended the run is told, and not what follows from it
+        with suppress(InputError, StorageError):  # the run's own error is told, not those that follow
             summarise(folder)
         raise
     return summarise(folder)
 
 
 def summarise(folder: Path) -> Run:
-    """Write the summary of the run in a folder, also of one that was interrupted."""
+    """Write the summary of the run in a folder, even of an interrupted one."""
     done = open(folder)
     write_whole(folder / "summary.json", json.dumps(done.summary, indent=2) + "\n")
     return done
 
 
 def new_folder(asked: Path | None, stem: str = "run") -> Path:
-    """Make a run's folder: the one asked for, or the first unused runs/STEM-N. Raises InputError."""
+    """Make a run's folder: the given one, or the first unused runs/STEM-N. Raises InputError."""
     for number in count(1):
         folder = asked or Path("runs") / f"{stem}-{number}"
         try:

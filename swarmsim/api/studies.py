@@ -1,4 +1,4 @@
-"""Studies: many runs, and what they say."""
+"""Studies: many runs, and their statistics."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from swarmsim.studies.store import Store
 if TYPE_CHECKING:
     import pandas as pd
 
-Progress = Callable[[int, int, int], None]  # is called with the runs done, all runs, and how many have failed
+Progress = Callable[[int, int, int], None]  # called with runs done, all runs, and failed runs
 
 
 def untold(done: int, of: int, failed: int) -> None:
-    """Tell nobody of progress."""
+    """Ignore progress."""
 
 
 def study(
@@ -47,10 +47,10 @@ def study(
     keep_old: bool = False,
     allow_code: bool = False,
 ) -> StudyRun:
-    """Do the runs of a study that are still missing, and give all of them: `open_study` and then `StudyRun.run`.
+    """Do the missing runs of a study and return all: `open_study`, then `StudyRun.run`.
 
-    Parameters and errors are those of both. In a script this has to be called under `if __name__ == "__main__":`, since
-    processes are started.
+    Parameters and errors are those of both. In a script, call it under `if __name__ == "__main__":`, since it starts
+    processes.
     """
     opened = open_study(path, seeds=seeds, store=store, keep_old=keep_old, allow_code=allow_code)
     return opened.run(workers=workers, scheduler=scheduler)
@@ -64,10 +64,10 @@ def open_study(
     keep_old: bool = False,
     allow_code: bool = False,
 ) -> StudyRun:
-    """Read the study file `path` with the runs that are done already, and do none.
+    """Read the study file `path` with its finished runs, and do none.
 
-    `seeds` replaces their number. Results are kept in `store`, by default runs/studies/STUDY.sqlite; those that other
-    code than the present has made count only with `keep_old`. `allow_code` lets its scenarios run code of their own.
+    `seeds` replaces their number. Results are kept in `store`, by default runs/studies/STUDY.sqlite; those made by
+    other code than the present count only with `keep_old`. `allow_code` lets its scenarios run their own code.
     Raises InputError that names the file, the condition and the key.
     """
     kept = Path(store) if store else Path("runs") / "studies" / f"{Path(path).stem}.sqlite"
@@ -77,16 +77,16 @@ def open_study(
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """How much there is to do."""
+    """The amount of work."""
 
     runs: int  # in all
     missing: int  # still to do
-    seconds: float  # of one core that each takes, about
+    seconds: float  # of one core for each, about
 
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How far a condition has come, in runs."""
+    """A condition's progress, in runs."""
 
     condition: str
     finished: int
@@ -97,7 +97,7 @@ class Count:
 
 @dataclass(frozen=True, slots=True)
 class StudyTable:
-    """A table of texts, which shows itself in a notebook."""
+    """A table of texts, which notebooks display."""
 
     title: str
     head: Sequence[str]
@@ -112,10 +112,10 @@ class StudyTable:
 
 
 class StudyRun:
-    """A study, and its runs as far as they are done."""
+    """A study and its finished runs."""
 
     def __init__(self, plan: Plan, store: Path, allow_code: bool = False) -> None:
-        #: What was asked.
+        #: The plan of the study.
         self.plan = plan
         #: The file of the results (SQLite).
         self.store = store
@@ -128,17 +128,17 @@ class StudyRun:
             return found.gather(self.plan, kept)
 
     def of_other_code(self) -> list[str]:
-        """A sentence about runs that other code than the present made, if there are any."""
+        """A sentence about runs made by other code than the present, if any."""
         return found.of_other_code(self.plan, self.results)
 
     def unlike(self) -> list[str]:
-        """In what conditions differ that makes their numbers tell little of each other, a sentence each."""
+        """Differences of conditions that make their numbers hard to compare, a sentence each."""
         return notices([Side(one.name, one.scenario, self.plan.world_of(one)) for one in self.plan.conditions])
 
     def estimate(self) -> Estimate:
-        """How many runs there are, how many are missing, and how long each takes: `swarmsim study plan`.
+        """The number of runs and of missing ones, and the time of each: `swarmsim study plan`.
 
-        The time is the mean of the runs that are done or, without any, is found by simulating each condition briefly.
+        The time is the mean of the finished runs or, without any, from simulating each condition briefly.
         """
         seconds = [row.seconds for result in self.results.values() for row in result.rows]
         missing = sum(result.missing for result in self.results.values())
@@ -154,10 +154,10 @@ class StudyRun:
         retry: bool = False,
         progress: Progress = untold,
     ) -> StudyRun:
-        """Do the runs that are missing, keep each as it ends, and give the study: `swarmsim study run`.
+        """Do the missing runs, keep each as it ends, and return the study: `swarmsim study run`.
 
-        `workers` processes do them, by default one for each core, or those of a Dask `scheduler` (tcp://host:port).
-        `retry` does failed runs again. `progress` is called with the runs done, all runs, and how many have failed.
+        `workers` processes do them, by default one per core, or those of a Dask `scheduler` (tcp://host:port).
+        `retry` repeats failed runs. `progress` is called with runs done, all runs, and failed runs.
         Raises InputError for a scheduler that does not answer, StorageError for a full disk.
         """
         with registry.own_code(self._allow_code), Store(self.store) as kept:
@@ -166,7 +166,7 @@ class StudyRun:
         return self
 
     def status(self) -> list[Count]:
-        """How far each condition has come: `swarmsim study status`."""
+        """The progress of each condition: `swarmsim study status`."""
         return [
             Count(name, int(one.finished.sum()), int((~one.finished).sum()), len(one.failed), one.missing)
             for name, one in self.results.items()
@@ -190,7 +190,7 @@ class StudyRun:
         return StudyTable(f"against {against}", found.COMPARED, found.compared(self.results, against))
 
     def digest(self) -> str:
-        """One digest over all runs, whoever did them and in whatever order."""
+        """One digest over all runs, independent of their order and machine."""
         return found.digest(list(self.results.values()))
 
     def describe(self, measure: str | None = None) -> dict[str, Description]:
@@ -201,11 +201,11 @@ class StudyRun:
         }
 
     def curves(self, condition: str) -> list[NDArray[np.float64]]:
-        """What the task is about in each run of a condition (t,), where the study keeps curves."""
+        """The task's main measure in each run of a condition (t,), if the study keeps curves."""
         return self.results[condition].curves
 
     def records(self) -> list[dict[str, object]]:
-        """One record for each run: condition, what it changes, seed, outcome and all measures."""
+        """One record for each run: condition, its changes, seed, outcome and all measures."""
         return found.records(self.plan, self.results)
 
     def frame(self) -> pd.DataFrame:
@@ -215,15 +215,15 @@ class StudyRun:
     def plot(self, folder: str | Path, *measures: str) -> list[Path]:
         """Draw the study's figures, and measures along its axis, into a folder: `swarmsim study plot`.
 
-        Gives the files, PNG and SVG. Raises InputError where there is nothing to draw or no place for it.
+        Returns the files, PNG and SVG. Raises InputError if there is nothing to draw or no place for it.
         """
         return reports.study_figures(self.plan.study, self.results, Path(folder), measures)
 
     def export(self, *, csv: str | Path | None = None, parquet: str | Path | None = None) -> list[Path]:
-        """Write every run with all its measures, and give the files: `swarmsim study export`.
+        """Write every run with all its measures, and return the files: `swarmsim study export`.
 
-        `csv` and `parquet` are the files to write, one of them at least. Raises InputError where no file is named or it
-        cannot be written, StorageError for a full disk.
+        `csv` and `parquet` are the files to write, at least one. Raises InputError if none is given or it cannot be
+        written, StorageError for a full disk.
         """
         if csv is None and parquet is None:
             raise InputError("study export: nothing to write; name a file with --csv or --parquet")
@@ -242,9 +242,9 @@ class StudyRun:
     ) -> methods.Compared:
         """Compare methods over many worlds: `swarmsim study rank`.
 
-        `method` is what the axes of the methods have as `together`, `within` the key of an axis whose values are kept
-        apart, `out` a folder for figures. Gives ratios to the first method with intervals, the probability of
-        improvement and profiles. Raises InputError where there is no such axis or runs are missing.
+        `method` is the `together` of the methods' axes, `within` the key of an axis whose values are kept apart, `out`
+        a folder for figures. Returns ratios to the first method with intervals, the probability of improvement and
+        profiles. Raises InputError for an unknown axis or missing runs.
         """
         compared = methods.compare(self.plan, self.results, method, within)
         if out is None:
@@ -262,11 +262,11 @@ class StudyRun:
         scheduler: str | None = None,
         progress: Progress = untold,
     ) -> selection.Answer:
-        """Find the condition with the fewest iterations, with as few runs as can be: `swarmsim study best`.
+        """Find the condition with the fewest iterations, with as few runs as possible: `swarmsim study best`.
 
         Seeds are added until, with this confidence, no other value needs fewer iterations by more than `tolerance`, a
-        share, or `budget` runs are spent. Other parameters are those of `run`. Raises InputError if none can be called
-        best, since too few runs finish.
+        share, or `budget` runs are spent. Other parameters are those of `run`. Raises InputError if too few runs
+        finish to find the best.
         """
         with registry.own_code(self._allow_code), Store(self.store) as kept:
             more = partial(run_jobs, store=kept, workers=workers, scheduler=scheduler, progress=progress)
@@ -275,10 +275,10 @@ class StudyRun:
         return answer
 
     def report(self, out: str | Path, *, replays: bool = True) -> list[Path]:
-        """Write `out`, the page of the study, and give all pages: `swarmsim report`.
+        """Write the study's page `out`, and return all pages: `swarmsim report`.
 
-        With `replays` each condition's median run is simulated again, as a page of its own. Raises InputError for a
-        name that does not end in .html, and where no run is done.
+        With `replays` each condition's median run is repeated, as its own page. Raises InputError for a name that does
+        not end in .html, and if no run is finished.
         """
         from swarmsim.api.pages import study_page
 

@@ -1,4 +1,4 @@
-"""A recording held against the same run, simulated again."""
+"""Compares a recording with a repetition of its run."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from swarmsim.recording.reader import Recording
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What came of simulating a recorded run again."""
+    """The result of repeating a recorded run."""
 
-    iterations: int  # that were recorded
+    iterations: int  # recorded
     digest: str  # of the recording
     difference: str | None  # the first iteration and field that differ; None: all are equal
-    libraries: dict[str, tuple[str, str | None]]  # those of other versions: the one that recorded, and the present one
-    code: str  # in what the code differs, in words; empty if it does not
+    libraries: dict[str, tuple[str, str | None]]  # with other versions: the recorded and the present one
+    code: str  # differences of the code, in words; empty without any
 
     @property
     def equal(self) -> bool:
@@ -28,7 +28,7 @@ class Verification:
 
 
 def verified(recording: Recording, name: str, progress: Callable[[int, int], None]) -> Verification:
-    """Simulate a recording again, up to the first difference; `name` is the run's in messages."""
+    """Repeat a recorded run, up to the first difference; `name` is the run's in messages."""
     made = build(recording.scenario, name, recording.world)
     simulation, digests, last = made.simulation, Digests(), recording.iterations
     difference = None

@@ -1,4 +1,4 @@
-"""Buildings: what they are like for a swarm, as pictures, as files of other formats, and made by rules."""
+"""Buildings: inspection, pictures, conversion and generation."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class Converted:
     """A building in another format."""
 
     files: tuple[Path, ...]  # written
-    notices: tuple[str, ...]  # how the floor plan was taken
+    notices: tuple[str, ...]  # how the floor plan was read
 
 
 def world_check(world: str | Path, *, overrides: Overrides | None = None, door: float | None = None) -> Inspection:
-    """Tell what a building is like for a swarm, and whether all of it can be mapped: `swarmsim world check`.
+    """Inspect a building for a swarm, and whether all of it can be mapped: `swarmsim world check`.
 
     `world` is a drawing, a map, polygons or a scenario (TOML) with its world; `overrides` are values at dotted keys of
     the scenario, as in {"world.scale": 0.01}; doors are up to `door` metres wide, by default ten times the robot's
-    diameter. If it cannot all be mapped, `problem` says why. Raises InputError for what cannot be read at all.
+    diameter. If it cannot all be mapped, `problem` says why. Raises InputError for an unreadable building.
     """
     scenario = _scenario(Path(world), overrides)
     widest = 20.0 * scenario.robots.radius if door is None else door
@@ -49,9 +49,9 @@ def world_check(world: str | Path, *, overrides: Overrides | None = None, door: 
 def world_preview(
     world: str | Path, out: str | Path, *, overrides: Overrides | None = None, door: float | None = None
 ) -> Path:
-    """Draw a building as a swarm finds it, into a .png, and give its path: `swarmsim world preview`.
+    """Draw a building as a swarm finds it, into a .png, and return its path: `swarmsim world preview`.
 
-    The picture has grid, domain, spawn areas, doors, and what is wrong. Other parameters and errors are those of
+    The picture has grid, domain, spawn areas, doors, and problems. Other parameters and errors are those of
     `world_check`.
     """
     path = Path(out)
@@ -106,12 +106,11 @@ def world_generate(
     overrides: Overrides | None = None,
     cell: float = CELL,
 ) -> Path:
-    """Make a building, write it as .svg or .geojson, and give its path: `swarmsim world generate`.
+    """Generate a building, write it as .svg or .geojson, and return its path: `swarmsim world generate`.
 
-    `kind` is rooms, office, maze, cave, obstacles or a generator of yours; another `seed` makes another building;
-    `overrides` are keys of the generator, as in {"width": 20}; `cell` is the side in metres of the cells it is made of.
-    `out` is the file. Raises InputError for keys that cannot
-    work and a place that cannot be written.
+    `kind` is rooms, office, maze, cave, obstacles or a custom generator; another `seed` makes another building;
+    `overrides` are keys of the generator, as in {"width": 20}; `cell` is the side of its cells in metres, `out` the
+    file. Raises InputError for invalid keys and a place that cannot be written.
     """
     path = Path(out)
     if path.suffix.lower() not in (".svg", ".geojson"):
@@ -128,7 +127,7 @@ def _text(plan: FloorPlan, path: Path, title: str) -> str:
 
 
 def _scenario(path: Path, overrides: Overrides | None) -> Scenario:
-    """The scenario in a TOML file, or a bare one about a world."""
+    """The scenario in a TOML file, or a bare one for a world."""
     if path.suffix.lower() == ".toml":
         return scenario_of(path, None, overrides)
     return decode(_with(bare({"file": str(path)}), overrides), str(path))
@@ -144,7 +143,7 @@ def _with(table: Table, overrides: Overrides | None) -> Table:
 
 
 def _pixel(world: World) -> float | None:
-    """The side of a pixel of a world that is a map, in m; None for all others."""
+    """The side of a map's pixel in m; None for other worlds."""
     ending = Path(world.file).suffix.lower()
     if world.width is not None or ending not in (".yaml", ".yml", *rosmap.PICTURES):
         return None

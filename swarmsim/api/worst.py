@@ -1,4 +1,4 @@
-"""Where a swarm breaks."""
+"""Search for faults that break a swarm."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def study_worst(
 ) -> search.Findings:
     """Look for the smallest timeline of faults that makes the swarm fail: `swarmsim study worst`.
 
-    It fails if it is not done in `factor` times the iterations of the run without faults, with each of so many `seeds`.
-    At least `budget` timelines of at most `entries` faults are tried, drawn by `seed`. What is found is written as the
+    It fails if, with each of `seeds` seeds, it is not done in `factor` times the iterations of the run without faults.
+    At least `budget` timelines of at most `entries` faults are tried, drawn by `seed`. The result is written as the
     new scenario `out`. `workers` and `scheduler` are those of `StudyRun.run`; `progress` is called with the timelines
-    tried, `tell` with what was found on the way. Raises InputError for a scenario that does not finish without faults,
-    and for a file that is there already.
+    tried, `tell` with interim findings. Raises InputError for a scenario that does not finish without faults, and for
+    a file that exists already.
     """
     if out is not None and Path(out).exists():
-        raise InputError(f"{out}: is there already; expected the name of a new file")
+        raise InputError(f"{out}: exists already; expected the name of a new file")
     with registry.own_code(allow_code):
         made = prepared(scenario, None, overrides, ())
     with registry.own_code(allow_code), worker_pool(workers or os.cpu_count() or 1, scheduler) as run_all:

@@ -1,1 +1,1 @@
-"""The vocabulary every layer speaks: arrays, seams, the scenario file, names and random streams."""
+"""The vocabulary of all layers: arrays, seams, the scenario file, names and random streams."""

@@ -1,4 +1,4 @@
-"""What stands where: walls, boxes, people, and what of it all can be explored."""
+"""The building: walls, boxes, people, and its explorable part."""
 
 from __future__ import annotations
 
@@ -20,73 +20,72 @@ NOWHERE: Final = Lattice(0.0, 0.0, 1.0, 0, 0)
 
 
 class Crowd(Protocol):
-    """Discs that walk about among the robots."""
+    """Discs that walk among the robots."""
 
     discs: NDArray[np.float64]  # (p, 3): x, y, radius in m, where they are; a live view
 
     def walk(self, pose: NDArray[np.float64], solid: NDArray[np.bool_], dt: float) -> NDArray[np.float64]:
-        """Let `discs` move for one sub-step of `dt` (s); gives the velocities (p, 2), reused by the next call.
+        """Move `discs` for one sub-step of `dt` (s) and return the velocities (p, 2), reused by the next call.
 
-        They never step towards a robot that they would touch: robots are at `pose` (n, 3) if they are `solid` (n,).
+        They never step into a robot; `solid` (n,) robots stand at `pose` (n, 3).
         """
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """What stands where for one set of boxes, and what of it robots can explore."""
+    """The building with one set of boxes, and its explorable part."""
 
     walls: Walls
     occupied: NDArray[np.bool_]  # (rows, columns): the truth, without crowds
-    entrance: NDArray[np.float64]  # (c, 2): x, y in m of the cells of the spawn area in which a robot can stand
-    explore: Callable[[], NDArray[np.bool_]]  # finds out what can be explored (rows, columns); raises InputError
+    entrance: NDArray[np.float64]  # (c, 2): x, y in m of spawn cells in which a robot fits
+    explore: Callable[[], NDArray[np.bool_]]  # computes what can be explored (rows, columns); raises InputError
 
 
 @dataclass(slots=True, eq=False)
 class Building:
-    """What stands where at this moment; parts that prepare anything from it do so again when `version` rises.
+    """The building at this moment; parts that derive data from it must do so again when `version` rises.
 
-    Faults alone change it, by `rebuild` and `admit`. Parts of robots may know its walls and crowds through what they
-    measure only.
+    Only faults change it, by `rebuild` and `admit`. Parts of robots may know its walls and crowds only through
+    measurements.
     """
 
     found: Survey  # of this moment
     survey: Callable[[tuple[Box, ...]], Survey]
     version: int = 0
     bounds: Box = ANYWHERE  # of the floor plan's page: left, lower, right, upper in m
-    boxes: tuple[Box, ...] = ()  # what stands in it besides its plan
+    boxes: tuple[Box, ...] = ()  # boxes added to the plan
     crowds: list[Crowd] = field(default_factory=list)
     lattice: Lattice = NOWHERE  # of the cells above
 
     @property
     def walls(self) -> Walls:
-        """All walls, those of boxes among them."""
+        """All walls, including those of boxes."""
         return self.found.walls
 
     @property
     def occupied(self) -> NDArray[np.bool_]:
-        """The truth (rows, columns): which cells anything but crowds stands in."""
+        """The true occupancy (rows, columns), without crowds."""
         return self.found.occupied
 
     @property
     def entrance(self) -> NDArray[np.float64]:
-        """The centres (c, 2), x and y in m, of the cells of the spawn area in which a robot can stand."""
+        """The centres (c, 2), x and y in m, of the spawn cells in which a robot fits."""
         return self.found.entrance
 
     @property
     def explorable(self) -> NDArray[np.bool_]:
-        """The cells (rows, columns) that robots can find out about: free ones and the walls beside these.
+        """The cells (rows, columns) that robots can observe: free ones and the walls beside them.
 
-        It takes a while to look from everywhere, so that is done once somebody asks. Raises InputError for robots that
-        see nothing.
+        Computed at the first call, since it takes a while. Raises InputError for robots that see nothing.
         """
         return self.found.explore()
 
     def rebuild(self, boxes: tuple[Box, ...]) -> None:
-        """Let these boxes, and no others, stand in the building besides its plan.
+        """Replace all boxes in the building by these.
 
-        No body may be where a box will be. Raises InputError for a box that `check` refuses and for boxes that leave
-        robots no place to stand.
+        The boxes' places must be free of bodies. Raises InputError for a box that `check` refuses and for boxes that
+        leave robots no place to stand.
         """
         for box in boxes:
             self.check(box)
@@ -94,7 +93,7 @@ class Building:
         self.version += 1
 
     def admit(self, crowd: Crowd) -> None:
-        """Let a crowd walk about in the building from now on."""
+        """Add a crowd to the building from now on."""
         self.crowds.append(crowd)
         self.version += 1
 
@@ -108,7 +107,7 @@ class Building:
             raise InputError(f"{key}: {_edges(box)} reaches out of the page; expected it within {_edges(page)}")
 
     def walkers(self) -> NDArray[np.float64]:
-        """Where the discs (p, 3) of all crowds are: x, y, radius in m."""
+        """The discs (p, 3) of all crowds: x, y, radius in m."""
         return np.concatenate([crowd.discs for crowd in self.crowds]) if self.crowds else np.empty((0, 3))
 
 

@@ -1,4 +1,4 @@
-"""What a computation may offer besides the verbs of its seam, for faults and others to ask for."""
+"""Optional capabilities of a computation, for faults and others."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Lie(Generic[C]):
-    """One kind of lie about what messages hold."""
+    """One kind of lie in messages."""
 
-    #: The same items of messages, but for some, a mask (t,), that are lies; the pair of numbers is the lie's `offset`.
+    #: The same message items, with those under a mask (t,) turned into lies; the pair of numbers is the lie's `offset`.
     told: Callable[[C, NDArray[np.bool_], tuple[int, int]], C]
-    offset: str = ""  # what the two numbers of its key `offset` are, as in "[rows, columns]"; empty: it has no such key
+    offset: str = ""  # meaning of its key `offset`, as in "[rows, columns]"; empty: no such key
 
 
 class Falsifiable(Protocol[C]):
-    """A computation that knows how the content of its messages can be false."""
+    """A computation that can falsify its messages."""
 
     @property
     def lies(self) -> Mapping[str, Lie[C]]:
-        """Each kind of lie, by its name."""
+        """The kinds of lies, by name."""
         ...
 
 
@@ -40,20 +40,20 @@ class Quantified(Protocol):
     """A computation that tells how much each robot knows."""
 
     def amounts(self) -> NDArray[np.int64]:
-        """How much each robot knows (n,), in any unit: who knows most is asked."""
+        """How much each robot knows (n,), in any unit; used to find the robot that knows most."""
         ...
 
 
 class Charted(Protocol):
-    """Knowledge from which robots can tell where they can go."""
+    """Knowledge that tells robots where they can go."""
 
     def terrain(self, robot: int) -> NDArray[np.uint8]:
-        """What a robot takes each cell of the lattice for (rows, columns): UNKNOWN, FREE or OCCUPIED."""
+        """A robot's value for each cell of the lattice (rows, columns): UNKNOWN, FREE or OCCUPIED."""
         ...
 
 
 class LackingError(InputError):
-    """A computation lacks what somebody needs; the message is complete once it tells which computation that is."""
+    """A computation lacks a capability; `about` adds which computation to the message."""
 
     def __init__(self, wanted: str, does: str, verbs: list[str], expected: str) -> None:
         self._wanted, self._does, self._verbs = wanted, does, ", ".join(map(repr, verbs))
@@ -68,10 +68,10 @@ class LackingError(InputError):
 
 @dataclass(frozen=True, slots=True)
 class Capability(Generic[T]):
-    """Something that a part may offer; what wraps a part passes it on."""
+    """An optional capability of a part; wrappers pass it on."""
 
     protocol: type  # T
-    does: str  # what a part that has it does, in words
+    does: str  # what it does, in words
 
     def of(self, part: object) -> T | None:
         """The part itself if it has the capability."""
@@ -80,7 +80,7 @@ class Capability(Generic[T]):
     def needed(self, part: object, wanted: str, expected: str = "") -> T:
         """The part itself. Raises LackingError if it lacks the capability.
 
-        The message starts with what `wanted` it, such as "map: 'copied'", and ends with what is `expected` else.
+        The message starts with what `wanted` it, such as "map: 'copied'", and ends with the `expected` alternative.
         """
         found = self.of(part)
         if found is None:
@@ -99,7 +99,7 @@ CHARTED: Final[Capability[Charted]] = Capability(Charted, "tells robots which ce
 
 
 def verbs_of(protocol: type) -> tuple[str, ...]:
-    """The methods and properties of a Protocol, in their order."""
+    """The methods and properties of a Protocol, in order."""
     found: dict[str, None] = {}
     for kind in reversed(protocol.__mro__):
         if getattr(kind, "_is_protocol", False):
@@ -109,7 +109,7 @@ def verbs_of(protocol: type) -> tuple[str, ...]:
 
 
 def lacking(protocol: type, part: object) -> list[str]:
-    """What of a Protocol a part lacks. Properties are not asked for their values, which may not be there yet."""
+    """What a part lacks of a Protocol. Properties are not evaluated, since their values may not exist yet."""
     return [
         verb
         for verb in verbs_of(protocol)

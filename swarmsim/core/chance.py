@@ -1,4 +1,4 @@
-"""Uniform numbers that follow from what they are drawn for, so that one more draw shifts no other."""
+"""Random numbers hashed from their purpose, so that one more draw shifts no other."""
 
 from __future__ import annotations
 

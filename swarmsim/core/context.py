@@ -1,4 +1,4 @@
-"""What a part is built for: the run, or the site of a building that is made."""
+"""Build contexts of parts: a run, or the site of a generated building."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Swarm(Protocol):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of robots."""
         ...
 
     def crew(self, ids: NDArray[np.int64]) -> Crew:
@@ -40,38 +40,38 @@ class Swarm(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Gauge:
-    """A number of every robot that a part keeps for itself, for probes to read, such as the energy left."""
+    """A part's internal number per robot, for probes to read, such as the energy left."""
 
-    name: str  # what is measured: those of several parts that measure the same have the same
+    name: str  # of the quantity: parts that measure the same use the same
     unit: str
     read: Callable[[], NDArray[np.float64]]  # a copy (n,)
 
 
 @dataclass(frozen=True, slots=True)
 class BuildContext:
-    """What every part may know of the run it is built for.
+    """What every part may know of its run.
 
-    Minds are built from it as well, but of the building they may use its size alone: all else they have to sense.
-    Where others start they may use only to put on the lattice what these say in frames of their own.
+    Minds may use only the building's size: all else they have to sense.
+    They may use others' starts only to place data received in the others' frames on the lattice.
 
     A mind may be built for some of the robots, even for one. It has a row for each of `ids`, draws and names robots by
-    their numbers, and takes what concerns the whole swarm from `swarm` and from its keys, never from how many rows it
-    has. So is a kinematics, for the robots that have it. All other parts are built for all robots.
+    their numbers, and takes facts about the whole swarm from `swarm` and its keys, never from its number of rows.
+    A kinematics is built for the robots that have it. All other parts are built for all robots.
     """
 
-    robots: Crew  # what they are made of
-    ids: NDArray[np.int64]  # (rows,): the numbers of the robots that the part serves, in the order of its rows
-    swarm: int  # how many robots there are in all, numbered from 0
+    robots: Crew  # their bodies
+    ids: NDArray[np.int64]  # (rows,): numbers of the robots served, in row order
+    swarm: int  # number of all robots, counted from 0
     lattice: Lattice
     period: float  # s, one iteration
     streams: Streams
     building: Building
     starts: NDArray[np.float64]  # (N, 3): poses of all robots at the start, by number
-    scalar_field: Field | None = None  # what there is to measure besides walls
+    scalar_field: Field | None = None  # to measure besides walls
     number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
-    actuators: Channels = NOTHING  # what their actuators take and then are, for all parts but these, built first
-    channels: Channels = NOTHING  # what robots sense, for all parts but sensors, which are built next
-    gauges: tuple[Gauge, ...] = ()  # for probes, which are built last
+    actuators: Channels = NOTHING  # of actuators, for all parts but actuators, which are built first
+    channels: Channels = NOTHING  # of sensors, for all parts built after them
+    gauges: tuple[Gauge, ...] = ()  # for probes, built last
     kinematics: Drives | None = None  # of all robots; None: each has two wheels
 
     @classmethod
@@ -85,13 +85,13 @@ class BuildContext:
         start: NDArray[np.float64] | None = None,
         channels: Channels = NOTHING,
     ) -> Self:
-        """The context of a part of all robots, without a field; they start at (n, 3) or, by default, at the origin."""
+        """The context of a part for all robots, without a field; they start at (n, 3) or, by default, at the origin."""
         ids = np.arange(robots.count)
         poses = np.zeros((robots.count, 3)) if start is None else start
         return cls(robots.crew(ids), ids, robots.count, lattice, period, streams, building, poses, channels=channels)
 
     def serving(self, ids: NDArray[np.int64]) -> Self:
-        """The same for a mind of the robots with these numbers (rows,); to be asked of a context of all robots."""
+        """The same for a mind of the robots with these numbers (rows,); needs a context of all robots."""
         return replace(self, robots=self.robots.of(ids), ids=ids)
 
     @property
@@ -101,18 +101,18 @@ class BuildContext:
 
     @property
     def sideways(self) -> NDArray[np.bool_] | None:
-        """Which of the robots served (rows,) can move to the side; None if nobody in the swarm can."""
+        """Which of the robots served (rows,) can move sideways; None if none of the swarm can."""
         drives = self.kinematics
         return drives.sideways[self.ids] if drives is not None and drives.sideways.any() else None
 
     def own_streams(self, purpose: str) -> list[np.random.Generator]:
-        """A stream for each robot that is served, by its number."""
+        """A stream for each robot served, by its number."""
         return [self.streams.open(purpose, robot) for robot in self.ids.tolist()]
 
 
 @dataclass(frozen=True, slots=True)
 class WorldContext:
-    """What a building is made from."""
+    """The inputs of a generated building."""
 
     streams: Streams  # of the world's own seed
     cell: float  # m, side of the lattice's cells

@@ -1,4 +1,4 @@
-"""The bodies of robots: what each is made of, by its number."""
+"""The bodies of robots, by number."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
 
 
 class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a robot is made of: a disc on wheels."""
+    """A robot's body: a disc on wheels."""
 
     radius: Length = 0.055  # m
     wheel_base: Length = 0.10  # m, between wheels on opposite sides
@@ -27,19 +27,18 @@ class Body(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Kind(Body, frozen=True):
-    """What the robots of one kind are made of."""
+    """The body of one kind of robot."""
 
 
 class Crew(Body, frozen=True, kw_only=True, eq=False):
-    """The bodies of the robots that a part serves; `BuildContext.ids` and `BuildContext.swarm` say how many these are.
+    """The bodies of the robots that a part serves; `BuildContext.ids` and `BuildContext.swarm` give their number.
 
-    Of a swarm of several kinds, radius and speed are those of its largest and its fastest robot, even if a part serves
-    others alone.
+    In a swarm of several kinds, radius and speed are those of the largest and the fastest robot of the whole swarm.
     """
 
     kinds: tuple[Kind, ...]  # of the whole swarm, one for each group
-    kind: NDArray[np.int64]  # (rows,): which of these each robot is of
-    names: tuple[str, ...] = ()  # of the groups, in their order; none: there are no groups
+    kind: NDArray[np.int64]  # (rows,): each robot's kind
+    names: tuple[str, ...] = ()  # of the groups, in order; empty: no groups
 
     def each(self, key: str) -> NDArray[np.float64]:
         """A number of every robot served (rows,), by its key."""
@@ -50,7 +49,7 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
         return replace(self, kind=self.kind[rows])
 
     def number_of(self, group: str, key: str) -> int:
-        """The number of a group of robots. Raises InputError, which starts with the `key`, for no such."""
+        """A group's number. Raises InputError, which starts with the `key`, for an unknown group."""
         if group not in self.names:
             why = f"known: {', '.join(self.names)}" if self.names else "there are none; expected several [[robots]]"
             raise InputError(f"{key}: no group of robots is called {group!r}; {why}")
@@ -61,7 +60,7 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
         return np.flatnonzero(self.kind == self.number_of(name, key))
 
     def least(self, key: str) -> float:
-        """The smallest number that any robot of the swarm has, by its key."""
+        """The smallest value in the swarm, by its key."""
         return float(self._of_kinds(key).min())
 
     def _of_kinds(self, key: str) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""What a declaration of readings has to keep to: a sensor's before a run, and a stranger's in a recording."""
+"""Checks declarations of readings: a sensor's before a run, and a foreign one in a recording."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LARGEST: Final = 1 << 30  # bytes of a channel in one iteration
 
 
 def wrong_channels(channels: Channels, robots: int) -> str | None:
-    """What is wrong with the channels of so many robots, or None."""
+    """What is wrong with the channels of this many robots, or None."""
     if len(channels) > MOST:
         return f"{len(channels)} channels; expected {MOST} at most"
     if len(channels.places) < len(channels):
@@ -81,7 +81,7 @@ def text_of(channels: Channels) -> str:
 
 
 def read(text: str, robots: int) -> Channels:
-    """The declaration in a recording of so many robots. Raises ValueError for one that cannot be."""
+    """The declaration in a recording of this many robots. Raises ValueError for an invalid one."""
     listed = json.loads(text)
     if not isinstance(listed, list) or len(listed) > MOST:
         raise ValueError(f"the declaration of readings is no list of {MOST} channels at most")

@@ -1,7 +1,7 @@
-"""What pictures are made of: shapes in metres, as arrays for the whole swarm, and what gives them.
+"""Shapes of pictures, in metres, as arrays for the whole swarm; and the layers that draw them.
 
 Films, windows, pages and viewers all draw the same shapes. Colours are inks: names of a theme's colours (`INKS`), the
-colour of a robot (`robot 3`), black or white, whichever can be read on another ink (`on robot 3`), or `#ff8800`.
+colour of a robot (`robot 3`), black or white, whichever is readable on another ink (`on robot 3`), or `#ff8800`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Reals = NDArray[np.float64]
 Whole = NDArray[np.integer]
 Ink = str
 Inks = Ink | Sequence[Ink]  # of all shapes, or of each of them
-Unit = Literal["m", "body"]  # metres, or radii of a robot as it is drawn: small ones are enlarged
+Unit = Literal["m", "body"]  # metres, or radii of a robot as drawn: small ones are enlarged
 Dash = Literal["whole", "dashed", "dotted"]
 
 #: The colours that every theme has.
@@ -31,7 +31,7 @@ INKS: Final = (
 )  # fmt: skip
 _INK: Final = re.compile(rf"(on )?(({'|'.join(INKS)})|robot \d{{1,9}}|#[0-9a-f]{{6}})")
 ABOVE: Final = 85.0  # over links and goals, under people and robots
-LARGEST: Final = 1e7  # m or radii: nothing is larger, or farther off
+LARGEST: Final = 1e7  # m or radii: limit of sizes and coordinates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,23 +46,23 @@ class Circles:
     stroke: float = 0.0
     unit: Unit = "m"
     of: Whole | None = None  # (c,): the robot that each belongs to
-    rides: bool = False  # whether each moves with its robot
-    name: str = ""  # what it shows
+    rides: bool = False  # whether it moves with its robot
+    name: str = ""  # its meaning
     z: float = ABOVE  # greater ones are drawn later
-    still: bool = False  # whether it is the same in the whole run
+    still: bool = False  # whether it never changes in the run
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Polygons:
-    """Areas. With `at` they are drawn around these places, turned by `yaw`, in the unit; else they are in metres."""
+    """Areas. With `at` they are drawn around these places, turned by `yaw`, in the unit; otherwise in metres."""
 
-    points: Reals  # (p, 2): the corners of one after the other
+    points: Reals  # (p, 2): the corners, area by area
     ends: Whole  # (k,): where each ends among the points
     ink: Inks | None = "mark"  # None: outlines alone
     edge: Inks | None = "edge"
-    width: float = 1.3  # pixels of the edge, of a picture that is 720 pixels high
+    width: float = 1.3  # of the edge, in pixels of a picture 720 pixels high
     opacity: tuple[float, float] = (1.0, 1.0)  # of ink and edge
-    holes: NDArray[np.bool_] | None = None  # (k,): which are cut out of those before them
+    holes: NDArray[np.bool_] | None = None  # (k,): which are holes in those before them
     at: Reals | None = None  # (k, 2): m
     yaw: Reals | None = None  # (k,): rad
     unit: Unit = "m"
@@ -77,16 +77,16 @@ class Polygons:
 class Lines:
     """Open lines. An arrow's head lies at the last point or, if that is a robot, at the edge of its disc."""
 
-    points: Reals  # (p, 2): m, those of one line after the other
+    points: Reals  # (p, 2): m, line by line
     ends: Whole  # (k,): where each ends among the points
     ink: Inks = "mark"
     casing: Ink | None = "edge"  # on either side
-    width: float = 1.5  # pixels, of a picture that is 720 pixels high
+    width: float = 1.5  # in pixels of a picture 720 pixels high
     opacity: float = 1.0
     dash: Dash = "whole"
     arrow: bool = False
     of: Whole | None = None  # (k,)
-    on: Whole | None = None  # (p,): the robot that a point is at the centre of and moves with, or -1
+    on: Whole | None = None  # (p,): the robot whose centre a point moves with, or -1
     name: str = ""
     z: float = ABOVE
     still: bool = False
@@ -94,7 +94,7 @@ class Lines:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rays:
-    """Lines from robots outwards, at the same bearings from straight ahead for all of them."""
+    """Lines from robots outwards, at the same bearings from straight ahead for all."""
 
     at: Reals  # (k, 2): m
     yaw: Reals  # (k,): rad
@@ -110,18 +110,18 @@ class Rays:
 
     @property
     def tips(self) -> Reals:
-        """Where they end (k, b, 2), in m."""
+        """Their end points (k, b, 2), in m."""
         angles = self.yaw[:, None] + self.bearings
         return np.asarray(self.at[:, None] + self.length[..., None] * np.stack([np.cos(angles), np.sin(angles)], -1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Texts:
-    """Short texts in one line, in the middle of a place."""
+    """Short one-line texts, centred on their places."""
 
     at: Reals  # (t, 2): m
     texts: Sequence[str]
-    size: float = 18.0  # of a line: pixels of a picture that is 720 pixels high or, on discs, radii
+    size: float = 18.0  # of a line, in pixels of a picture 720 pixels high or, on discs, radii
     ink: Inks = "text"
     unit: Literal["pixel", "body"] = "pixel"
     of: Whole | None = None  # (t,)
@@ -133,13 +133,13 @@ class Texts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raster:
-    """Cells in colours: 0 is clear, the others go from one ink to another within each step of the palette."""
+    """Coloured cells: 0 is clear; other values blend from one ink to another within each step of the palette."""
 
     values: NDArray[np.uint8]  # (rows, columns), the lowest row first
     corner: tuple[float, float]  # m: the lower left one
     cell: float  # m: a cell's side
     palette: Sequence[tuple[int, int, Ink, Ink]]  # first and last value, and their inks
-    each: bool = False  # whether another one is drawn of a robot that is looked at
+    each: bool = False  # whether a selected robot has its own
     name: str = ""
     z: float = ABOVE
     still: bool = False
@@ -150,11 +150,11 @@ KINDS: Final = (Circles, Polygons, Lines, Rays, Texts, Raster)
 
 
 class Shown(Protocol):
-    """One moment of a recorded run, as a layer gets it; row i is robot i."""
+    """One moment of a recorded run, as layers see it; row i is robot i."""
 
     @property
     def iteration(self) -> int:
-        """How many iterations lie behind."""
+        """The number of past iterations."""
         ...
 
     @property
@@ -169,7 +169,7 @@ class Shown(Protocol):
 
     @property
     def alive(self) -> NDArray[np.bool_]:
-        """Who is alive (n,)."""
+        """Whether each robot is alive (n,)."""
         ...
 
     @property
@@ -179,12 +179,12 @@ class Shown(Protocol):
 
     @property
     def focus(self) -> int | None:
-        """The robot that is looked at, if one is."""
+        """The selected robot, if any."""
         ...
 
     @property
     def chosen(self) -> tuple[int, ...]:
-        """The robots whose own things are drawn; none: everybody's, but for what would be too much."""
+        """The robots whose own data is drawn; empty: all robots', except what would be too much."""
         ...
 
     def holds(self, name: str) -> bool:
@@ -192,23 +192,23 @@ class Shown(Protocol):
         ...
 
     def recorded(self, name: str, back: int = 0) -> NDArray[np.generic]:
-        """A table's row of this moment, or of so many iterations before, but not before the first.
+        """A table's row at this moment, or some iterations before, clipped at the first.
 
-        Raises InputError if there is no such table, or if it has no row for each iteration.
+        Raises InputError for an unknown table, or one without a row for each iteration.
         """
         ...
 
 
 class Layer(Protocol):
-    """Says what of a run is drawn, at any of its moments."""
+    """Draws part of a run, at any of its moments."""
 
     @property
     def name(self) -> str:
-        """What it is called where layers are listed."""
+        """Its name where layers are listed."""
         ...
 
     def draw(self, shown: Shown) -> Sequence[Mark]:
-        """What is drawn of a moment. It may be asked for moments in any order."""
+        """The shapes of one moment. Moments may come in any order."""
         ...
 
 
@@ -219,7 +219,7 @@ def ends_of(parts: Iterable[Reals]) -> tuple[Reals, Whole]:
 
 
 def each(inks: Inks, count: int) -> Sequence[Ink]:
-    """The ink of each of so many shapes."""
+    """The ink of each shape, for `count` shapes."""
     return [inks] * count if isinstance(inks, str) else inks
 
 
@@ -262,7 +262,7 @@ def inks_of(mark: Mark) -> list[Ink]:
 
 
 def wrong(found: object, robots: int) -> str | None:
-    """What is wrong with what a layer has drawn of so many robots, or None."""
+    """What is wrong with a layer's shapes for this many robots, or None."""
     if not isinstance(found, list | tuple):
         return f"drew {own.brief(found)}; expected a list of {', '.join(kind.__name__ for kind in KINDS)}"
     for mark in found:
@@ -276,7 +276,7 @@ def wrong(found: object, robots: int) -> str | None:
 
 
 def _check(mark: Mark, robots: int) -> None:
-    """Raise ValueError, which begins with the field at fault, for a shape that cannot be drawn."""
+    """Raise ValueError, which starts with the field at fault, for a shape that cannot be drawn."""
     count = count_of(mark)
     sides: dict[str, tuple[int | None, ...]] = {
         "centre": (count, 2), "points": (None, 2), "ends": (count,), "holes": (count,), "at": (count, 2),
@@ -296,7 +296,7 @@ def _check(mark: Mark, robots: int) -> None:
             and len(numbers)
             and not (-(name == "on") <= np.min(numbers) <= np.max(numbers) < robots)
         ):
-            raise ValueError(f"'{name}' names robots that there are not; expected 0 to {robots - 1}")
+            raise ValueError(f"'{name}' names unknown robots; expected 0 to {robots - 1}")
     _check_size(mark, count)
     if any(not (isinstance(ink, str) and _INK.fullmatch(ink)) for ink in inks_of(mark)):
         odd = next(ink for ink in inks_of(mark) if not (isinstance(ink, str) and _INK.fullmatch(ink)))
@@ -304,7 +304,7 @@ def _check(mark: Mark, robots: int) -> None:
 
 
 def count_of(mark: Mark) -> int:
-    """How many shapes there are."""
+    """The number of shapes."""
     match mark:
         case Circles():
             return len(mark.centre)
@@ -330,17 +330,17 @@ def _check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Non
 
 
 def _check_size(mark: Mark, count: int) -> None:
-    """Raise ValueError for lengths that do not fit together, and for sizes and words that cannot be."""
+    """Raise ValueError for lengths that do not match, and for invalid sizes and words."""
     if isinstance(mark, Raster):
         _check_array("values", mark.values, (None, None))
         if mark.values.dtype != np.uint8 or not 0.0 < mark.cell < LARGEST or not max(map(abs, mark.corner)) < LARGEST:
-            raise ValueError("'values', 'corner' or 'cell' cannot be; expected uint8, a place and a side in m")
+            raise ValueError("'values', 'corner' or 'cell' is invalid; expected uint8, a place and a side in m")
         if any(len(step) != 4 or not 0 < step[0] <= step[1] < 256 for step in mark.palette):
             raise ValueError(f"'palette' is {own.brief(mark.palette)}; expected steps of values from 1 to 255")
         return
     given = getattr(mark, "ink", None), getattr(mark, "edge", None)
     if any(inks is not None and not isinstance(inks, str) and len(inks) != count for inks in given):
-        raise ValueError(f"'ink' or 'edge' is of another length; expected one, or one for each of {count}")
+        raise ValueError(f"'ink' or 'edge' has the wrong length; expected one, or one for each of {count}")
     if isinstance(mark, Texts) and (len(mark.texts) != count or not all(isinstance(text, str) for text in mark.texts)):
         raise ValueError(f"'texts' do not fit; expected {count} texts")
     if isinstance(mark, Polygons | Lines):
@@ -354,4 +354,4 @@ def _check_size(mark: Mark, count: int) -> None:
     sizes = [getattr(mark, name, 0.0) for name in ("width", "stroke", "size", "z")]
     sizes += np.ravel(getattr(mark, "opacity", 0.0)).tolist() + np.ravel(getattr(mark, "radius", 0.0)).tolist()
     if not all(isinstance(size, int | float | np.number) and -LARGEST < size < LARGEST for size in sizes):
-        raise ValueError("sizes cannot be; expected numbers")
+        raise ValueError("sizes are invalid; expected numbers")

@@ -1,4 +1,4 @@
-"""What went wrong, said once and in full."""
+"""Errors, each with one complete message."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ import errno
 from collections.abc import Mapping
 from typing import Final
 
-#: Errors of the machine: no other name, folder or permission would mend them.
+#: Errors of the machine: no other name, folder or permission would help.
 OF_THE_MACHINE: Final = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
 
 class InputError(Exception):
-    """Bad input: the message names the file, the place in it, what is wrong and what would be right.
+    """Bad input: the message names the file, the place in it, what is wrong and what is expected.
 
-    The command line prints the message alone and ends with exit code 2.
+    The command line prints only the message and exits with code 2.
     """
 
     def inside(self, place: str) -> InputError:
-        """The same of a key in this place of a scenario."""
+        """The same error, with its place in the scenario in front."""
         return InputError(f"{place}.{self}")
 
 
 class PlacedError(InputError):
-    """Bad input whose message names its place in the scenario already, whatever part has found it out."""
+    """Bad input whose message already names its place in the scenario, whichever part found it."""
 
     def inside(self, place: str) -> InputError:
         """The same error."""
@@ -31,34 +31,34 @@ class PlacedError(InputError):
 
 
 class PartError(Exception):
-    """A part that is not ours failed or broke its contract while a run went on.
+    """A third-party part failed or broke its contract during a run.
 
-    The message names the part, the iteration and, where the part's own code raised, the lines of it that did. The
-    command line prints it alone and ends with exit code 3.
+    The message names the part, the iteration and, where the part's own code raised, its lines. The command line
+    prints only the message and exits with code 3.
     """
 
     def __init__(self, message: str, seam: str = "") -> None:
         super().__init__(message)
-        #: That of the part; empty where it is not known.
+        #: The part's seam; empty where unknown.
         self.seam = seam
 
 
 class StorageError(Exception):
-    """A disk is full, or a file can no longer be written: the message names the file, why, and what has been kept.
+    """A disk is full, or a file can no longer be written: the message names the file, the reason, and what was kept.
 
-    The command line prints it alone and ends with exit code 4.
+    The command line prints only the message and exits with code 4.
     """
 
 
 def is_of_the_machine(problem: BaseException) -> bool:
-    """Whether the system says that a disk is full or broken, and not that a file or a folder is the wrong one."""
+    """Whether the system reports a full or broken disk, not a wrong file or folder."""
     return isinstance(problem, OSError) and problem.errno in OF_THE_MACHINE
 
 
 def unwritten(what: object, problem: OSError, expected: str = "a place for a file") -> InputError | StorageError:
-    """What to raise where a file, `what`, could not be written: bad input, unless the machine is at fault.
+    """The error for a file, `what`, that could not be written: bad input, unless the machine is at fault.
 
-    A library that gives no number of the system's was let down while it wrote.
+    An error without a system error number is taken as the machine's, since libraries raise such while writing.
     """
     told = problem.strerror or str(problem).strip().partition("\n")[0]
     if problem.errno is None or is_of_the_machine(problem):

@@ -1,4 +1,4 @@
-"""What happens in a run besides its iterations: typed values; words are made where people read them."""
+"""Events of a run as typed values; they become words where people read them."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ Box = tuple[float, float, float, float]  # left, lower, right, upper edge in m
 
 
 class Happened(Struct, frozen=True, tag_field="event", tag=True):
-    """Something worth a mark in the film and a line in the summary."""
+    """An event worth a mark in the film and a line in the summary."""
 
-    iteration: int  # the first one in which it is so
+    iteration: int  # the first one that it affects
 
 
 class Begins(Happened, frozen=True, tag="begins"):
     """A fault begins."""
 
     fault: int  # its place among the scenario's faults
-    robots: tuple[int, ...] = ()  # with whom; none if it strikes no robot in particular
+    robots: tuple[int, ...] = ()  # affected; empty if it strikes no particular robot
 
 
 class Ends(Happened, frozen=True, tag="ends"):
@@ -32,7 +32,7 @@ class Ends(Happened, frozen=True, tag="ends"):
 
 
 class BoxStands(Happened, frozen=True, tag="box-stands"):
-    """Something stands in the building that was not there."""
+    """A box has been added to the building."""
 
     fault: int
     box: Box
@@ -46,7 +46,7 @@ class BoxGone(Happened, frozen=True, tag="box-gone"):
 
 
 class BoxWaits(Happened, frozen=True, tag="box-waits"):
-    """A box is due, but somebody is in its place."""
+    """A box is due, but its place is occupied."""
 
     fault: int
     box: Box
@@ -74,7 +74,7 @@ def decoded(text: bytes | str) -> Event:
 
 
 def boxes_at(events: Iterable[Event], iteration: int) -> list[Box]:
-    """The boxes that stood in the building in an iteration besides its plan, in the order in which they came."""
+    """The boxes added to the plan and present in an iteration, oldest first."""
     boxes: list[Box] = []
     for event in events:
         if event.iteration <= iteration and isinstance(event, BoxStands):

@@ -1,4 +1,4 @@
-"""Minds of groups: robots of one network, each group with a computation and a strategy of its own."""
+"""Minds of groups: robots of one network, each group with its own computation and strategy."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from swarmsim.core.parts import AnyComputation, AnyStrategy
 from swarmsim.core.readings import Channels, Column, Readings
 from swarmsim.core.state import Intents, Knowledge, Record, Senses
 
-Held = Column | Mapping[str, Column] | None  # what a field of intents holds
+Held = Column | Mapping[str, Column] | None  # the type of a field of intents
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """The robots of one mind among those that several minds serve together."""
+    """The robots of one mind, among robots served by several minds."""
 
-    names: tuple[str, ...]  # of the groups of these robots
-    rows: NDArray[np.int64]  # (r,): which rows of all these robots are
-    kind: int  # of what they say
+    names: tuple[str, ...]  # of their groups
+    rows: NDArray[np.int64]  # (r,): their rows among all
+    kind: int  # of their messages
     channels: Channels  # of their sensors
-    places: tuple[int, ...]  # which column of all readings each of these is
+    places: tuple[int, ...]  # each channel's column in all readings
     computation: AnyComputation
     strategy: AnyStrategy
 
     def sensed(self, senses: Senses) -> Senses:
-        """Their rows of what all sense."""
+        """Their rows of all robots' senses."""
         rows, columns = self.rows, senses.readings.columns
         decided = None if senses.decided is None else _each(senses.decided, lambda one: one[rows])
         return replace(
@@ -44,16 +44,16 @@ class Band:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GroupKnowledge(Knowledge):
-    """What robots know whose groups have minds of their own: the knowledge of each mind, for its robots."""
+    """Knowledge of robots in groups with their own minds: each mind's knowledge, for its robots."""
 
     bands: tuple[Band, ...]
-    known: tuple[Knowledge, ...]  # of each band: row i is the robot in the band's row i
+    known: tuple[Knowledge, ...]  # of each band, by the band's rows
     robots: int
 
     def of_group(self, name: str) -> Knowledge:
-        """What the robots of a group know, with those of other groups that have the same mind.
+        """The knowledge of a group's mind, including other groups' robots with the same mind.
 
-        Raises InputError, which says what groups there are, for no such group.
+        Raises InputError, which lists the groups, for an unknown one.
         """
         found = {name: known for band, known in zip(self.bands, self.known, strict=True) for name in band.names}
         if name not in found:
@@ -61,14 +61,14 @@ class GroupKnowledge(Knowledge):
         return found[name]
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """Those of each band, one after the other."""
+        """The bands' columns, one band after another."""
         return tuple(array for known in self.known for array in known.arrays())
 
     def record(self) -> Record:
-        """The tables of all bands, with a row for each robot where a band's have one for each of its own.
+        """The tables of all bands, extended to a row per robot where a band's has one per own robot.
 
-        Robots of bands that do not have a table are NaN there, or 0. A table that several bands give in one form is
-        one; in different forms it is NAME.GROUP for each of them.
+        Robots of bands without a table are NaN there, or 0. Bands that give a table in the same form share it; in
+        different forms it becomes NAME.GROUP for each.
         """
         records = [known.record() for known in self.known]
         rows: dict[str, object] = {}
@@ -80,7 +80,7 @@ class GroupKnowledge(Knowledge):
         return Record(rows, lists, tuple({name: None for one in records for name in one.of_robots}))
 
     def _rows(self, name: str, given: Mapping[int, object]) -> dict[str, object]:
-        """One name's rows, by the name of their table."""
+        """One name's rows, by table name."""
         found = {number: np.asarray(row) for number, row in given.items()}
         of_robots = all(row.shape[:1] == self.bands[number].rows.shape for number, row in found.items())
         forms = {(row.dtype, row.shape[1:] if of_robots else row.shape) for row in found.values()}
@@ -94,7 +94,7 @@ class GroupKnowledge(Knowledge):
         }
 
     def _spread(self, found: Mapping[int, Column]) -> Column:
-        """Rows of some bands (r, ...), of one form, as those of all robots (n, ...)."""
+        """Rows of some bands (r, ...), of one form, expanded to all robots (n, ...)."""
         first = next(iter(found.values()))
         whole = np.full((self.robots, *first.shape[1:]), np.nan if first.dtype.kind == "f" else 0, first.dtype)
         for number, row in found.items():
@@ -102,7 +102,7 @@ class GroupKnowledge(Knowledge):
         return whole
 
     def _lists(self, name: str, given: Mapping[int, Column], of_robots: bool) -> dict[str, Column]:
-        """One name's lists, by the name of their table; robots in them by their row among all."""
+        """One name's lists, by table name; robots are numbered by their row among all."""
         tables = dict(given)
         for number, table in given.items() if of_robots else ():
             tables[number] = table.copy()
@@ -112,7 +112,7 @@ class GroupKnowledge(Knowledge):
         return {f"{name}.{self.bands[number].names[0]}": table for number, table in tables.items()}
 
     def of(self, robot: int) -> object:
-        """What one robot knows, by the mind of its group."""
+        """One robot's knowledge, from its group's mind."""
         for band, known in zip(self.bands, self.known, strict=True):
             row = np.flatnonzero(band.rows == robot)
             if len(row):
@@ -121,38 +121,38 @@ class GroupKnowledge(Knowledge):
 
 
 def _by_name(tables: Sequence[Mapping[str, T]]) -> dict[str, dict[int, T]]:
-    """What each band gives under each name, by the band's number."""
+    """Each band's value for each name, by band number."""
     names = dict.fromkeys(name for one in tables for name in one)
     return {name: {number: one[name] for number, one in enumerate(tables) if name in one} for name in names}
 
 
 class Groups:
-    """Robots of several minds, row by row."""
+    """Robots with several minds, row by row."""
 
     def __init__(self, bands: Sequence[Band], roster: Roster, actuators: Channels) -> None:
-        """The `roster` is that of the whole swarm, whose other robots may be served elsewhere."""
+        """The `roster` covers the whole swarm, whose other robots may be served elsewhere."""
         self.bands: Final = tuple(bands)
         self.roster: Final = roster
         self.actuators: Final = actuators
-        #: How many robots these are.
+        #: The number of robots.
         self.robots = sum(len(band.rows) for band in bands)
-        #: For each band, which of its rows each robot is (n,); -1 for those of others.
+        #: For each band, each robot's row in it (n,); -1 for robots of other bands.
         self.rows = [np.full(self.robots, -1, np.int64) for _ in bands]
         for row, band in zip(self.rows, bands, strict=True):
             row[band.rows] = np.arange(len(band.rows))
 
     def heard(self, inbox: Inbox[MessageBatch]) -> list[Inbox[MessageBatch]]:
-        """What each band has heard: of its own kind, and of others."""
+        """Each band's inbox: messages of its own kind, and of others."""
         return [sorted_out(inbox, row, band.kind, self.roster) for row, band in zip(self.rows, self.bands, strict=True)]
 
     def of_band(self, number: int, robots: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Which rows of a band (k,) some robots (r,) are."""
+        """The rows in a band (k,) of some robots (r,)."""
         found = self.rows[number][robots]
         return found[found >= 0]
 
 
 class GroupComputation:
-    """What robots compute, each by the mind of its group."""
+    """A computation that delegates to each group's mind."""
 
     knowledge_type: type[Knowledge] = GroupKnowledge
 
@@ -161,19 +161,19 @@ class GroupComputation:
 
     @property
     def codec(self) -> KindCodec | Codec[MessageBatch]:
-        """Of several kinds of messages with a byte for the kind; of one kind as it is."""
+        """Several kinds of messages get a byte for the kind; one kind stays as it is."""
         groups = self._groups
         codecs = {band.kind: band.computation.codec for band in groups.bands}
         return KindCodec(codecs, groups.roster.kind) if groups.roster.several else next(iter(codecs.values()))
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        """What everybody says."""
+        """All robots' messages."""
         groups = self._groups
         shares = [FromKind(band.rows, band.kind, band.computation.say(band.sensed(senses))) for band in groups.bands]
         return together(shares, groups.robots, groups.roster.several)
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> GroupKnowledge:
-        """What everybody knows."""
+        """All robots' knowledge."""
         groups = self._groups
         known = [
             band.computation.hear(band.sensed(senses), heard)
@@ -182,13 +182,13 @@ class GroupComputation:
         return GroupKnowledge(groups.bands, tuple(known), groups.robots)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) know nothing any more."""
+        """Erase what robots (r,) know."""
         for number, band in enumerate(self._groups.bands):
             if len(theirs := self._groups.of_band(number, robots)):
                 band.computation.reset(theirs)
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) what another one knows. Raises InputError if its mind is not theirs."""
+        """Copy another robot's knowledge to robots (r,). Raises InputError if their minds differ."""
         for number, band in enumerate(self._groups.bands):
             theirs = self._groups.of_band(number, robots)
             known = self._groups.of_band(number, np.array([source]))
@@ -199,7 +199,7 @@ class GroupComputation:
 
 
 class GroupStrategy:
-    """What robots do, each by the mind of its group."""
+    """A strategy that delegates to each group's mind."""
 
     requires_knowledge: type[Knowledge] = GroupKnowledge
 
@@ -207,14 +207,14 @@ class GroupStrategy:
         self._groups = groups
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: GroupKnowledge) -> Intents:
-        """What everybody decides."""
+        """All robots' intents."""
         groups = self._groups
         decided = [
             band.strategy.step(band.sensed(senses), heard, known)
             for band, heard, known in zip(groups.bands, groups.heard(inbox), knowledge.known, strict=True)
         ]
         rows = [band.rows for band in groups.bands]
-        for number, one in enumerate(decided):  # what is not told to do anything rests
+        for number, one in enumerate(decided):  # actuators without commands rest
             everybody = np.ones(len(one.counts), np.bool_)
             commands = Readings.filled(groups.actuators, one.commands, everybody).named()
             decided[number] = replace(one, commands=commands)
@@ -233,13 +233,13 @@ def _each(intents: Intents, change: Callable[[Column], Column]) -> Intents:
 
 
 def _made(give: Callable[[str], Held]) -> Intents:
-    """The intents of which `give` gives each field by its name."""
+    """Intents with each field from `give(name)`."""
     columns: dict[str, Any] = {one.name: give(one.name) for one in fields(Intents)}
     return Intents(**columns)
 
 
 def _whole(rows: Sequence[NDArray[np.int64]], given: Sequence[Held], robots: int) -> Held:
-    """Fields of some robots each as one of all."""
+    """Fields of several bands, merged into one of all robots."""
     tables = [one for one in given if isinstance(one, Mapping)]
     if not tables:
         return _column(rows, [None if isinstance(one, Mapping) else one for one in given], robots)
@@ -252,7 +252,7 @@ def _whole(rows: Sequence[NDArray[np.int64]], given: Sequence[Held], robots: int
 
 
 def _column(rows: Sequence[NDArray[np.int64]], given: Sequence[Column | None], robots: int) -> Column | None:
-    """Columns of some robots each as one of all; shorter rows end with zeros, and without a column they are NaN."""
+    """Columns of several bands merged into one of all robots; shorter rows end with zeros, missing ones are NaN."""
     there = [one for one in given if one is not None]
     if not there:
         return None

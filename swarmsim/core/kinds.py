@@ -1,4 +1,4 @@
-"""Messages of several kinds on one network: said side by side, told apart by a byte, and sorted again when heard."""
+"""Messages of several kinds on one network: sent together, told apart by a byte, and sorted on receipt."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MOST: Final = 256  # kinds, which a byte tells apart
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mixed(MessageBatch):
-    """Items of several kinds, each in the table of its kind, whose columns are the kind's own."""
+    """Items of several kinds, each in the table of its kind."""
 
     kind: NDArray[np.uint8]  # (t,)
-    row: NDArray[np.int64]  # (t,): of the item in the table of its kind
+    row: NDArray[np.int64]  # (t,): each item's row in the table of its kind
     tables: Mapping[int, MessageBatch]  # by kind
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
@@ -28,11 +28,11 @@ class Mixed(MessageBatch):
         return self.kind, *(column for kind in kinds for column in self.of(kind).arrays())
 
     def of(self, kind: int) -> MessageBatch:
-        """The items of a kind."""
+        """The items of one kind."""
         return self.tables[kind].take(self.row[self.kind == kind])
 
     def each(self, change: Callable[[NDArray[np.bool_], MessageBatch], MessageBatch]) -> Mixed:
-        """The same with the items of each kind changed; `change` is told which items (t,) these are."""
+        """The same with the items of each kind changed; `change` gets their indices (t,)."""
         row, tables = self.row.copy(), dict[int, MessageBatch]()
         for kind in self.tables:
             mine: NDArray[np.bool_] = self.kind == kind
@@ -40,12 +40,12 @@ class Mixed(MessageBatch):
         return Mixed(self.kind, row, tables)
 
     def take(self, rows: NDArray[np.generic]) -> Self:
-        """The items at these indices, or those that a mask marks."""
+        """The items at these indices or under this mask."""
         return type(self)(self.kind[rows], self.row[rows], self.tables)
 
     @classmethod
     def joined(cls, tables: Sequence[Self]) -> Self:
-        """The items of several tables, one after the other; at least one table."""
+        """The items of one or more tables, concatenated."""
         kinds = sorted({kind for one in tables for kind in one.tables})
         rows, found = [one.row.copy() for one in tables], dict[int, MessageBatch]()
         for kind in kinds:
@@ -62,21 +62,21 @@ class Mixed(MessageBatch):
 
 
 class KindCodec:
-    """A byte for the kind, then the message as the codec of that kind packs it: no other codec ever unpacks it."""
+    """A byte for the kind, then the message packed by that kind's codec, which alone unpacks it."""
 
     def __init__(self, codecs: Mapping[int, Codec[MessageBatch]], kinds: NDArray[np.uint8]) -> None:
-        """The `codecs` are by kind; `kinds` (N,) says of which kind the messages of each robot are."""
+        """The `codecs` are by kind; `kinds` (N,) gives the kind of each robot's messages."""
         self._codecs, self._kinds = codecs, kinds
 
     def pack(self, sender: int, iteration: int, items: Mixed) -> bytes:
-        """One message. Raises ValueError for items of another kind than that of their sender."""
+        """One message. Raises ValueError for items whose kind is not their sender's."""
         kind = int(self._kinds[sender])
         if (items.kind != kind).any():
             raise ValueError(f"robot {sender} says messages of the kind {kind}, not {np.unique(items.kind).tolist()}")
         return bytes([kind]) + self._codecs[kind].pack(sender, iteration, items.of(kind))
 
     def unpack(self, data: bytes) -> tuple[int, int, Mixed]:
-        """Its sender, iteration and items. Raises ValueError for a kind that there is not."""
+        """Its sender, iteration and items. Raises ValueError for an unknown kind."""
         kind = data[0]
         if kind not in self._codecs:
             raise ValueError(f"a message of the kind {kind}; expected one of {sorted(self._codecs)}")
@@ -86,7 +86,7 @@ class KindCodec:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Roster:
-    """The groups of a swarm, and of which kind the messages of each are."""
+    """The groups of a swarm, and the kind of each one's messages."""
 
     names: tuple[str, ...]  # of the groups
     group: NDArray[np.int64]  # (N,): the number of each robot's group
@@ -95,7 +95,7 @@ class Roster:
 
     @classmethod
     def of(cls, names: tuple[str, ...], group: NDArray[np.int64], kinds: Sequence[int]) -> Self:
-        """That of these groups."""
+        """The roster of these groups."""
         return cls(names, group, tuple(kinds), np.array(kinds, np.uint8)[group])
 
     @property
@@ -106,15 +106,15 @@ class Roster:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FromKind:
-    """What some of the robots say."""
+    """The messages of some robots."""
 
-    rows: NDArray[np.int64]  # (r,): of these robots
+    rows: NDArray[np.int64]  # (r,): the robots' rows
     kind: int  # of their messages
     said: Broadcast[MessageBatch]
 
 
 def together(shares: Sequence[FromKind], robots: int, several: bool) -> Broadcast[MessageBatch]:
-    """What all robots say, one of `shares` each: with a byte more for each message if there are `several` kinds.
+    """All robots' messages, from `shares`; each message is one byte longer if there are `several` kinds.
 
     Items of one kind stay as they are.
     """
@@ -141,16 +141,16 @@ def together(shares: Sequence[FromKind], robots: int, several: bool) -> Broadcas
 
 
 def _places(share: FromKind, starts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where the items of a share (t,) stand among those of all robots, whose items begin at `starts` (n,)."""
+    """The indices of a share's items (t,) among all robots' items, which begin at `starts` (n,)."""
     mine = share.said.starts()
     owner = np.repeat(np.arange(len(mine)), share.said.ends - mine)
     return np.asarray(starts[share.rows][owner] + np.arange(len(owner)) - mine[owner])
 
 
 def sorted_out(inbox: Inbox[MessageBatch], row: NDArray[np.int64], kind: int, roster: Roster) -> Inbox[MessageBatch]:
-    """What the robots with a `row` of their own (n,), others having -1, have heard: of their own kind, and of others.
+    """The inbox of robots with a `row` (n,), -1 for others: messages of their own kind, and of others.
 
-    A message of a kind that its sender does not speak is nobody's: it is dropped.
+    A message whose kind is not its sender's is dropped.
     """
     mine: NDArray[np.bool_] = row[inbox.receivers] >= 0
     heard = inbox.take(mine)

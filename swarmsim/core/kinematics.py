@@ -1,4 +1,4 @@
-"""What robots' wheels can do: the seam, and the wheels of a whole swarm, which may be of several kinds."""
+"""Kinematics: the seam, and the wheels of a whole swarm, which may be of several kinds."""
 
 from __future__ import annotations
 
@@ -13,59 +13,59 @@ Floats = NDArray[np.float64]
 
 
 class Kinematics(Protocol):
-    """Turns where robots want to go into what their wheels do, and that into forces on the floor."""
+    """Turns desired motion into wheel commands, and these into forces on the floor."""
 
     @property
     def columns(self) -> tuple[tuple[str, str], ...]:
-        """The name and the unit of each of the c numbers of a robot's command; motors run those per second."""
+        """The name and unit of each of a command's c numbers; those per second are run by motors."""
         ...
 
     def command(self, twists: Floats) -> Floats:
-        """The commands (r, c) nearest to velocities (r, 3): m/s ahead, m/s to the left, rad/s; within the limits."""
+        """The commands (r, c) within limits nearest to velocities (r, 3): m/s ahead, m/s to the left, rad/s."""
         ...
 
     def approach(self, aims: Floats) -> Floats:
-        """The commands (r, c) that lead to points (r, 4): m ahead, m to the left, how far in m, m/s at most.
+        """The commands (r, c) that lead to points (r, 4): m ahead, m to the left, distance in m, top speed in m/s.
 
-        A robot with 0 m/s stands. To be asked in every sub-step, as `forces` is.
+        A robot with 0 m/s stands. Called in every sub-step, as is `forces`.
         """
         ...
 
     def forces(self, moving: Floats, wheels: Floats, wanted: Floats, dt: float) -> tuple[Floats, Floats]:
-        """What wheels do (r, c) after `dt` (s), and the force (N) and torque (N m) that the floor gives (r, 3).
+        """The wheels' state (r, c) after `dt` (s), and the floor's force (N) and torque (N m) on robots (r, 3).
 
-        `wheels` (r, c) is what they did, `wanted` (r, c) the command; `moving` (r, 6) is x, y, yaw and their rates, in
-        the world frame as the forces are. Arrays may be written to, and given back.
+        `wheels` (r, c) is their state before, `wanted` (r, c) the command; `moving` (r, 6) is x, y, yaw and their
+        rates. Forces and `moving` are in the world frame. Arrays may be written to and returned.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wheels:
-    """Robots of a swarm that have the same kinematics."""
+    """Robots of a swarm with the same kinematics."""
 
     kind: str  # the part's name
     kinematics: Kinematics
     rows: slice  # of the swarm
-    sideways: bool  # whether they can move to the side
-    bend: float  # m, radius of the tightest bend; 0 for robots that turn on the spot
+    sideways: bool  # whether they can move sideways
+    bend: float  # m, radius of the tightest turn; 0 for turning on the spot
 
 
 class Drives:
-    """The kinematics of a swarm: each row by its own; columns that a row's kinematics does not have are 0."""
+    """The kinematics of a swarm, row by row; columns that a row's kinematics lacks are 0."""
 
     def __init__(self, kinds: Sequence[Wheels]) -> None:
         self._kinds = kinds
         count = kinds[-1].rows.stop
-        #: How many numbers a command has, at most.
+        #: The greatest length of a command.
         self.width = max(len(one.kinematics.columns) for one in kinds)
         #: The names of the kinematics in the swarm.
         self.names = {one.kind for one in kinds}
-        #: Who can move to the side (n,).
+        #: Whether each robot can move sideways (n,).
         self.sideways: NDArray[np.bool_] = np.zeros(count, np.bool_)
-        #: The radius (n,) of the tightest bend, m; 0 for who turns on the spot.
+        #: The radius (n,) of the tightest turn, m; 0 for turning on the spot.
         self.bends: Floats = np.zeros(count)
-        #: The unit of each number of each command (n, width); empty for those that it does not have.
+        #: The unit of each number of each command (n, width); empty for missing ones.
         self.units: NDArray[np.str_] = np.full((count, self.width), "", "U16")
         for one in kinds:
             self.sideways[one.rows], self.bends[one.rows] = one.sideways, one.bend
@@ -74,12 +74,12 @@ class Drives:
 
     @property
     def motors(self) -> NDArray[np.bool_]:
-        """What of each command (n, width) a motor runs."""
+        """Which numbers of each command (n, width) a motor runs."""
         return np.strings.endswith(self.units, "/s")
 
     @property
     def alone(self) -> Kinematics | None:
-        """The kinematics of all robots, if they have the same."""
+        """The kinematics of all robots, if they share one."""
         return self._kinds[0].kinematics if len(self._kinds) == 1 else None
 
     def kind_of(self, robot: int) -> str:
@@ -91,7 +91,7 @@ class Drives:
         return self._each(lambda kinematics: kinematics.command, twists)
 
     def approach(self, aims: Floats) -> Floats:
-        """The commands (n, width) that lead to points (n, 4); reused by the next call, as all that it gives."""
+        """The commands (n, width) that lead to points (n, 4); like all results, reused by the next call."""
         return self._each(lambda kinematics: kinematics.approach, aims)
 
     def _each(self, verb: Callable[[Kinematics], Callable[[Floats], Floats]], given: Floats) -> Floats:
@@ -103,7 +103,7 @@ class Drives:
         return self._wanted
 
     def forces(self, moving: Floats, wheels: Floats, wanted: Floats, dt: float) -> tuple[Floats, Floats]:
-        """What wheels do (n, width) after `dt` (s), and the forces (n, 3)."""
+        """The wheels' state (n, width) after `dt` (s), and the forces (n, 3)."""
         if len(self._kinds) == 1:
             return self._kinds[0].kinematics.forces(moving, wheels, wanted, dt)
         for one in self._kinds:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 class Lattice:
     """A rectangle of square cells; row 0 lies at the smallest y, column 0 at the smallest x.
 
-    The cell in row r and column c covers x in [x0 + c cell, x0 + (c + 1) cell) and likewise for y.
+    The cell in row r and column c covers x in [x0 + c cell, x0 + (c + 1) cell); y with r.
     """
 
-    WORD: ClassVar[int] = 8  #: columns come in this many, so that a boolean grid can be read as 64-bit words
+    WORD: ClassVar[int] = 8  #: columns are a multiple of this, so that a boolean grid can be read as 64-bit words
 
     x0: float  # m, left edge of column 0
     y0: float  # m, lower edge of row 0
@@ -40,7 +40,7 @@ class Lattice:
         return np.floor(scaled).astype(np.int64)[..., ::-1]
 
     def cells_within(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
-        """The same; -1, -1 for points outside, and for those that are NaN."""
+        """The same; -1, -1 for points outside or NaN."""
         found = np.floor((np.asarray(points) - (self.x0, self.y0)) / self.cell)[..., ::-1]
         inside = ((found >= 0.0) & (found < self.shape)).all(axis=-1, keepdims=True)
         return np.where(inside, found, -1.0).astype(np.int32)

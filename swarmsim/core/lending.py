@@ -1,6 +1,6 @@
-"""Arrays that others may look at, and what they give, made their own no more.
+"""Lends arrays to parts read-only, and copies what they return.
 
-It guards against mistakes: who wants to can still make a view of a writable array writable.
+It guards against mistakes, not malice: a view of a writable array can be made writable again.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-#: Metadata of a field of a dataclass whose value is passed on as it is.
+#: Metadata of a dataclass field whose value is passed on unchanged.
 AS_IT_IS: Final = {"lent": False}
 
 T = TypeVar("T")
@@ -22,13 +22,13 @@ Change = Callable[[NDArray[np.generic]], NDArray[np.generic]]
 
 
 class Lender:
-    """Lends values for as long as an iteration lasts: the same one twice in the same form."""
+    """Lends values for one iteration: the same value twice as the same object."""
 
     def __init__(self) -> None:
-        self._lent: dict[int, tuple[object, object]] = {}  # what was lent and as what, by identity
+        self._lent: dict[int, tuple[object, object]] = {}  # what was lent and its view, by identity
         self._back: dict[
             int, tuple[NDArray[np.generic], NDArray[np.generic]]
-        ] = {}  # views and what they show, by the view's
+        ] = {}  # views and their originals, by the view's identity
 
     def clear(self) -> None:
         """Forget what was lent before."""
@@ -36,7 +36,7 @@ class Lender:
         self._back.clear()
 
     def lent(self, value: T) -> T:
-        """The same to look at: with views in the place of its arrays that cannot be written to."""
+        """The same value with read-only views as its arrays."""
         known = self._lent.get(id(value))
         if known is None:
             known = self._lent[id(value)] = value, _anew(value, self._view)
@@ -52,9 +52,9 @@ class Lender:
         return view
 
     def taken(self, value: T, keep: Callable[[NDArray[np.generic]], bool] = lambda array: False) -> T:
-        """What a part gives, with copies of its arrays, but for what was lent to it, which it gives back.
+        """A part's result with copied arrays, except lent ones, which become the originals again.
 
-        Those that can be kept as they are stay what they are.
+        Arrays that can be kept stay as they are.
         """
         back = self._back
 
@@ -67,18 +67,18 @@ class Lender:
 
 
 def lent(value: T) -> T:
-    """The same to look at, for good."""
+    """The same value, read-only for good."""
     return Lender().lent(value)
 
 
 def copied(value: T) -> T:
-    """The same with copies of its arrays, for what kernels are asked often: they take read-only arrays slowly."""
+    """The same value with copied arrays, for frequent kernel calls: numba takes read-only arrays slowly."""
     found: T = _anew(value, np.copy)
     return found
 
 
 def frozen(value: T) -> T:
-    """The same, of whose arrays those that are no views can be written to no more by anybody."""
+    """The same value, with all arrays that own their data made read-only."""
     _anew(value, _freeze)
     return value
 
@@ -89,8 +89,8 @@ def _freeze(array: NDArray[np.generic]) -> NDArray[np.generic]:
     return array
 
 
-def _anew(value: Any, change: Change) -> Any:  # noqa: ANN401 - of any class, and of the same again
-    """Frozen dataclasses, tuples, lists and dicts anew, at any depth, with something else for each plain array."""
+def _anew(value: Any, change: Change) -> Any:  # noqa: ANN401 - any class in, the same class out
+    """Rebuilds frozen dataclasses, tuples, lists and dicts, at any depth, with each plain array changed."""
     kind: Any = type(value)
     if kind is np.ndarray:
         return change(value)
@@ -104,9 +104,9 @@ def _anew(value: Any, change: Change) -> Any:  # noqa: ANN401 - of any class, an
     if not names:
         return value
     made = object.__new__(kind)
-    if kind.__dictoffset__:  # what else it holds
+    if kind.__dictoffset__:  # its other attributes
         vars(made).update(vars(value))
-    for name, changes, put in names:  # the loop that takes the time: no call more than there has to be
+    for name, changes, put in names:  # the hot loop: no needless calls
         one = getattr(value, name)
         if changes:
             what = type(one)
@@ -123,7 +123,7 @@ _PLAIN: Final = frozenset((type(None), bool, int, float, str, bytes))
 
 @lru_cache(maxsize=256)
 def _fields_of(kind: type) -> tuple[tuple[str, bool, Callable[[object, object], None]], ...]:
-    """The names of all that instances of a frozen dataclass hold, whether it is lent, and what puts it into a new one.
+    """The attributes of a frozen dataclass's instances: name, whether it is lent, and its setter in a new instance.
 
     Other classes have none.
     """

@@ -1,4 +1,4 @@
-"""Large arrays of zeros that take memory only where they are written to."""
+"""Large arrays of zeros that take memory only where written."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ SMALL: Final = 1 << 22  # bytes, below which numpy's own arrays are as good
 
 
 def zeros(shape: tuple[int, ...], kind: type[Kind]) -> NDArray[Kind]:
-    """An array of zeros, of which only the pages (4 KiB) that are written to take memory.
+    """An array of zeros that takes memory only for written pages (4 KiB).
 
-    numpy asks the system for pages of 2 MiB, which is faster for arrays that are used as a whole. But of the maps of
-    many robots, in a building of which each has seen a part, each would take all its memory at the first tile. Raises
-    InputError for more than there can be.
+    numpy asks the system for pages of 2 MiB, which is faster for arrays used as a whole. But with these, every robot's
+    map would be fully resident after its first tile. Raises InputError if the system cannot provide the memory.
     """
     size = math.prod(shape) * np.dtype(kind).itemsize
     if size < SMALL:

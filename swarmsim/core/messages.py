@@ -1,4 +1,4 @@
-"""What robots say and hear: columns of any kind, letters on their way, and what arrives."""
+"""Messages: columns of any kind, packets under way, and what arrives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Packets = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which it was sent, bytes
 
-#: What every message starts with: sender (2 bytes) and iteration (4), big-endian.
+#: The header of every message: sender (2 bytes) and iteration (4), big-endian.
 HEADER: Final = struct.Struct(">HI")
 
 
@@ -21,26 +21,26 @@ HEADER: Final = struct.Struct(">HI")
 class MessageBatch(ABC):
     """A table of items; every field of a subclass is an array whose first axis counts them."""
 
-    __match_args__: ClassVar[tuple[str, ...]] = ()  # the names of the fields, which dataclasses keep there
+    __match_args__: ClassVar[tuple[str, ...]] = ()  # the field names, kept here by dataclasses
 
-    #: The columns that tell which robot an item comes from and how it got here, not what it says.
+    #: The columns that tell an item's source and route, not its content.
     PROVENANCE: ClassVar[tuple[str, ...]] = ()
-    #: Which of these holds that robot's number, if any does.
+    #: The one of these that holds the source robot's number, if any.
     SOURCE: ClassVar[str] = ""
-    #: What the columns of an item that says nothing hold, as far as there is something that says nothing.
+    #: Column values of an item that says nothing, where such values exist.
     SILENT: ClassVar[Mapping[str, int]] = {}
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """All columns, in their order."""
+        """All columns, in order."""
         return tuple([getattr(self, name) for name in self.__match_args__])
 
     def take(self, rows: NDArray[np.generic]) -> Self:
-        """The items at these indices, or those that a mask marks."""
+        """The items at these indices or under this mask."""
         return type(self)(*(column[rows] for column in self.arrays()))
 
     @classmethod
     def joined(cls, tables: Sequence[Self]) -> Self:
-        """The items of several tables, one after the other; at least one table."""
+        """The items of one or more tables, concatenated."""
         return cls(*map(np.concatenate, zip(*(table.arrays() for table in tables), strict=True)))
 
     def __len__(self) -> int:
@@ -53,16 +53,16 @@ C_co = TypeVar("C_co", bound=MessageBatch, covariant=True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Broadcast(Generic[C_co]):
-    """What every robot says in one iteration: one message each, of any number of items."""
+    """All robots' messages in one iteration: one each, with any number of items."""
 
     content: C_co  # (t,): the items of all messages
-    ends: NDArray[np.int64]  # (n,): robot i says the items ends[i - 1] to ends[i]
+    ends: NDArray[np.int64]  # (n,): robot i sends the items ends[i - 1] to ends[i]
     sizes: NDArray[np.int32]  # (n,): bytes of each robot's message, header included
-    one_each: bool = False  # whether item i is all that robot i says, which is faster to look up
+    one_each: bool = False  # whether item i is robot i's whole message: faster to look up
 
     @staticmethod
     def each(content: C, size: int) -> Broadcast[C]:
-        """Item i is what robot i says, in so many bytes."""
+        """Item i is robot i's message, of `size` bytes."""
         count = len(content)
         return Broadcast(content, np.arange(1, count + 1), np.full(count, size, np.int32), one_each=True)
 
@@ -77,7 +77,7 @@ class Broadcast(Generic[C_co]):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delivery:
-    """What became, in one iteration, of messages: some are heard, some lost, and others still under way."""
+    """The fate of messages in one iteration: heard, lost, or still under way."""
 
     heard: Packets  # sorted by receiver, sender, iteration sent
     lost: tuple[tuple[str, Packets], ...]  # by reason
@@ -88,21 +88,21 @@ class Delivery:
 class Inbox(Generic[C_co]):
     """The items heard in one iteration, sorted by receiver, sender and iteration sent."""
 
-    receivers: NDArray[np.int32]  # (t,): the rows of those who heard it, among the robots that a mind serves
-    senders: NDArray[np.int32]  # (t,): the numbers of those who said it, which may be any of the swarm's
-    sent: NDArray[np.int32]  # (t,): the iteration in which it was said
+    receivers: NDArray[np.int32]  # (t,): the receivers' rows among the robots that a mind serves
+    senders: NDArray[np.int32]  # (t,): the senders' numbers in the whole swarm
+    sent: NDArray[np.int32]  # (t,): the iteration in which it was sent
     content: C_co  # (t,)
-    oldest: int = 0  # no message still under way was said before this iteration
-    #: What was heard of groups of robots whose computations say something of another kind, by the kind's name.
+    oldest: int = 0  # no message still under way was sent before this iteration
+    #: Messages of other kinds, from groups with other computations, by the kind's name.
     others: Mapping[str, Inbox[MessageBatch]] = field(default_factory=dict)
 
     def take(self, rows: NDArray[np.generic]) -> Inbox[C_co]:
-        """Some of the items; what others say stays."""
+        """Some of the items; messages of other kinds stay."""
         columns = (self.receivers[rows], self.senders[rows], self.sent[rows], self.content.take(rows))
         return Inbox(*columns, self.oldest, self.others)
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """All columns: who heard what of whom, and when it was said."""
+        """All columns: receivers, senders, iterations sent, and the content's."""
         return self.receivers, self.senders, self.sent, *self.content.arrays()
 
     def __len__(self) -> int:
@@ -110,22 +110,22 @@ class Inbox(Generic[C_co]):
 
 
 class Codec(Protocol[C]):
-    """What a computation's messages look like on the air; their lengths are the sizes that channels charge for."""
+    """The wire format of a computation's messages; their lengths are the sizes that channels charge for."""
 
     def pack(self, sender: int, iteration: int, items: C) -> bytes:
         """One message."""
         ...
 
     def unpack(self, data: bytes) -> tuple[int, int, C]:
-        """Its sender, the iteration in which it was said, and its items, exactly as they were packed."""
+        """Its sender, the iteration in which it was sent, and its items, exactly as packed."""
         ...
 
 
 class PlainCodec(Generic[C]):
-    """One item a message: the header, then the item's fields in their order, big-endian."""
+    """One item per message: the header, then the item's fields in order, big-endian."""
 
     def __init__(self, example: C) -> None:
-        """`example` has, for every column, the type and the shape of an item, and any number of them."""
+        """`example` has every column with an item's type and shape, for any number of items."""
         self._kind = type(example)
         self._columns = [(column.dtype.newbyteorder(">"), column.shape[1:]) for column in example.arrays()]
         #: Bytes of every message.
@@ -153,17 +153,17 @@ class PlainCodec(Generic[C]):
 
 
 class MessageBuffer(Generic[C]):
-    """Keeps what was said until it has arrived; channels decide on letters alone."""
+    """Keeps messages until they arrive; channels see only their packets."""
 
     def __init__(self) -> None:
         self._said: dict[int, Broadcast[C]] = {}  # by iteration
 
     def post(self, iteration: int, said: Broadcast[C]) -> None:
-        """Take what all robots say in an iteration."""
+        """Take all robots' messages of an iteration."""
         self._said[iteration] = said
 
     def open(self, iteration: int, delivery: Delivery) -> Inbox[C]:
-        """What the letters heard in this iteration hold; what no letter under way can refer to is dropped."""
+        """The content of the packets heard in this iteration; content that no packet under way refers to is dropped."""
         heard = delivery.heard
         sent = heard[:, 2]
         if len(heard) == 0 or sent.min() == iteration:
@@ -179,7 +179,7 @@ class MessageBuffer(Generic[C]):
         return inbox
 
     def _of(self, iteration: int, heard: Packets, oldest: int) -> Inbox[C]:
-        """What letters (m, 4) of one iteration hold, message by message."""
+        """The content of packets (m, 4) of one iteration, message by message."""
         said = self._said[iteration]
         receivers, senders, sent = heard[:, 0], heard[:, 1], heard[:, 2]
         rows: NDArray[np.generic] = senders

@@ -1,4 +1,4 @@
-"""Code of people's own: where it stands, and what in it does not fit its form."""
+"""The user's code: where it is, and where it does not fit its form."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ _RAISE: Final = dis.opmap["RAISE_VARARGS"]
 
 
 class MisfitError(ValueError):
-    """What somebody's own code gives, or says of itself, and its form does not ask for; with the line of that code."""
+    """User code returns or declares something its form does not allow; with the line of that code."""
 
     def __init__(self, wrong: str, owner: object = None, name: str = "") -> None:
-        """`wrong` in words, about a function or, of the class `owner`, about what it calls `name`.
+        """`wrong` in words, about a function or about the attribute `name` of the class `owner`.
 
-        Without an owner it is about the code that called what raises this.
+        Without an owner it is about the caller of the function that raises this.
         """
         super().__init__(wrong)
         self.line = "" if owner is None else line_of(owner, name)
 
 
 def is_failure(problem: BaseException) -> bool:
-    """Whether code has failed, and not somebody outside of it asked the program to end.
+    """Whether code has failed, rather than an outside request to end the program.
 
-    Exits are failures of the code that raises them. When the keyboard interrupts, no code has a `raise` there.
+    Exits are failures of the code that raises them. A keyboard interrupt has no `raise` in the code.
     """
     if isinstance(problem, Exception):
         return True
@@ -58,7 +58,7 @@ def is_failure(problem: BaseException) -> bool:
 
 @contextmanager
 def not_ending() -> Iterator[None]:
-    """Within this context people's own code may not end the program. Raises InputError for code that would."""
+    """Within this context user code may not end the program. Raises InputError if it tries."""
     try:
         yield
     except (SystemExit, KeyboardInterrupt) as problem:
@@ -68,7 +68,7 @@ def not_ending() -> Iterator[None]:
 
 
 def told(problem: BaseException, at: str = "") -> str:
-    """An exception in words, with the lines of code outside of this package that led to it; without any, with `at`."""
+    """An exception in words, with the lines outside of this package that led to it; without any, with `at`."""
     foreign = [
         frame
         for frame in traceback.extract_tb(problem.__traceback__)
@@ -85,7 +85,7 @@ def told(problem: BaseException, at: str = "") -> str:
 
 
 def _meant(problem: BaseException) -> str:
-    """What is called otherwise now, or the attribute most like one that is not there, after a semicolon, or nothing."""
+    """After a semicolon, a name's new form or the attribute most like a missing one; or nothing."""
     if not isinstance(problem, AttributeError) or problem.obj is None:
         return renamed.hint_of(problem)
     if type(problem.obj).__name__ == "Me" and problem.name in renamed.OF_MINDS:
@@ -99,9 +99,9 @@ def _worded(file: str, number: int | None, name: str, code: str) -> str:
 
 
 def line_of(owner: object, name: str = "") -> str:
-    """The line where a function begins, or that in which a class says what its `name` is, as `told` has lines.
+    """The line where a function begins, or where a class defines `name`, formatted as in `told`.
 
-    Nothing for what has no code.
+    Empty without code.
     """
     home = next((kind for kind in getattr(owner, "__mro__", ()) if name in vars(kind)), owner)
     member = vars(home).get(name) if isinstance(home, type) else None
@@ -118,7 +118,7 @@ def line_of(owner: object, name: str = "") -> str:
 
 
 def _assigned(lines: list[str], name: str) -> int:
-    """How many lines into the code of a class it says what `name` is; 0 if it is said elsewhere."""
+    """The line of `name` within a class's code; 0 if it is defined elsewhere."""
     kind = ast.parse(textwrap.dedent("".join(lines))).body[0]
     for node in kind.body if isinstance(kind, ast.ClassDef) else ():
         targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
@@ -128,7 +128,7 @@ def _assigned(lines: list[str], name: str) -> int:
 
 
 def brief(value: object) -> str:
-    """A value as Python writes it, cut short; of an array what it is."""
+    """A value's repr, cut short; for an array its type and shape."""
     if not isinstance(value, np.ndarray) or value is np.ma.masked:
         return reprlib.repr(value)
     kind = "masked array" if isinstance(value, np.ma.MaskedArray) else "array"
@@ -136,7 +136,7 @@ def brief(value: object) -> str:
 
 
 def number_of(value: object) -> float:
-    """A number as a float. Raises ValueError for all else: text, arrays, tables, masked values."""
+    """A number as a float. Raises ValueError for anything else: text, arrays, tables, masked values."""
     several = isinstance(value, np.ndarray) and (type(value) is not np.ndarray or value.ndim > 0)
     try:
         if several or isinstance(value, np.complexfloating) or not isinstance(value, SupportsFloat | SupportsIndex):
@@ -147,7 +147,7 @@ def number_of(value: object) -> float:
 
 
 def finite(value: object) -> float:
-    """A finite number as a float. Raises ValueError for all else."""
+    """A finite number as a float. Raises ValueError for anything else."""
     found = number_of(value)
     if not math.isfinite(found):
         raise ValueError(f"{found}, which is not finite")
@@ -155,7 +155,7 @@ def finite(value: object) -> float:
 
 
 def array_of(value: object, *shape: int | None) -> NDArray[np.generic]:
-    """An array of numbers, of this shape (None: any length). Raises ValueError for all else, masked arrays too."""
+    """An array of numbers, of this shape (None: any length). Raises ValueError for all else, even masked arrays."""
     try:
         found = np.asarray(value)
     except ValueError:  # rows of different lengths
@@ -169,7 +169,7 @@ def array_of(value: object, *shape: int | None) -> NDArray[np.generic]:
 
 
 def kept_as(kind: np.dtype[np.generic], value: object, *shape: int | None) -> NDArray[np.generic]:
-    """A copy of `array_of` in a type of numbers. Raises ValueError for what is another number there, too."""
+    """A copy of `array_of` in a number type. Also raises ValueError for numbers that the type cannot hold."""
     given = array_of(value, *shape)
     with np.errstate(all="ignore"):
         kept = given.astype(kind)

@@ -1,4 +1,4 @@
-"""The seams: one verb each, and the only thing the tick knows of the part behind it."""
+"""The seams: few verbs each, which are all that the tick knows of the part behind it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s; or the columns of another kinematics
-K = TypeVar("K", bound=Knowledge, contravariant=True)  # what a part reads
+K = TypeVar("K", bound=Knowledge, contravariant=True)  # read by a part
 
 
 class Generator(Protocol):
@@ -39,132 +39,132 @@ class Sensor(Protocol):
 
     @property
     def channels(self) -> Channels:
-        """What it gives, which does not change."""
+        """The channels it gives, which never change."""
         ...
 
     def sense(self, state: State) -> Readings:
-        """The readings of all robots; of a dead robot all is unknown."""
+        """The readings of all robots; a dead robot's are all unknown."""
         ...
 
 
 class Actuator(Protocol):
-    """Does what robots decide besides driving, such as shining in a colour."""
+    """Carries out commands other than driving, such as lighting an LED."""
 
     @property
     def channels(self) -> Channels:
-        """What it takes and what it then is, which does not change; `blank` is how it rests."""
+        """Its commands and states, which never change; `blank` is the state at rest."""
         ...
 
     def act(self, commands: Readings, state: State) -> Readings:
-        """What it is from the end of this iteration on, by what everybody has decided, which is at rest for the dead.
+        """Its state from the end of this iteration on, from all robots' commands; the dead are at rest.
 
-        Commands may lie beyond the bounds of their channel; what is given may not.
+        Commands may exceed their channel's bounds; the result may not.
         """
         ...
 
 
 class Localisation(Protocol):
-    """Tells each robot where it is; taken to err, by as much until the next iteration, unless it is Tracking."""
+    """Estimates each robot's pose; the error counts as constant within an iteration unless it is Tracking."""
 
     def locate(self, state: State) -> NDArray[np.float64]:
-        """Each robot's estimate (n, 3) of its pose; to be asked once in each iteration."""
+        """Each robot's estimated pose (n, 3); called once per iteration."""
         ...
 
 
 @runtime_checkable
 class Tracking(Localisation, Protocol):
-    """A localisation that tells as well where robots believe they are on their way to the next iteration."""
+    """A localisation that also estimates poses between iterations."""
 
     @property
     def exact(self) -> bool:
-        """Whether estimates are the true poses in the whole run; else recordings keep them."""
+        """Whether estimates are always the true poses; otherwise recordings keep them."""
         ...
 
     def track(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where robots at `pose` (n, 3) believe they are, until they are located again."""
+        """The estimates of robots at `pose` (n, 3), until the next `locate`."""
         ...
 
 
 class Computation(Protocol[C, K_co]):
-    """What robots compute from what they sense and hear, and what they say of it: it alone owns what they know.
+    """Turns readings and received messages into knowledge, and composes messages; the only owner of knowledge.
 
-    It may be built for any of the swarm's robots, and then has a row for each of these; see `BuildContext`.
+    It may be built for some of the swarm's robots, with a row for each; see `BuildContext`.
     """
 
     @property
     def knowledge_type(self) -> type[Knowledge]:
-        """What kind of knowledge `hear` gives: that of the strategies and tasks that go with it."""
+        """The kind of knowledge that `hear` returns, which must fit strategies and tasks."""
         ...
 
     @property
     def codec(self) -> Codec[C]:
-        """What its messages look like on the air; there from the start."""
+        """Its messages' wire format; available from the start."""
         ...
 
     def say(self, senses: Senses) -> Broadcast[C]:
-        """The message of every robot in this iteration, before it has heard anything; nobody hears the dead."""
+        """Every robot's message in this iteration, before receiving; messages of the dead are not delivered."""
         ...
 
     def hear(self, senses: Senses, inbox: Inbox[C]) -> K_co:
-        """What every robot knows once it has taken in its readings and its inbox; views, which cannot be written to.
+        """Every robot's knowledge after its readings and inbox, as read-only views.
 
-        Row i follows from row i of what is sensed and from what is received in row i alone.
+        Row i depends only on row i of the senses and on the messages received by row i.
         """
         ...
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Let the robots of these rows (r,) know nothing any more, as at the start."""
+        """Erase the knowledge of these rows (r,), as at the start."""
         ...
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give the robots of these rows (r,) what that of the row `source` knows."""
+        """Copy the knowledge of the row `source` to these rows (r,)."""
         ...
 
 
 class Strategy(Protocol[K]):
-    """What robots do with what they know."""
+    """Turns knowledge into intents."""
 
     @property
     def requires_knowledge(self) -> type[Knowledge]:
-        """What kind of knowledge it needs; `Knowledge` itself if any will do."""
+        """The kind of knowledge it needs; `Knowledge` itself for any."""
         ...
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: K) -> Intents:
-        """The intents of all robots, of which row i follows from row i of what is given alone."""
+        """The intents of all robots; row i depends only on row i of the arguments."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """How the measure that a task is about is drawn."""
+    """How a task's main measure is drawn."""
 
-    name: str  # of the measure, among those that the task gives
+    name: str  # of the measure, among the task's
     label: str  # as on an axis, with its unit
-    scale: float = 1.0  # what values are multiplied by to have that unit
+    scale: float = 1.0  # factor from values to that unit
     low: float | None = 0.0  # the ends of the axis in that unit; None: as the values are
     high: float | None = None
-    robots: str | None = None  # the measure of single robots that makes a band, of the same unit
+    robots: str | None = None  # the per-robot measure that makes a band, in the same unit
     format: str = ".3g"  # of a single value
-    rises: bool = True  # whether more is better
+    rises: bool = True  # whether higher is better
 
     def __post_init__(self) -> None:
-        """Raise ValueError for numbers and formats that nothing can be drawn by."""
+        """Raise ValueError for unusable numbers and formats."""
         if not re.fullmatch(r"(\.\d)?[efg]", self.format):
             raise ValueError(f"a curve's format {self.format!r}; expected such as .2f or .3g")
         if not all(math.isfinite(one) for one in (self.scale, self.low or 0.0, self.high or 0.0)):
             raise ValueError("a curve's scale or end that is not finite")
 
 
-#: Any computation, strategy or task, whatever it says or reads: that they go together is checked when a run is built.
+#: Any computation, strategy or task; whether they fit together is checked when a run is built.
 AnyComputation = Computation[Any, Knowledge]
 AnyStrategy = Strategy[Any]
 
 
 class Summary(Protocol[K]):
-    """An observer that has the run in numbers at its end."""
+    """An observer that sums up the run in numbers at its end."""
 
     def sample(self, moment: Moment[K]) -> None:
-        """Take note of one iteration."""
+        """Note one iteration."""
         ...
 
     def summary(self) -> dict[str, float | int | None]:
@@ -173,24 +173,24 @@ class Summary(Protocol[K]):
 
 
 class Task(Protocol[K]):
-    """What is measured of the swarm, and when it has done what it was asked."""
+    """Measures the swarm, and decides when its job is done."""
 
     @property
     def requires_knowledge(self) -> type[Knowledge]:
-        """What kind of knowledge it measures; `Knowledge` itself if any will do."""
+        """The kind of knowledge it measures; `Knowledge` itself for any."""
         ...
 
     @property
     def curve(self) -> Curve:
-        """What is drawn of it."""
+        """How its main measure is drawn."""
         ...
 
     def measure(self, done: Done[K]) -> Measured:
-        """What is measured in an iteration."""
+        """The measurements of an iteration."""
         ...
 
     def summaries(self) -> Sequence[Summary[K]]:
-        """New probes, which sum a whole run up."""
+        """New observers that sum up a whole run."""
         ...
 
 
@@ -199,7 +199,7 @@ AnyTask = Task[Any]
 
 
 class Topology(Protocol):
-    """Says who hears whom."""
+    """Decides which robot hears which."""
 
     def links(self, state: State) -> Links:
         """Directed links among live robots: no self link, each pair at most once."""
@@ -207,25 +207,25 @@ class Topology(Protocol):
 
 
 class NetworkChannel(Protocol):
-    """Says what arrives of what was said."""
+    """Decides which messages arrive, and when."""
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """What becomes of one new message for each link, of its sender's size (n,) in bytes, and of those under way.
+        """The fate of one new message per link, of its sender's size (n,) in bytes, and of those under way.
 
-        Each message is, in some iteration, heard or lost exactly once, unless the run ends before.
+        Each message is heard or lost exactly once, unless the run ends first.
         """
         ...
 
 
 class Motion(Protocol):
-    """Turns intents into what wheels shall do, once per physics sub-step."""
+    """Turns intents into wheel commands, once per physics sub-step."""
 
     def follow(self, intents: Intents) -> None:
         """Take up new intents, at the start of an iteration."""
         ...
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The commands wanted at these poses (n, 3): wheel speeds or, of other kinematics, theirs.
+        """The commands at these poses (n, 3): wheel speeds, or those of another kinematics.
 
         The array is reused by the next call.
         """
@@ -245,7 +245,7 @@ class Bodies(Protocol):
 
     @property
     def solid(self) -> NDArray[np.bool_]:
-        """Whose bodies (n,) are in the world, alive or crashed."""
+        """Which bodies (n,) are in the world, alive or crashed."""
         ...
 
     def remove(self, robots: NDArray[np.int64]) -> None:
@@ -253,42 +253,42 @@ class Bodies(Protocol):
         ...
 
     def crash(self, robots: NDArray[np.int64]) -> None:
-        """Let live robots (r,) stand where they are, no longer alive, as obstacles that can be pushed."""
+        """Turn live robots (r,) into dead obstacles that can be pushed."""
         ...
 
     def place(self, robots: NDArray[np.int64], pose: NDArray[np.float64]) -> None:
-        """Put robots (r,) that are not alive at `pose` (r, 3), at rest and alive again, but for those retired."""
+        """Revive dead robots (r,) at `pose` (r, 3), at rest, except retired ones."""
         ...
 
     def push(self, robots: NDArray[np.int64], velocity: tuple[float, float]) -> None:
-        """Give the bodies of robots (r,) a velocity (m/s), as a blow does. Raises InputError if they have no mass."""
+        """Set the bodies of robots (r,) moving (m/s), as a blow does. Raises InputError if they have no mass."""
         ...
 
     def retire(self, robots: NDArray[np.int64]) -> None:
-        """Let nothing bring these robots (r,) back that are out, or will be."""
+        """Never revive these robots (r,)."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tick:
-    """The time between two iterations, as what happens then may know it."""
+    """What scheduled events may know between two iterations."""
 
     iteration: int  # the one that is about to begin
-    before: State  # when the last iteration's motion began; at the start of a run, as `after`
-    after: State  # when it ended, and nothing had happened since
-    progress: float  # 0 to 1: how much of the task was done in the last iteration
+    before: State  # when the last iteration's motion began; at the start of a run, equal to `after`
+    after: State  # when it ended, before any events
+    progress: float  # 0 to 1: the task's progress in the last iteration
 
 
 class EventSource(Protocol):
-    """Something that happens at times of its own: a door, a death, an empty battery."""
+    """A source of scheduled events: a door, a death, an empty battery."""
 
     def advance(self, now: Tick) -> Sequence[Event]:
-        """Let whatever is due happen; gives what did. To be asked once between any two iterations, and at the start."""
+        """Fire the due events and return them. Called at the start and once between iterations."""
         ...
 
 
 class Schedule:
-    """All that happens in a run, in the order in which it was entered."""
+    """All event sources of a run, in the order of registration."""
 
     def __init__(self, start: State) -> None:
         self._entries: list[EventSource] = []
@@ -297,23 +297,23 @@ class Schedule:
         self._held: Callable[[EventSource], EventSource] = lambda happening: happening
 
     def holding(self, held: Callable[[EventSource], EventSource]) -> Schedule:
-        """The same calendar, in which something else stands for each of those that are entered by this way."""
+        """The same calendar, which wraps each source entered through it."""
         schedule = copy(self)
         schedule._held = held
         return schedule
 
     def __bool__(self) -> bool:
-        """Whether anything can ever happen."""
+        """Whether it has any source."""
         return bool(self._entries)
 
     def enter(self, happening: EventSource) -> None:
-        """Add something, and let happen what is due at the start. Raises InputError if that cannot be."""
+        """Register a source and fire its events due at iteration 0. Raises InputError if they are impossible."""
         entry = self._held(happening)
         self._entries.append(entry)
         self._due.extend(entry.advance(self._start))
 
     def advance(self, now: Tick) -> tuple[Event, ...]:
-        """Let everything happen that is due in the iteration about to begin; gives what did."""
+        """Fire all events due in the coming iteration, and return them."""
         for entry in self._entries if now.iteration else ():
             self._due.extend(entry.advance(now))
         due = tuple(self._due)
@@ -323,7 +323,7 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """The parts of a swarm, one per seam, in their building."""
+    """The parts of a swarm, one per seam, and the building."""
 
     actuator: Actuator
     sensor: Sensor
@@ -338,33 +338,33 @@ class Parts:
     building: Building
     schedule: Schedule
     lattice: Lattice  # of tiles and maps
-    gauges: tuple[Gauge, ...] = ()  # what can be read off them
+    gauges: tuple[Gauge, ...] = ()  # readable by probes
 
 
 class Fault(Protocol):
-    """Something that goes wrong in one of the parts."""
+    """Wraps a part or adds events, so that something goes wrong."""
 
     def install(self, parts: Parts) -> Parts:
-        """The same parts, one of them wrapped, or something more in their calendar."""
+        """The same parts with one wrapped, or with more events in their calendar."""
         ...
 
 
 class Probe(Protocol):
-    """Records tables of numbers of its own: measured, never fed back."""
+    """Records its own tables of numbers: measured, never fed back."""
 
     @property
     def tables(self) -> tuple[ProbeTable, ...]:
-        """What it records, known before the run."""
+        """Its tables, known before the run."""
         ...
 
     def sample(self, moment: Moment[Any]) -> Mapping[str, object]:
-        """A row of each of its tables, by the table's name, in an iteration in which it is asked."""
+        """A row for each of its tables, by name, in a sampled iteration."""
         ...
 
 
 class Observer(Protocol):
-    """Looks at every iteration: what records, digests or sums up a run."""
+    """Sees every iteration, to record, digest or sum up a run."""
 
     def sample(self, moment: Moment[Any]) -> None:
-        """Take note of one iteration."""
+        """Note one iteration."""
         ...

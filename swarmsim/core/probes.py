@@ -1,4 +1,4 @@
-"""What probes declare: the tables that they add to a recording, and how often they are asked."""
+"""Declarations of probes: the tables they add to a recording, and how often they are sampled."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ NAME: Final = r"^[a-z][a-z0-9_]{0,40}$"  # names become tables, keys and columns
 Name = Annotated[str, Meta(pattern=NAME)]
 Word = Annotated[str, Meta(max_length=200)]
 Side = Annotated[int, Meta(ge=0, le=100_000)] | Literal["robots"]
-Row = NDArray[np.generic]  # of a type and shape that its table declares
+Row = NDArray[np.generic]  # type and shape as its table declares
 Every = Annotated[int, Meta(ge=1, le=100_000)]
 
 
 class ProbeTable(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """One table of a probe: what a row of it holds. A side of `robots` has an entry for each robot."""
+    """One table of a probe: the form of its rows. A side of `robots` has an entry for each robot."""
 
     name: Name
     dtype: Literal["u1", "i4", "i8", "f4", "f8", "?"] = "f8"
@@ -33,7 +33,7 @@ class ProbeTable(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=
     columns: Annotated[tuple[Word, ...], Meta(max_length=100)] = ()  # what its last side holds
 
     def row(self, found: object, robots: int) -> Row:
-        """A copy of what a probe gives as a row. Raises ValueError, which says what is wrong, if it is none."""
+        """A copy of a probe's row. Raises ValueError, which says what is wrong, for an invalid one."""
         shape = tuple(robots if side == "robots" else side for side in self.shape)
         try:
             given = own.array_of(found, *shape)
@@ -49,14 +49,14 @@ class ProbeTable(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=
 
 
 class Sampled(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The keys that every probe has; parameters of probes derive from it."""
+    """The keys of every probe; parameters of probes derive from it."""
 
     name: Name  # what its tables and its frame are called by
     every: Every = 1  # iterations from one sample to the next
 
 
 class Declared(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a recording says of one probe."""
+    """A recording's entry for one probe."""
 
     name: Name
     every: Every
@@ -67,7 +67,7 @@ class Declared(Struct, frozen=True, forbid_unknown_fields=True):
         return f"{self.name}.{table.name}"
 
     def samples(self, iterations: int) -> int:
-        """How many samples there are after so many iterations; the first is of iteration 0."""
+        """The number of samples after this many iterations; the first is of iteration 0."""
         return -(-iterations // self.every)
 
 

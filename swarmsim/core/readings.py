@@ -1,4 +1,4 @@
-"""What robots measure, and what their actuators do: columns of numbers, each declared by the part that gives it."""
+"""Sensor readings and actuator states: columns of numbers, each declared by the part that gives it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swarmsim.core.errors import InputError, nearest
 from swarmsim.core.lattice import Lattice
 
 NAME: Final = r"^[a-z][a-z0-9_]{0,40}(\.[a-z0-9_]{1,20})?$"  # names become tables, keys and attributes
-LONGEST: Final = 100_000  # of a side of what a channel gives for one robot, and of its axis
+LONGEST: Final = 100_000  # length of a side of one robot's data, and of its axis
 Name = Annotated[str, Meta(pattern=NAME)]
 Called = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]{0,19}$")]  # the name of a sensor
 Word = Annotated[str, Meta(max_length=200)]
@@ -25,57 +25,57 @@ COLOUR: Final = "sRGB"  # the unit of colours
 Side = Annotated[int, Meta(ge=0, le=LONGEST)]
 
 
-#: (n, ...): what a channel gives. Its type is the one declared.
+#: (n, ...): a channel's data, of the declared type.
 Column = NDArray[Any]
 
 
 class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """One column of readings or of what an actuator does: what it holds of each robot, and how it is to be treated.
+    """One column of readings or actuator states: its form per robot, and how faults, frames and recordings treat it.
 
-    `structure` is what other columns are read by, such as origins and counts: no fault changes it but on purpose,
-    since kernels use it without looking at its bounds.
+    `structure` marks columns that index others, such as origins and counts: faults change them only on purpose,
+    since kernels use them without checking bounds.
     """
 
     name: Name
     dtype: Literal["u1", "i4", "f4", "f8", "?"] = "f8"
-    shape: Annotated[tuple[Side, ...], Meta(max_length=4)] = ()  # of what one robot measures
+    shape: Annotated[tuple[Side, ...], Meta(max_length=4)] = ()  # of one robot's data
     unit: Word = ""
-    low: float = -math.inf  # what is measured lies within, both ends included
+    low: float = -math.inf  # bounds, both ends included
     high: float = math.inf
-    blank: float | None = None  # where nothing is measured, or an actuator rests; None: NaN, in whole numbers 0
-    missing: float = 0.0  # what stands in its place for those who cannot take NaN
-    #: What it is relative to, when robots err about their poses. body: the robot, it stays as it is. cells: rows and
+    blank: float | None = None  # without a measurement, or at rest; None: NaN, for integers 0
+    missing: float = 0.0  # its substitute for readers that cannot take NaN
+    #: Its frame, for robots with pose errors. body: the robot's, never changed. cells: rows and
     #: columns (..., 2), moved by whole cells. world: headings (), places (..., 2) or poses (..., 3), moved rigidly.
     frame: Literal["body", "cells", "world"] = "body"
     structure: bool = False
-    table: Word = ""  # its table in recordings; none: its name
+    table: Word = ""  # its table in recordings; empty: its name
     unrecorded: Word = ""  # why it has none
     axis: Annotated[tuple[float, ...], Meta(max_length=LONGEST)] = ()  # coordinates of its first side, as bearings
-    columns: Annotated[tuple[Word, ...], Meta(max_length=100)] = ()  # what its last side holds
-    group: Word = ""  # of columns that change together
-    count: Word = ""  # the channel that tells how many rows of its first side each robot uses, the rest is blank
-    robots: tuple[int, int] | None = None  # the first that has it, and the first after them; None: all have it
+    columns: Annotated[tuple[Word, ...], Meta(max_length=100)] = ()  # names along its last side
+    group: Word = ""  # name of columns that change together
+    count: Word = ""  # channel with the number of used rows of its first side; the rest is blank
+    robots: tuple[int, int] | None = None  # first robot that has it, and first after; None: all have it
 
     @property
     def recorded_as(self) -> str:
-        """The name of its table in recordings; none if it is not recorded."""
+        """The name of its table in recordings; empty if it is not recorded."""
         return "" if self.unrecorded else self.table or self.name
 
     @property
     def empty(self) -> float:
-        """What stands where nothing is measured."""
+        """The value without a measurement."""
         if self.blank is not None:
             return self.blank
         return math.nan if self.dtype.startswith("f") else 0.0
 
     @property
     def is_number(self) -> bool:
-        """Whether it can be somewhat larger: what robots read themselves, and no choice between a few values."""
+        """Whether errors can scale it: a quantity that robots read themselves, not a choice between a few values."""
         return self.dtype in ("i4", "f4", "f8") and not (self.structure or self.group)
 
     @property
     def is_colour(self) -> bool:
-        """Whether it is red, green and blue, 0 to 255 each: pictures show it, of an actuator."""
+        """Whether it is red, green and blue, 0 to 255 each: pictures show an actuator's colour."""
         return (self.dtype, self.shape, self.unit) == ("u1", (3,), COLOUR)
 
     def called(self, name: str, **changes: str | tuple[int, int]) -> Channel:
@@ -84,20 +84,20 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
         return msgspec.structs.replace(self, name=name, table=table, **changes)
 
     def prefixed(self, name: str) -> Channel:
-        """The same as a sensor gives it that has a name."""
+        """The same for a named sensor."""
         if not name:
             return self
         group, count = (f"{name}_{one}" if one else "" for one in (self.group, self.count))
         return self.called(f"{name}_{self.name}", group=group, count=count)
 
     def of_all(self) -> Channel:
-        """The same for robots that all have it, without the number of their group in its name."""
+        """The same for robots that all have it, without their group's number in its name."""
         suffix = f".{self.name.rpartition('.')[2]}"
         names = {key: getattr(self, key).removesuffix(suffix) for key in ("name", "table", "count")}
         return msgspec.structs.replace(self, robots=None, **names)
 
     def seen_of(self, ragged: str, most: int) -> Channel:
-        """A channel that tells it of each robot in the rows of a ragged one, which has so many at most."""
+        """A ragged channel with this one's data in each row, at most `most`."""
         return msgspec.structs.replace(
             self, name=f"{ragged}_{self.name}", shape=(most, *self.shape), blank=self.empty, count=f"{ragged}_count",
             table="", unrecorded="", axis=(),
@@ -111,7 +111,7 @@ class Channel(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tru
 def ragged(
     name: str, most: int, columns: tuple[str, ...], unit: str, low: float, high: float
 ) -> tuple[Channel, Channel]:
-    """A channel of up to `most` rows of numbers for each robot, of which a second channel tells how many there are."""
+    """A channel of up to `most` rows of numbers per robot, and a second channel with their count."""
     count = f"{name}_count"
     return (
         Channel(name, "f8", (most, len(columns)), unit, low, high, columns=columns, count=count),
@@ -120,7 +120,7 @@ def ragged(
 
 
 def tile_channels(shape: tuple[int, int], evidence: bool) -> tuple[Channel, ...]:
-    """The columns of tiles of this shape (rows, columns) and, if the sensor tells it, what they are worth."""
+    """The columns of tiles of this shape (rows, columns) and, if the sensor gives it, their evidence."""
     log_odds = Channel(
         "tiles.evidence", "f4", shape, "log-odds", group="tiles", unrecorded="it follows from poses, walls and the seed"
     )
@@ -135,7 +135,7 @@ def tile_channels(shape: tuple[int, int], evidence: bool) -> tuple[Channel, ...]
 
 
 def range_channel(bearings: NDArray[np.float64], reach: float) -> Channel:
-    """How far beams go, by their bearings (b,) in rad. NaN would say better that a ring is off; inf is what it says."""
+    """Beam ranges, by their bearings (b,) in rad. A ring that is off reads inf, where NaN would be clearer."""
     return Channel(
         "ranges", "f8", (len(bearings),), "m", 0.0, reach, math.inf, axis=tuple(bearings.tolist()),
         unrecorded="they follow from poses and walls",
@@ -146,11 +146,11 @@ FIELD: Final = Channel("field", table="samples", unit="as the field")
 
 
 class Channels:
-    """What a sensor gives, in its order; it does not change during a run."""
+    """A sensor's channels, in order; fixed during a run."""
 
     def __init__(self, *channels: Channel) -> None:
         self._all = channels
-        #: Which column each channel is.
+        #: Each channel's column.
         self.places: Mapping[str, int] = {channel.name: place for place, channel in enumerate(channels)}
         names = dict.fromkeys(channel.group for channel in channels if channel.group)
         #: The columns of each group.
@@ -166,7 +166,7 @@ class Channels:
         return len(self._all)
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is a channel, or a group, of this name."""
+        """Whether a channel or group of this name exists."""
         return name in self.places or name in self.groups
 
     def __eq__(self, other: object) -> bool:
@@ -176,25 +176,25 @@ class Channels:
         return hash(tuple(self.places))
 
     def __getitem__(self, name: str) -> Channel:
-        """A channel. Raises InputError, which says what there is, for one that there is not."""
+        """A channel. Raises InputError, which lists the channels, for an unknown one."""
         return self._all[self.place(name)]
 
     def place(self, name: str) -> int:
-        """Which column a channel is. Raises InputError, which says what there is, for one that there is not."""
+        """A channel's column. Raises InputError, which lists the channels, for an unknown one."""
         try:
             return self.places[name]
         except KeyError:
             raise InputError(f"these robots have no channel {name!r}; they have {self.listed()}") from None
 
     def listed(self) -> str:
-        """The names of what can be asked for: groups, and the channels that are in none."""
+        """The available names: groups, and channels in no group."""
         names = dict.fromkeys(channel.group or channel.name for channel in self._all)
         return ", ".join(names) or "nothing"
 
     def command(self, name: str, value: object, *rows: int) -> Column:
-        """What a robot, or so many `rows`, decides for an actuator with these channels, in the channel's type.
+        """A command of one robot, or of `rows` of them, for an actuator with these channels, in the channel's type.
 
-        Raises ValueError, which says what is wrong and what there is.
+        Raises ValueError, which says what is wrong and lists the channels.
         """
         channel = next((one for one in self._all if one.name == name), None)
         if channel is None:
@@ -208,16 +208,16 @@ class Channels:
             raise ValueError(f"{name}: {problem}; expected {wanted}; actuators take {self.listed()}") from None
 
     def axis(self, name: str) -> NDArray[np.float64]:
-        """The coordinates (b,) of the first side of what a channel gives, such as bearings."""
+        """The coordinates (b,) of a channel's first side, such as bearings."""
         if name not in self._axes:
             self._axes[name] = np.array(self[name].axis)
         return self._axes[name]
 
     def of(self, robots: NDArray[np.int64]) -> tuple[Channels, tuple[int, ...]]:
-        """What robots of these numbers (r,) have, and which column each of that is.
+        """The channels of these robots (r,), and each one's column.
 
-        What other robots alone have is left out; what a group has whose robots all of these are, is called as if
-        everybody had it.
+        Channels of other robots only are left out; those of a group that contains all of these robots are named as if
+        all had them.
         """
         mine: list[Channel] = []
         places: list[int] = []
@@ -230,7 +230,7 @@ class Channels:
         return Channels(*mine), tuple(places)
 
     def with_rows(self, places: Iterable[int]) -> list[int]:
-        """These columns, what their rows are counted by, and all others that are counted by the same."""
+        """These columns, their counts, and all other columns with the same counts."""
         chosen = {*places}
         counts = {self._all[place].count for place in chosen} - {""}
         return [place for place, one in enumerate(self._all) if place in chosen or {one.name, one.count} & counts]
@@ -249,31 +249,31 @@ class Tiles:
 
     values: NDArray[np.uint8]  # (n, rows, columns): UNKNOWN, FREE or OCCUPIED
     origins: NDArray[np.int32]  # (n, 2): row and column of each tile's lower-left cell
-    #: (n, rows, columns): the log-odds that the sensor itself gives each cell; NaN or None: those of the map's model.
+    #: (n, rows, columns): each cell's log-odds from the sensor; NaN or None: from the map's model.
     evidence: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beams:
-    """How far every robot's beams reach before they end."""
+    """The ranges of every robot's beams."""
 
     bearings: NDArray[np.float64]  # (b,): rad, counter-clockwise from straight ahead
-    ranges: NDArray[np.float64]  # (n, b): m; infinite where nothing is within reach, NaN where nothing was measured
+    ranges: NDArray[np.float64]  # (n, b): m; inf: nothing within reach; NaN: not measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """What the sensors of every robot measure now: a column (n, ...) for each channel that they declare."""
+    """All robots' current sensor readings: a column (n, ...) for each declared channel."""
 
     channels: Channels = NOTHING
     columns: tuple[Column, ...] = ()
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is a channel, or a group, of this name."""
+        """Whether a channel or group of this name exists."""
         return name in self.channels
 
     def __getitem__(self, name: str) -> Column:
-        """The column (n, ...) of a channel. Raises InputError, which says what there is, for one that there is not."""
+        """The column (n, ...) of a channel. Raises InputError, which lists the channels, for an unknown one."""
         return self.columns[self.channels.place(name)]
 
     @property
@@ -289,19 +289,19 @@ class Readings:
 
     @property
     def beams(self) -> Beams | None:
-        """How far beams go; None if these robots have no sensor that tells it, or rings of several kinds."""
+        """The beams' ranges; None without a sensor for them, or with rings of several kinds."""
         place = self.channels.places.get("ranges")
         return None if place is None else Beams(self.channels.axis("ranges"), self.columns[place])
 
     @property
     def field(self) -> NDArray[np.float64] | None:
-        """The field's value (n,) where each robot is, NaN for the dead; None without a field."""
+        """The field's value (n,) at each robot, NaN for the dead; None without a field."""
         place = self.channels.places.get("field")
         return None if place is None else self.columns[place]
 
     @classmethod
     def filled(cls, channels: Channels, columns: Mapping[str, Column], robots: NDArray[np.bool_]) -> Self:
-        """These columns (n, ...) by channel for some `robots` (n,); blank for all others, and where none is given."""
+        """These columns (n, ...) by channel for some `robots` (n,); blank for all others and for missing columns."""
         found = [channel.blanks(len(robots)) for channel in channels]
         for channel, column in zip(channels, found, strict=True):
             if channel.name in columns:
@@ -313,11 +313,11 @@ class Readings:
         return {channel.name: column for channel, column in zip(self.channels, self.columns, strict=True)}
 
     def arrays(self) -> tuple[Column, ...]:
-        """All that was measured, in the order of its declaration."""
+        """All columns, in the order of declaration."""
         return self.columns
 
     def rows(self) -> dict[str, Column]:
-        """What is recorded of it, by the name of its table."""
+        """The recorded columns, by table name."""
         return {
             channel.recorded_as: column
             for channel, column in zip(self.channels, self.columns, strict=True)
@@ -336,15 +336,15 @@ class Readings:
         return Readings(self.channels, tuple(changed))
 
     def joined(self, other: Readings, robots: NDArray[np.bool_]) -> Readings:
-        """The rows of another's where `robots` (n,), which gives the same channels; all else of this."""
+        """Rows from another with the same channels where `robots` (n,); all others from this."""
         rows = [robots.reshape(-1, *[1] * (column.ndim - 1)) for column in self.columns]
         columns = zip(rows, other.columns, self.columns, strict=True)
         return Readings(self.channels, tuple([np.where(*three) for three in columns]))
 
     def blanked(self, robots: NDArray[np.int64] | NDArray[np.bool_], places: tuple[int, ...] | None = None) -> Readings:
-        """The same with nothing measured by some robots, (r,) or a mask (n,), in all or some columns.
+        """The same with some robots' readings blanked, (r,) or a mask (n,), in all or some columns.
 
-        With a channel goes what its rows are counted by, and what else is told of these; all other structure stays.
+        A channel is blanked together with its counts and their other columns; all other structure stays.
         """
         channels, changed = tuple(self.channels), list(self.columns)
         counts = {channel.count for channel in channels}
@@ -356,9 +356,9 @@ class Readings:
         return Readings(self.channels, tuple(changed))
 
     def put(self, pose: NDArray[np.float64], believed: NDArray[np.float64], lattice: Lattice) -> Readings:
-        """The readings of robots at `pose` (n, 3), put where these robots are `believed` to be.
+        """The readings of robots at `pose` (n, 3), moved to their estimated poses `believed` (n, 3).
 
-        What lies on the cells of maps moves by whole cells and is not turned, what lies in the world rigidly.
+        Data on map cells moves by whole cells without turning; data in the world moves rigidly.
         """
         if believed is pose:
             return self
@@ -373,7 +373,7 @@ class Readings:
 
 
 def _for_each(rows: Column, column: Column) -> Column:
-    """Something of each robot (n, k) beside all that a column (n, ..., k) holds of it."""
+    """Per-robot data (n, k), shaped to broadcast with a column (n, ..., k)."""
     return rows.reshape(len(rows), *[1] * (column.ndim - 2), rows.shape[-1])
 
 

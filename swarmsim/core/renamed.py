@@ -1,4 +1,4 @@
-"""What used to have another name, so that whoever uses the old one is told the new one."""
+"""Old names and their new ones, so that messages can tell the new name."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OF_PARTS: Final = {
     "taken": "accepted",
 }
 
-#: What one robot's mind finds of its own.
+#: Attributes of `Me`.
 OF_MINDS: Final = {"knows": "knowledge", "reads": "readings"}
 
 #: Modules, and what was imported from them.
@@ -64,12 +64,12 @@ OF_KEYS: Final = {
 
 
 def key_now(old: str, known: Container[str]) -> str | None:
-    """What a key is called now that was called `old`, if it is one of those known."""
+    """The new name of a key once called `old`, if known."""
     return next((new for new in OF_KEYS.get(old, ()) if new in known), None)
 
 
 def in_new_words(scenario: dict[str, Any]) -> dict[str, Any]:
-    """The table of a recorded scenario with the keys of today, whatever they were called when it ran."""
+    """The table of a recorded scenario with today's names of its keys."""
     computation, stop = scenario["mind"]["computation"], scenario["stop"]
     if computation["use"] == "occupancy-grid" and "share" in computation:
         computation["sharing"] = computation.pop("share")
@@ -81,12 +81,12 @@ def in_new_words(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 def hint(names: Iterable[str], now: dict[str, str]) -> str:
-    """Tells the new names of those among these that are old, or nothing."""
+    """Tells the new names of the old ones among these; empty without any."""
     return "".join(f"; {name!r} is called {now[name]!r} now" for name in names if name in now)
 
 
 def hint_of(problem: BaseException) -> str:
-    """The same for what an exception says could not be found."""
+    """The same for the name that an exception could not find."""
     if isinstance(problem, ModuleNotFoundError):
         return hint([problem.name or ""], OF_MODULES)
     if isinstance(problem, ImportError):

@@ -1,7 +1,7 @@
-"""The table of seams: what a scenario can name parts for, and all that follows from it.
+"""The table of seams that a scenario can name parts for, with all that depends on it.
 
-Seams of parts that stand in other parts' tables are not the core's: whoever has such a part declares the seam as an
-entry point of the group `swarmsim.seam`, under its name.
+Seams of parts in other parts' tables are not the core's: they are declared as entry points of the group
+`swarmsim.seam`, under their names.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class Seam:
 
     name: str  # entry points are of the group swarmsim.NAME
     place: tuple[str, ...]  # the keys of its table in a scenario; none for a part named in another part's table
-    protocol: type  # what a part has to have
-    default: str | None = None  # the part where a scenario names none
-    required: bool = False  # whether a scenario has to name one
+    protocol: type  # what a part must have
+    default: str | None = None  # the part used if a scenario names none
+    required: bool = False  # whether a scenario must name one
     many: bool = False  # whether its place holds a list of tables
-    more: str = ""  # the key of a list of further tables, of the scenario and of groups, if there can be several
-    of_groups: bool = False  # whether a group of robots may have its own, at the same place in the group's table
-    given: type = BuildContext  # what `build` of its parts gets
+    more: str = ""  # key of a list of further tables in the scenario and in groups, if several are possible
+    of_groups: bool = False  # whether a group may have its own, at the same place in its table
+    given: type = BuildContext  # the argument of its parts' `build`
     function: OfFunction | None = None  # makes a part of a function
     mind: OfMind | None = None  # makes a part of a class of one robot's mind
 
@@ -61,7 +61,7 @@ class Seam:
 
     @property
     def verbs(self) -> tuple[str, ...]:
-        """The methods and properties of its Protocol, in their order."""
+        """The methods and properties of its Protocol, in order."""
         return verbs_of(self.protocol)
 
     def missing(self, part: object) -> list[str]:
@@ -69,7 +69,7 @@ class Seam:
         return lacking(self.protocol, part)
 
 
-#: The seams that have a place in a scenario, in the order in which they are listed.
+#: The seams with a place in a scenario, in listing order.
 PLACED: Final = {
     seam.name: seam
     for seam in (
@@ -100,7 +100,7 @@ PLACED: Final = {
 
 
 class Seams(Mapping[str, Seam]):
-    """All seams by name: those that have a place in a scenario, then those that are declared elsewhere."""
+    """All seams by name: first those with a place in a scenario, then those declared by distributions."""
 
     def __getitem__(self, name: str) -> Seam:
         return PLACED[name] if name in PLACED else _declared()[name]
@@ -117,7 +117,7 @@ SEAMS: Final = Seams()
 
 
 def _declared() -> dict[str, Seam]:
-    """The seams that installed distributions declare. Raises InputError for what is no such seam."""
+    """The seams that installed distributions declare. Raises InputError for an invalid one."""
     return {name: _loaded(entry) for name, entry in distributions.parts().get(GROUP, {}).items()}
 
 
@@ -133,5 +133,5 @@ def _loaded(entry: EntryPoint) -> Seam:
 
 
 def at_place(place: tuple[str, ...]) -> Seam | None:
-    """The seam whose table stands at these keys of a scenario."""
+    """The seam whose table is at these keys of a scenario."""
     return next((seam for seam in PLACED.values() if seam.place == place), None)

@@ -1,4 +1,4 @@
-"""The arrays that describe a swarm at one moment; row i is robot i in every one of them."""
+"""The arrays that describe a swarm at one moment; row i is robot i in all of them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from swarmsim.core.events import Event
 from swarmsim.core.messages import Delivery, Inbox, MessageBatch
 from swarmsim.core.readings import Column, Readings
 
-UNKNOWN = 0  #: value of a cell that nobody observed
+UNKNOWN = 0  #: value of a cell not observed
 FREE = 1  #: value of a cell observed to be empty
 OCCUPIED = 2  #: value of a cell in which a beam ended
-STEP = 0.1  # m between waypoints of a straight way: motions look about so far ahead
+STEP = 0.1  # m between waypoints of a straight path: about the look-ahead of motions
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class State:
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
     wheels: NDArray[np.float64]  # (n, 2 or more): rim speed of the left and right wheel, m/s, or see `core.kinematics`
     alive: NDArray[np.bool_]  # (n,)
-    actuators: Readings = field(default_factory=Readings)  # what they are now, by channel; those of the dead rest
+    actuators: Readings = field(default_factory=Readings)  # their current states, by channel; the dead's are at rest
 
     @property
     def robots(self) -> int:
@@ -42,33 +42,31 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What goes into the recording of one iteration, by the name of its table."""
+    """The recorded data of one iteration, by table name."""
 
     rows: Mapping[str, object] = field(default_factory=dict)  # one row each, of the same shape in every iteration
-    lists: Mapping[str, NDArray[np.generic]] = field(
-        default_factory=dict
-    )  # (c, ...): as many rows as there happen to be
+    lists: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)  # (c, ...): any number of rows
     of_robots: tuple[str, ...] = ()  # the lists whose first column is the row of a robot
 
 
 class Auditor(Protocol):
-    """Checks that knowledge follows from what was sensed and heard."""
+    """Checks that knowledge follows from readings and received messages."""
 
     def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
-        """What is wrong with the knowledge that a computation gives for what was sensed and heard, or None."""
+        """What is wrong with a computation's knowledge, given its readings and inbox, or None."""
         ...
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Robots (r,) know nothing any more."""
+        """Note that robots (r,) were reset."""
         ...
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Robots (r,) know what another one does."""
+        """Note that robots (r,) got another one's knowledge."""
         ...
 
 
 class Trusting:
-    """Takes all knowledge on trust."""
+    """Accepts all knowledge."""
 
     def audit(self, knowledge: Knowledge, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
         """Nothing is ever wrong."""
@@ -82,7 +80,7 @@ class Trusting:
 
 
 class Knowledge(ABC):
-    """What robots know after they have sensed and heard: the one account of it that everybody reads."""
+    """The robots' knowledge after sensing and receiving; the only copy that others read."""
 
     __slots__ = ()
 
@@ -92,15 +90,15 @@ class Knowledge(ABC):
 
     @abstractmethod
     def record(self) -> Record:
-        """What is kept of it in the recording."""
+        """Its part in the recording."""
 
     def of(self, robot: int) -> object:
-        """What one robot knows of it, for minds that are written for one robot; None where that is not told apart."""
+        """One robot's knowledge, for minds written for one robot; None if it cannot be separated."""
         return None
 
     @classmethod
     def auditor(cls, context: BuildContext) -> Auditor:
-        """What holds a computation of somebody else's to its word in one run."""
+        """The checker of a third-party computation for one run."""
         return Trusting()
 
 
@@ -109,26 +107,26 @@ K_co = TypeVar("K_co", bound=Knowledge, covariant=True)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates(Knowledge, ABC):
-    """Knowledge that is a few numbers for each robot: every field of a subclass is an array (n, ...)."""
+    """Knowledge made of a few numbers per robot: every field of a subclass is an array (n, ...)."""
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """All fields, in their order."""
+        """All fields, in order."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
     def record(self) -> Record:
-        """A table for each field, of its name."""
+        """A table for each field, under its name."""
         return Record({field.name: getattr(self, field.name) for field in fields(self)})
 
     def of(self, robot: int) -> SimpleNamespace:
-        """Its row of every field."""
+        """The robot's row of every field."""
         return SimpleNamespace(**{field.name: getattr(self, field.name)[robot] for field in fields(self)})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Senses:
-    """What minds know of an iteration before anything is heard; a robot may use its own row alone.
+    """What minds know in an iteration before receiving; a robot may use only its own row.
 
-    There is a row for each robot that the mind was built for: row i is the robot of the number `BuildContext.ids[i]`.
+    There is a row for each robot that the mind was built for: row i is robot `BuildContext.ids[i]`.
     """
 
     iteration: int
@@ -136,27 +134,27 @@ class Senses:
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
     alive: NDArray[np.bool_]  # (n,)
     readings: Readings
-    decided: Intents | None = None  # what each robot decided in the iteration before; None in the first
+    decided: Intents | None = None  # each robot's decision in the previous iteration; None in the first
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intents:
-    """What every robot has decided to do until the next iteration: a way to follow or, in `twists`, a velocity.
+    """Every robot's decision until the next iteration: a path to follow or, in `twists`, a velocity.
 
-    An actuator whose channel is not among the `commands` rests.
+    An actuator without a command in `commands` rests.
     """
 
-    goals: NDArray[np.float64]  # (n, 2): x, y in m, where the robot believes its goal is; NaN for none
-    waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the way still ahead of each robot
+    goals: NDArray[np.float64]  # (n, 2): x, y in m, in the robot's estimated frame; NaN for none
+    waypoints: NDArray[np.float64]  # (n, longest, 2): x, y in m, the path still ahead of each robot
     counts: NDArray[np.int32]  # (n,): how many of its waypoints each robot uses
     planned: NDArray[np.bool_]  # (n,): whether the path is new in this iteration
-    #: (n, 2): m/s ahead, rad/s; (n, 3): and m/s to the left; NaN rows follow waypoints; None: all do.
+    #: (n, 2): m/s ahead, rad/s; (n, 3): also m/s to the left; NaN rows follow waypoints; None: all do.
     twists: NDArray[np.float64] | None = None
-    commands: Mapping[str, Column] = field(default_factory=dict)  # (n, ...): what actuators are to do, by channel
+    commands: Mapping[str, Column] = field(default_factory=dict)  # (n, ...): for actuators, by channel
 
     @classmethod
     def twisting(cls, twists: NDArray[np.float64]) -> Intents:
-        """Everybody moves at a velocity (n, 2): m/s ahead, rad/s counter-clockwise; or (n, 3), with m/s to the left."""
+        """All robots move at a velocity (n, 2): m/s ahead, rad/s counter-clockwise; or (n, 3), with m/s to the left."""
         count = len(twists)
         goals, counts = np.full((count, 2), np.nan), np.zeros(count, np.int32)
         return cls(goals, np.zeros((count, 1, 2)), counts, np.zeros(count, np.bool_), twists)
@@ -168,9 +166,9 @@ class Intents:
         robots: int,
         planned: NDArray[np.bool_],
     ) -> Intents:
-        """Some of so many robots follow ways (w, 2) in m to their ends, the others stand.
+        """Some robots follow paths (w, 2) in m to their ends, the others stand.
 
-        Long straight pieces are given in steps, since a motion steers for the next waypoint in an arc.
+        Long straight pieces get intermediate points, since a motion steers for the next waypoint in an arc.
         """
         dense = {robot: _in_steps(way) for robot, way in ways.items()}
         longest = max((len(way) for way in dense.values()), default=1)
@@ -181,12 +179,12 @@ class Intents:
         return cls(goals, waypoints, counts, planned)
 
     def record(self) -> Record:
-        """Goals and velocities; ways are kept when they are new."""
+        """Goals and velocities; paths are recorded when they are new."""
         return Record({"goals": self.goals, **({} if self.twists is None else {"twists": self.twists})})
 
 
 def _in_steps(way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A way (w, 2) with more points on it, STEP apart at most."""
+    """A path (w, 2) with points added, at most STEP apart."""
     length = np.hypot(*np.diff(way, axis=0).T)
     counts = np.maximum(1, np.ceil(length / STEP)).astype(int)
     pieces = [
@@ -198,46 +196,46 @@ def _in_steps(way: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """What a task measures in one iteration."""
+    """A task's measurements in one iteration."""
 
-    values: Mapping[str, float]  # of the swarm, by name; the first is what the task is about
+    values: Mapping[str, float]  # of the swarm, by name; the main one first
     robots: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)  # (n,): of each robot, by name
     progress: float = 0.0  # 0 to 1: how much of the task is done
     finished: bool = False
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """All of it, in its order."""
+        """All measures, in order."""
         return (np.array([*self.values.values(), self.progress]), *self.robots.values())
 
     def record(self) -> Record:
-        """A table for each measure, of its name."""
+        """A table for each measure, under its name."""
         return Record({**{name: float(value) for name, value in self.values.items()}, **self.robots})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elapsed(ABC, Generic[K_co]):
-    """What was done in one iteration."""
+    """The course of one iteration."""
 
-    state: State  # at the start of the iteration, when everybody sensed
-    events: tuple[Event, ...]  # what began and ended at its start, or with the run at its end
+    state: State  # at the start of the iteration, when robots sensed
+    events: tuple[Event, ...]  # at its start, or at the run's end
     building: Building
-    readings: Readings  # where the robots believe them to be
+    readings: Readings  # placed by the robots' estimated poses
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
     inbox: Inbox[MessageBatch]
     knowledge: K_co  # after this iteration
     intents: Intents
-    believed: NDArray[np.float64] | None = None  # (n, 3): where robots estimate to be; None: as it is
-    people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m of who walks about; None: nobody does
+    believed: NDArray[np.float64] | None = None  # (n, 3): estimated poses; None: the true ones
+    people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m; None: there are none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Done(Elapsed[K_co]):
-    """What was done in one iteration, as tasks measure it."""
+    """One iteration, as tasks measure it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment(Elapsed[K_co]):
-    """Everything that happened in one iteration, as probes see it: measured, never fed back."""
+    """One iteration, as probes see it: measured, never fed back."""
 
     measured: Measured = Measured({})

@@ -1,4 +1,4 @@
-"""Random numbers by purpose and robot, so that one more draw somewhere shifts nothing elsewhere."""
+"""Random numbers by purpose and robot, so that an extra draw in one place shifts none elsewhere."""
 
 from __future__ import annotations
 

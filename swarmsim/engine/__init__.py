@@ -1,1 +1,1 @@
-"""The engine: a scenario becomes parts, and the tick runs them."""
+"""The engine: builds a scenario's parts and runs them, tick by tick."""

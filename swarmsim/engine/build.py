@@ -1,4 +1,4 @@
-"""Scenario in, simulation out: opens the world, places the robots and puts the parts together."""
+"""Builds a simulation from a scenario: opens the world, places the robots and assembles the parts."""
 
 from __future__ import annotations
 
@@ -45,22 +45,22 @@ from swarmsim.world.source import read_world
 
 @dataclass(frozen=True, slots=True)
 class BuiltRun:
-    """A simulation at its start, and what its recording needs to know besides."""
+    """A simulation at its start, with all else that its recording needs."""
 
     scenario: Scenario
     world: str  # the floor plan's text: SVG or GeoJSON
     arena: Arena
     start: Survey  # of the building before anything changes it
     simulation: Simulation
-    context: BuildContext  # what its parts were built for
-    reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
-    notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
+    context: BuildContext  # of its parts
+    reachable: NDArray[np.bool_]  # (rows, columns): cells that robots can reach from their starts
+    notices: tuple[str, ...]  # how the floor plan was read, and what was left out
     probes: tuple[Watching, ...]
-    code: Code  # all that makes it
+    code: Code  # all behind it
 
     @property
     def explorable(self) -> NDArray[np.bool_]:
-        """The cells (rows, columns) that robots can find out about at the start. Raises InputError, as buildings do."""
+        """The cells (rows, columns) that robots can observe at the start. Raises InputError, as buildings do."""
         return self.start.explore()
 
     def recorder(self, path: Path) -> Recorder:
@@ -73,13 +73,13 @@ class BuiltRun:
         )  # fmt: skip
 
     def sampled(self, moment: Moment[Knowledge]) -> dict[str, Row]:
-        """What the probes sample in an iteration: rows by the names of their tables in a recording."""
+        """The probes' samples in an iteration: rows by table name."""
         return {name: row for probe in self.probes for name, row in probe.rows(moment).items()}
 
     def simulate(self, observers: Sequence[Observer] = ()) -> bool:
-        """Run to the end; gives whether the task was done before the limit.
+        """Run to the end; return whether the task was done before the limit.
 
-        Raises InputError if a body has ended in or beyond a wall, for then nothing that was measured means anything.
+        Raises InputError if a body has ended in or beyond a wall, since all measurements are then meaningless.
         """
         finished = self.simulation.run(observers)
         if astray := self.astray():
@@ -91,7 +91,7 @@ class BuiltRun:
         return finished
 
     def astray(self) -> list[int]:
-        """The robots whose bodies are in a wall, or where nobody can get to from where they started."""
+        """The robots whose bodies are in a wall, or in a place unreachable from the starts."""
         parts, arena = self.simulation.parts, self.arena
         if not self.scenario.physics.declares("walled", False):
             return []
@@ -101,7 +101,7 @@ class BuiltRun:
         inside: NDArray[np.bool_] = (
             (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
         )
-        near = math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1  # cells: what is known are their centres
+        near = math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1  # cells, known by their centres
         there = around(self.reachable, near)
         walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).solid
         fine: NDArray[np.bool_] = inside & ~shapely.contains_xy(walls, *places.T)
@@ -118,10 +118,9 @@ def build(
 ) -> BuiltRun:
     """Make a run from a scenario; `name` is the scenario's file, for messages.
 
-    The floor plan is read from the file that the scenario names unless its text is given as `world`. A `strict` run
-    holds our own parts to their contracts too. What `watch` gives takes the place of the parts before any fault wraps
-    them.
-    Raises InputError for whatever cannot work.
+    The floor plan is read from the scenario's file unless its text is given as `world`. A `strict` run also checks our
+    own parts against their contracts. `watch` may replace the parts before any fault wraps them.
+    Raises InputError for anything that cannot work.
     """
     try:
         with budget.of(scenario.budget), not_ending():
@@ -155,11 +154,11 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
 
 
 def _context(scenario: Scenario, case: Case) -> BuildContext:
-    """What parts are built for: the building at the start, with the robots in their places. Raises InputError."""
+    """The parts' build context: the building at the start, with the robots placed. Raises InputError."""
     arena = opened(case).arena
 
     def survey(boxes: tuple[Box, ...]) -> Survey:
-        with budget.of(scenario.budget):  # also while the run goes on
+        with budget.of(scenario.budget):  # also during the run
             found = surveyed(case, boxes)
         return replace(found, explore=budget.of(scenario.budget)(found.explore))
 
@@ -171,7 +170,7 @@ def _context(scenario: Scenario, case: Case) -> BuildContext:
 
 
 def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock) -> tuple[Parts, BuildContext]:
-    """The parts, which go together and are held to their contracts, and what they were built for. Raises InputError."""
+    """The parts, which fit together and are guarded, and their build context. Raises InputError."""
     network = scenario.network
     if scenario.field:
         field = make(scenario.field, context)
@@ -204,12 +203,12 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
     )
     fitting.check(parts, found, scenario.task)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
-    inside = {"sensor", "actuator", *(HALVES if len(found) > 1 else ())}  # those in these are held
+    inside = {"sensor", "actuator", *(HALVES if len(found) > 1 else ())}  # their inner parts are guarded
     return guarded(parts, context, {*(HELD if strict else theirs)} - inside, theirs, clock), context
 
 
 def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> Parts:
-    """The parts with the scenario's faults in them. Raises InputError."""
+    """The parts with the scenario's faults installed. Raises InputError."""
     for number, one in enumerate(scenario.faults):
         fault = make(one, replace(context, number=number), f"faults[{number}]")
         try:

@@ -1,4 +1,4 @@
-"""What every part promises, as checks that say what is wrong: run on the parts of others always, on ours in tests."""
+"""The contracts of all parts, as checks that say what is wrong: always run on third-party parts, on ours in tests."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def array(name: str, found: object, dtype: type[np.generic], *shape: int | None,
         if whole and (not finite or kind.kind != "f" or math.isfinite(np.vdot(found, found))):
             return None
     wanted = f"{np.dtype(dtype)} of shape ({', '.join('any' if side is None else str(side) for side in shape)})"
-    if type(found) is not np.ndarray:  # masks would be lost, and kernels do not take subclasses
+    if type(found) is not np.ndarray:  # masks would be lost, and kernels take no subclasses
         kind = "a plain array" if isinstance(found, np.ndarray) else "an array"
         return f"{name}: {type(found).__name__}; expected {kind}, {wanted}"
     if found.dtype != np.dtype(dtype) or not _fits(found.shape, shape):
@@ -47,7 +47,7 @@ def _first(wrong: NDArray[np.bool_]) -> str:
 
 
 def first_of(*problems: str | None) -> str | None:
-    """The first thing that is wrong, or None."""
+    """The first problem, or None."""
     return next((problem for problem in problems if problem is not None), None)
 
 
@@ -76,7 +76,7 @@ def links(found: object, state: State) -> str | None:
 
 
 def delivery(found: object, state: State, sent: int) -> str | None:
-    """Letters heard (m, 4), sorted, with ids of robots; nothing from the future."""
+    """Packets heard (m, 4), sorted, with valid ids; none from the future."""
     if not isinstance(found, Delivery):
         return f"deliver: {type(found).__name__}; expected a Delivery"
     wrong = array("heard", found.heard, np.int32, None, 4)
@@ -84,21 +84,21 @@ def delivery(found: object, state: State, sent: int) -> str | None:
         return wrong
     ids = found.heard[:, :2]
     if ids.min() < 0 or ids.max() >= state.robots:
-        return f"heard: a robot that there is not; expected ids from 0 to {state.robots - 1}"
+        return f"heard: an unknown robot; expected ids from 0 to {state.robots - 1}"
     if (found.heard[:, 2] > state.iteration).any():
         return "heard: a message that has not been sent yet"
     return "heard: letters have to be sorted by receiver, sender and iteration sent"
 
 
 def declared(found: object, robots: int) -> str | None:
-    """What is wrong with what a sensor says it gives, or None."""
+    """What is wrong with a sensor's declaration, or None."""
     if not isinstance(found, Channels):
         return f"channels: {brief(found)}; expected Channels"
     return wrong_channels(found, robots)
 
 
 def acting(found: object, robots: int) -> str | None:
-    """What is wrong with what an actuator says it takes, or None: plain columns, and a number for its rest."""
+    """What is wrong with an actuator's declaration, or None: plain columns, with a number at rest."""
     wrong = declared(found, robots)
     for channel in found if wrong is None and isinstance(found, Channels) else ():
         if "." in channel.name or channel.structure or channel.count or channel.group or channel.frame != "body":
@@ -110,7 +110,7 @@ def acting(found: object, robots: int) -> str | None:
 
 
 def commands(found: object, robots: int, channels: Channels) -> str | None:
-    """A dict with columns of the types and shapes that actuators declare, a row for each robot; any may be left out."""
+    """A dict with columns of the actuators' declared types and shapes, a row per robot; any may be left out."""
     if type(found) is not dict:
         return f"commands: {brief(found)}; expected a dict of arrays by channel"
     for name, column in found.items():
@@ -125,7 +125,7 @@ def commands(found: object, robots: int, channels: Channels) -> str | None:
 
 
 def readings(found: object, state: State, channels: Channels, verb: str = "sense") -> str | None:
-    """Readings with the columns that were declared, of their types, shapes and bounds, and a row for each robot."""
+    """Readings with the declared columns, types, shapes and bounds, a row per robot."""
     if not isinstance(found, Readings):
         return f"{verb}: {type(found).__name__}; expected Readings"
     if found.channels is not channels and found.channels != channels:
@@ -142,7 +142,7 @@ def readings(found: object, state: State, channels: Channels, verb: str = "sense
 
 
 def _out_of_bounds(channel: Channel, column: Column) -> str | None:
-    """What is wrong with the numbers of a channel, or None; where nothing is measured they are blank or NaN."""
+    """What is wrong with a channel's numbers, or None; unmeasured ones are blank or NaN."""
     if channel.dtype == "?" or (channel.low, channel.high) == (-math.inf, math.inf):
         return None
     strange: NDArray[np.bool_] = ~((column >= channel.low) & (column <= channel.high)) & (column != channel.empty)
@@ -159,7 +159,7 @@ def located(found: object, state: State) -> str | None:
 
 
 def said(found: object, senses: Senses) -> str | None:
-    """One message of each robot, whose items are counted without a gap."""
+    """One message per robot, with items counted without gaps."""
     if not isinstance(found, Broadcast) or not isinstance(found.content, MessageBatch):
         return f"say: {type(found).__name__}; expected Said, with Columns as its content"
     n, items = len(senses.alive), len(found.content)
@@ -177,27 +177,27 @@ def said(found: object, senses: Senses) -> str | None:
 
 
 def knowledge(found: object, kind: type[Knowledge]) -> str | None:
-    """Knowledge of the kind announced, in plain arrays of numbers."""
+    """Knowledge of the declared kind, in plain arrays of numbers."""
     if not isinstance(found, kind):
         return f"hear: {type(found).__name__}; expected {kind.__name__}"
     return next((wrong for one in found.arrays() if (wrong := _plain(kind.__name__, one)) is not None), None)
 
 
 def _plain(name: str, found: object) -> str | None:
-    """What is wrong with an array that may be of any numbers and shape, or None."""
+    """What is wrong with an array of any shape and number type, or None."""
     if type(found) is not np.ndarray:
         return f"{name}: {brief(found)}; expected a plain array of numbers"
     return None if found.dtype.kind in "fiub" else f"{name}: an array of {found.dtype}; expected numbers"
 
 
-#: The type and the shape of a row of each table, and whether there is one in each iteration.
+#: Each table's row type and shape, and whether it has one row per iteration.
 Form = dict[str, tuple[np.dtype[np.generic], tuple[int, ...], str]]
 
 
 def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[Form, str | None]:
-    """The form of what a part of a seam gives to be recorded, and what is wrong with it, if anything.
+    """The form of a part's recorded data, and what is wrong with it, if anything.
 
-    Names may not be taken, and all is of the same form as `before`, in the iteration before; None: in the first.
+    Names may not be taken, and the form must equal `before`, that of the previous iteration; None: in the first.
     """
     form: Form = {}
     verb = "measure" if seam == "task" else "hear"
@@ -221,7 +221,7 @@ def record(found: Record, seam: str, robots: int, before: Form | None) -> tuple[
 
 
 def intents(found: object, senses: Senses, actuators: Channels) -> str | None:
-    """Ways, velocities and commands with a row for each robot, all finite; goals are points, or NaN."""
+    """Paths, velocities and commands with a row for each robot, all finite; goals are points, or NaN."""
     if not isinstance(found, Intents):
         return f"step: {type(found).__name__}; expected Intents"
     n = len(senses.alive)
@@ -256,7 +256,7 @@ def intents(found: object, senses: Senses, actuators: Channels) -> str | None:
 
 
 def measured(found: object, robots: int, curve: Curve) -> str | None:
-    """Measures that are numbers, that of the curve among them, and of each robot; how much is done, and whether all."""
+    """Numeric measures, the curve's among them, also per robot; the progress, and whether it is finished."""
     if not isinstance(found, Measured) or not found.values:
         return f"measure: {brief(found)}; expected Measured, with one value at least"
     for name, value in found.values.items():
@@ -281,7 +281,7 @@ def measured(found: object, robots: int, curve: Curve) -> str | None:
 
 
 def summary(found: object, taken: Collection[str]) -> str | None:
-    """Numbers, or None where one is not defined, by names that are not taken."""
+    """Numbers, or None where undefined, under names that are not taken."""
     if not isinstance(found, Mapping):
         return f"summary: {brief(found)}; expected numbers by name"
     for name, value in found.items():
@@ -298,7 +298,7 @@ def summary(found: object, taken: Collection[str]) -> str | None:
 
 
 def message_sizes(said: Broadcast[C], codec: Codec[C], iteration: int) -> str | None:
-    """Whether every message is as long as its sender says, and comes out of the codec as it went in."""
+    """Whether every message has its announced size, and survives packing and unpacking unchanged."""
     for robot, size in enumerate(said.sizes.tolist()):
         items = said.of(robot)
         if len(items) == 0 and size == 0:
@@ -312,5 +312,5 @@ def message_sizes(said: Broadcast[C], codec: Codec[C], iteration: int) -> str | 
             for a, b in zip(items.arrays(), back.arrays(), strict=True)
         )
         if (sender, sent) != (robot, iteration) or not same:
-            return f"robot {robot}: the message does not come out as it went in"
+            return f"robot {robot}: packing and unpacking changes the message"
     return None

@@ -1,4 +1,4 @@
-"""What robots are equipped with: the sensors of a swarm, or of its groups, as one, and their actuators."""
+"""The robots' equipment: the sensors of a swarm, or of its groups, as one, and their actuators."""
 
 from __future__ import annotations
 
@@ -89,10 +89,10 @@ def actuators(listed: tuple[Part[Actuator], ...], context: BuildContext, strict:
 
 
 def _wrong_names(channels: Channels, seam: str = "sensor") -> str | None:
-    """Why a channel cannot be called so, or None: minds find a sensor's under that name, and recordings a table."""
+    """Why a channel cannot have its name, or None: minds find a sensor's under it, and recordings a table."""
     for channel in channels:
         if channel.name in OF_ME and seam == "sensor":
-            return f"{channel.name!r}: a mind finds something else as me.{channel.name}; expected 'my_{channel.name}'"
+            return f"{channel.name!r}: me.{channel.name} is taken; expected 'my_{channel.name}'"
         table = channel.recorded_as
         wrong = table and (
             layout.wrong_name(table, seam)

@@ -1,4 +1,4 @@
-"""Checks before a run that its parts go together: knowledge, channels of sensors, and names of what is recorded."""
+"""Checks before a run that its parts fit together: knowledge, sensor channels, and names of recorded tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TASK = SEAMS["task"].at
 
 
 def check(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
-    """Raise InputError, which names the part at fault, unless the parts of a run go together."""
+    """Raise InputError, which names the part at fault, unless the parts of a run fit together."""
     for one in minds:
         _check_knowledge(one)
     _check_task(parts, minds, task)
@@ -36,7 +36,7 @@ def _use(one: BuiltMind, seam: str) -> str:
 
 
 def _check_knowledge(one: BuiltMind) -> None:
-    """Raise InputError unless the strategy of a mind reads what its computation gives."""
+    """Raise InputError unless a mind's strategy reads its computation's knowledge."""
     known, wanted = one.computation.knowledge_type, one.strategy.requires_knowledge
     if not issubclass(known, wanted):
         raise InputError(
@@ -47,11 +47,11 @@ def _check_knowledge(one: BuiltMind) -> None:
 
 
 def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
-    """Raise InputError unless the task reads what robots know."""
+    """Raise InputError unless the task reads the robots' knowledge."""
     known, wanted = parts.computation.knowledge_type, parts.task.requires_knowledge
     if issubclass(known, wanted):
         return
-    why, how = "groups of robots have minds of their own", "a task that reads any knowledge"
+    why, how = "groups of robots have their own minds", "a task that reads any knowledge"
     if len(minds) == 1:
         why = f"{_use(minds[0], 'computation')!r} gives {known.__name__}"
         how = "a task and a computation that go together"
@@ -59,7 +59,7 @@ def _check_task(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -
 
 
 def _check_channels(channels: Channels, whose: str, part: AnyComputation | AnyStrategy | AnyTask) -> None:
-    """Raise InputError for a part that needs a channel which no sensor of its robots gives."""
+    """Raise InputError for a part that needs a channel that its robots' sensors lack."""
     for name in getattr(part, "requires", ()):
         if name in channels:
             continue
@@ -72,20 +72,20 @@ def _check_channels(channels: Channels, whose: str, part: AnyComputation | AnySt
 
 
 def _giving(name: str) -> str:
-    """The sensors that give a channel, as far as they tell before they are built."""
+    """The sensors that give a channel, as far as is known before they are built."""
     known = {use: getattr(kind, "gives", {}) for use, kind in registry.known("sensor").items()}
     found = [f"{use!r}{gives[name] and f' with {gives[name]}'}" for use, gives in known.items() if name in gives]
     return f"the sensor {' or '.join(found)}" if found else "a sensor that gives it"
 
 
 def _check_names(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) -> None:
-    """Raise InputError for a name under which something is to be recorded, and that is taken, as far as it is known."""
-    bodily = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # whose each name is
+    """Raise InputError for a recorded name that is already taken, as far as is known before the run."""
+    bodily = {one.recorded_as: "sensor" for one in parts.sensor.channels if one.recorded_as}  # each name's owner
     for one in parts.actuator.channels:
         if one.recorded_as in bodily:
-            raise InputError(f"actuators: {one.recorded_as!r} is what a sensor gives already; expected another name")
+            raise InputError(f"actuators: {one.recorded_as!r} is already given by a sensor; expected another name")
         bodily |= {one.recorded_as: "actuator"} if one.recorded_as else {}
-    computed: set[str] = set()  # minds may have the same names: their tables are put together
+    computed: set[str] = set()  # minds may share names: their tables are merged
     for mind in minds:
         place = f"{mind.minded.places['computation']}.use: {_use(mind, 'computation')!r}"
         computed |= _free_names("computation", mind.computation, place, bodily)
@@ -94,12 +94,12 @@ def _check_names(parts: Parts, minds: Sequence[BuiltMind], task: Part[AnyTask]) 
 
 
 def _free_names(seam: str, part: object, place: str, used: dict[str, str]) -> set[str]:
-    """The names that a part announces. Raises InputError for one that the part of another seam has `used`."""
+    """The names that a part announces. Raises InputError for one `used` by another seam's part."""
     found = set()
     for name, says, at in announced(seam, part):
         wrong = layout.wrong_name(name, seam)
         if wrong is None and name in used:
-            wrong = f"{name!r} is what the {used[name]} gives already; expected such as 'own_{name}'"
+            wrong = f"{name!r} is already recorded by the {used[name]}; expected such as 'own_{name}'"
         if wrong is not None:
             raise InputError(f"{place} {says}: {wrong}{at}")
         found.add(name)

@@ -1,4 +1,4 @@
-"""Other people's parts, from what they are called to what they are built as; and whose code it was that failed."""
+"""Third-party parts: building them, checking their arguments, and finding the one whose code failed."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from swarmsim.core.state import Estimates
 
 P = TypeVar("P")
 
-MARGIN: Final = 12  # cells around a building for a sensor that does not say how far its tiles reach
+MARGIN: Final = 12  # cells around a building for a sensor that does not declare its tiles' reach
 
 
 def margin_of(sensor: Part[Sensor]) -> int:
-    """How many cells a sensor's tiles reach beyond the cell of their robot, at most."""
+    """How many cells a sensor's tiles reach beyond their robot's cell, at most."""
     return sensor.declares("margin", MARGIN)
 
 
 def built(asked: Part[P], context: BuildContext) -> P:
-    """The part that a scenario asks for. Raises InputError, also for whatever somebody else's `build` raises."""
+    """The built part of a scenario. Raises InputError, also for anything that a third-party `build` raises."""
     if registry.is_ours(asked.parameters):
         return asked.build(context)
     try:
@@ -47,7 +47,7 @@ def built(asked: Part[P], context: BuildContext) -> P:
 
 
 def make(part: Part[P], context: BuildContext, place: str = "") -> P:
-    """The part, built. Raises InputError that starts with its place in the scenario."""
+    """The built part. Raises InputError that starts with its place in the scenario."""
     try:
         return built(part, context)
     except InputError as problem:
@@ -55,7 +55,7 @@ def make(part: Part[P], context: BuildContext, place: str = "") -> P:
 
 
 def _check_arguments(seam: str, part: object, what: str) -> None:
-    """Raise InputError, with the line to write, for a verb that takes other arguments than it is given."""
+    """Raise InputError, with the right `def` line, for a verb with wrong parameters."""
     for verb in SEAMS[seam].verbs:
         asked = inspect.getattr_static(SEAMS[seam].protocol, verb, None)
         if not inspect.isfunction(asked):
@@ -63,22 +63,22 @@ def _check_arguments(seam: str, part: object, what: str) -> None:
         expected = list(inspect.signature(asked).parameters)
         try:
             takes = inspect.signature(getattr(part, verb))
-        except (TypeError, ValueError):  # what is written in C, or nothing that can be called
+        except (TypeError, ValueError):  # written in C, or not callable
             continue
         try:
             takes.bind(*expected[1:])
         except TypeError:
             kind = registry.author_of(part)
             raise InputError(
-                f"{what}, {kind.__qualname__}, is asked '{verb}' with other arguments than its {takes} takes; "
+                f"{what}, {kind.__qualname__}, has '{verb}' with the wrong parameters {takes}; "
                 f"expected 'def {verb}({', '.join(expected)}):'{line_of(kind, verb)}"
             ) from None
 
 
 def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:  # noqa: ANN401 - a computation or a task
-    """The names under which a part will have something recorded, as far as it tells them before it is asked.
+    """The names of a part's recorded tables, as far as it declares them before the run.
 
-    With each comes what of the part tells it, in words, and the line of code that does.
+    Each comes with its source in words, and the line of code.
     """
     kind = registry.author_of(part)
     if seam == "task":
@@ -95,7 +95,7 @@ def announced(seam: str, part: Any) -> Iterator[tuple[str, str, str]]:  # noqa: 
 
 
 def installed(fault: Fault, use: str, parts: Parts) -> Parts:
-    """The parts with a fault in them. Raises InputError, also for what somebody else's `install` raises or gives."""
+    """The parts with a fault installed. Raises InputError, also for a third-party `install` that fails."""
     try:
         found = fault.install(parts)
     except InputError:
@@ -113,7 +113,7 @@ def installed(fault: Fault, use: str, parts: Parts) -> Parts:
 
 
 def foreign(part: Part[object]) -> dict[str, str]:
-    """The files of a part, and of those inside of it, that are not ours; with the part's name."""
+    """The third-party files of a part and of the parts inside it, with the part's name."""
     return {
         str(getattr(sys.modules[type(one.parameters).__module__], "__file__", None)): f"{one.seam} {one.use}"
         for one in part.inside()
@@ -122,6 +122,6 @@ def foreign(part: Part[object]) -> dict[str, str]:
 
 
 def blamed(problem: BaseException, files: Mapping[str, str]) -> str | None:
-    """Which part, by the file that it is in, raised something, with the lines outside of this package; or None."""
+    """The third-party part whose file raised an exception, with the lines outside of this package; or None."""
     raised = {frame.filename for frame in traceback.extract_tb(problem.__traceback__)}
     return next((f"{name}: {told(problem)}" for file, name in files.items() if file in raised), None)

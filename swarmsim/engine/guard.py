@@ -1,4 +1,4 @@
-"""Holds somebody else's parts to what their seams promise; what breaks it ends the run, part and iteration named."""
+"""Checks third-party parts against their interfaces; a violation ends the run, naming part and iteration."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from swarmsim.engine.promises import Check, Checks
 P = TypeVar("P")
 Change = Callable[[object], object]
 
-#: The seams whose parts the tick asks by name.
+#: The seams whose parts the tick calls by name.
 HELD: Final = tuple(seam for seam in promises.CHECKS if seam in Parts.__slots__)
 
 
-#: What is asked in every sub-step.
+#: The verbs called in every sub-step.
 OFTEN: Final = ("command", "approach", "forces")
 
-#: The class or function that a part is blamed on.
+#: The class or function blamed for a part's failures.
 Author = type | FunctionType
 
 
 class Clock:
-    """The iteration that is going on, as the tick sets it, and what was lent in it."""
+    """The current iteration, as the tick sets it, and the values lent in it."""
 
     def __init__(self) -> None:
-        #: What failures are blamed with.
+        #: What failures are blamed on.
         self.iteration = 0
         self.lender = Lender()
 
@@ -50,9 +50,9 @@ class Clock:
 
 
 class Guard:
-    """A part that raises PartError for what its verbs raise, and for what they give that breaks its contract.
+    """A part that raises PartError if its verbs raise, or return what breaks its contract.
 
-    All else that it has is the part's own.
+    All other attributes are the part's own.
     """
 
     def __init__(
@@ -66,28 +66,26 @@ class Guard:
         lends: bool = True,
         of: str = "",
     ) -> None:
-        """The `checks` are by verb. The `author` is the class or function to blame, `of` says whose part it is.
+        """The `checks` are by verb. The `author` is the class or function to blame; `of` tells whose part it is.
 
-        A part that `is_foreign` cannot write to what it is given, nor to what it has given. Ours does not, which
-        kernels need not be compiled anew for: that is checked in strict runs, or not at all if nothing is to be lent.
+        A part that `is_foreign` cannot write to its arguments, nor to its results. Ours never do, and read-only arrays
+        would recompile kernels: that is checked in strict runs only, and never without lending.
         """
         file = getattr(sys.modules[author.__module__], "__file__", None) if registry.is_own(author) else None
         place = f"{Path(file).name}:" if file else f"{author.__module__}."
         self._seam, self._part, self._author, self._clock = seam, part, author, clock
         self._name = f"{seam} {place}{author.__qualname__}{of}"
-        lends = lends and not isinstance(
-            part, MindComputation | MindStrategy
-        )  # who show minds what cannot be written to
+        lends = lends and not isinstance(part, MindComputation | MindStrategy)  # they show minds read-only views
         for verb, check in checks.items():
             given: Change = copied if verb in ("follow", *OFTEN) else clock.lender.lent
             taken: Change = frozen
-            if verb in (*OFTEN, "summaries"):  # arrays that are reused, and used at once; and guards
+            if verb in (*OFTEN, "summaries"):  # arrays reused and used at once; and guards
                 taken = _same
             elif is_foreign:
                 taken = self._known if verb == "hear" else clock.lender.taken
             setattr(self, verb, self._held(verb, check, given if lends else _same, taken if lends else _same))
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the part has
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any attribute of the part
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._part, name)
@@ -100,7 +98,7 @@ class Guard:
                 found = asked(*[given(one) for one in arguments])
             except InputError:
                 raise
-            except BaseException as problem:  # a part must not end the process, least of all as if all were well
+            except BaseException as problem:  # a part must not end the process, least of all with success
                 if not is_failure(problem):
                     raise
                 raise self._failed(told(problem, line_of(self._author, verb))) from problem
@@ -115,7 +113,7 @@ class Guard:
         return PartError(f"{self._name}, iteration {self._clock.iteration}: {why}", self._seam)
 
     def _known(self, found: object) -> object:
-        """The knowledge, of which views that cannot be written to are the part's own, unless they are digested."""
+        """The knowledge, with the part's own read-only views kept, unless they are digested."""
         digested = {id(array) for array in found.arrays()} if isinstance(found, Knowledge) else set()
         return self._clock.lender.taken(found, lambda array: not array.flags.writeable and id(array) not in digested)
 
@@ -125,7 +123,7 @@ def _same(value: object) -> object:
 
 
 def held(seam: str, part: P, context: BuildContext, clock: Clock, is_foreign: bool = True, of: str = "") -> P:
-    """A part, held to its contract; `of` says whose it is, where several robots have others."""
+    """A guarded part; `of` tells whose it is, where robots have different ones."""
     author, checks = registry.author_of(part), promises.CHECKS[seam](part, context)
     guard: Any = Guard(seam, part, author, checks, clock, is_foreign, of=of)
     if seam == "task":
@@ -141,19 +139,19 @@ def held(seam: str, part: P, context: BuildContext, clock: Clock, is_foreign: bo
 def guarded(
     parts: Parts, context: BuildContext, seams: Collection[str], theirs: Collection[str], clock: Clock
 ) -> Parts:
-    """The same parts, those of some seams held to their contracts; in those of `theirs` there is code of others."""
+    """The same parts, those of some seams guarded; those of `theirs` contain third-party code."""
     changed = {seam: held(seam, getattr(parts, seam), context, clock, seam in theirs) for seam in HELD if seam in seams}
     return replace(parts, **changed)
 
 
 def with_fault(fault: object, parts: Parts, install: Callable[[Parts], Parts], clock: Clock) -> Parts:
-    """The parts with a fault in them; what somebody else's fault has put there can write to nothing either."""
+    """The parts with a fault installed; what a third-party fault adds gets read-only arguments as well."""
     if registry.is_ours(fault):
         return install(parts)
     author = registry.author_of(fault)
 
     def held(happening: EventSource) -> EventSource:
-        """What happens by somebody else's fault, which cannot write to what it is told."""
+        """Events of a third-party fault, which gets read-only arguments."""
         return Guard("fault", happening, author, {"advance": promises.nothing}, clock, is_foreign=True)
 
     found = install(replace(parts, schedule=parts.schedule.holding(held)))

@@ -1,4 +1,4 @@
-"""What a building is like for a swarm: its size, rooms, doors and pockets, and whether all of it can be mapped."""
+"""Inspects a building for a swarm: its size, rooms, doors and pockets, and whether all of it can be mapped."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from swarmsim.world.cells import rim
 from swarmsim.world.rooms import Doorway, Room, rooms_and_doors
 from swarmsim.world.source import floor_plan
 
-BYTES: Final = 17  # of memory for each cell and robot, as measured on swarms that map
-TICKS: Final = 20  # iterations that are timed
-MOST_SEATS: Final = 1000  # robots that are placed to find out how many the spawn area holds
+BYTES: Final = 17  # memory per cell and robot, measured on mapping swarms
+TICKS: Final = 20  # timed iterations
+MOST_SEATS: Final = 1000  # robots placed to find the spawn area's capacity
 
 
 @dataclass(frozen=True, slots=True)
 class Pocket:
-    """A piece of free space that robots cannot get into."""
+    """A piece of free space that robots cannot enter."""
 
     place: tuple[float, float]  # m: one of its cells
     cells: int
@@ -38,7 +38,7 @@ class Pocket:
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What was found out of a building; what could not be is None, and `problem` says why."""
+    """The findings about a building; unknown ones are None, and `problem` says why."""
 
     arena: Arena
     scenario: Scenario
@@ -47,14 +47,14 @@ class Inspection:
     rooms: list[Room]
     doors: list[Doorway]  # the narrowest first
     pockets: list[Pocket]  # the largest first
-    seats: int  # how many robots the spawn area holds, MOST_SEATS at most
+    seats: int  # the spawn area's capacity in robots, MOST_SEATS at most
     seconds: float | None  # of one iteration
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
-    problem: str | None  # why no run is possible, and where
+    problem: str | None  # why and where no run is possible
 
     @property
     def iterations(self) -> int | None:
-        """About how many iterations a run takes: cells for each robot, at the time it takes to cross one."""
+        """About how many iterations a run takes: cells per robot times the time to cross one."""
         if self.domain is None:
             return None
         robots, cell = self.scenario.robots, self.arena.lattice.cell
@@ -63,14 +63,14 @@ class Inspection:
 
     @property
     def memory(self) -> float:
-        """About how many bytes a run takes for its maps."""
+        """About how many bytes a run's maps take."""
         return float(BYTES) * self.arena.occupied.size * self.scenario.robots.count
 
 
 def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspection:
-    """Look at the building in `text` as the robots of a scenario find it; doors are up to `widest` (m) wide.
+    """Inspect the building in `text` for a scenario's robots; doors are up to `widest` (m) wide.
 
-    `name` is the scenario's in messages. Raises InputError for what cannot be read at all.
+    `name` is the scenario's in messages. Raises InputError for an unreadable building.
     """
     margin = max(margin_of(sensor) for _, sensor in sensors_of(scenario))
     plan = floor_plan(text, scenario.world)
@@ -101,7 +101,7 @@ def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspecti
 
 
 def _pockets(arena: Arena, reached: NDArray[np.bool_] | None) -> list[Pocket]:
-    """The pieces of free space inside of the walls that are not reached, nor open to the outside."""
+    """The unreached pieces of free space inside the walls, not open to the outside."""
     left = ~arena.occupied if reached is None else ~arena.occupied & ~reached
     pieces: NDArray[np.int32]
     count: int
@@ -123,7 +123,7 @@ def _pockets(arena: Arena, reached: NDArray[np.bool_] | None) -> list[Pocket]:
 
 
 def _seats(entrance: NDArray[np.float64], radius: float, cell: float) -> int:
-    """How many robots can stand in the spawn area, placed one after the other in the order of its cells."""
+    """How many robots fit into the spawn area, placed one by one in the order of its cells."""
     near = max(1, int(np.pi * (2.0 * radius / cell) ** 2))
     entrance = entrance[: 2 * MOST_SEATS * near]  # more than the most robots can take up
     open_ = np.ones(len(entrance), np.bool_)
@@ -136,7 +136,7 @@ def _seats(entrance: NDArray[np.float64], radius: float, cell: float) -> int:
 
 
 def _seconds(scenario: Scenario, text: str, name: str) -> float:
-    """Seconds that an iteration of a run takes here, measured over its first ones."""
+    """Seconds per iteration here, measured over a run's first ones."""
     calm = msgspec.structs.replace(scenario, faults=())
     simulation = build(calm, name, text).simulation
     simulation.tick()
@@ -148,7 +148,7 @@ def _seconds(scenario: Scenario, text: str, name: str) -> float:
 
 
 def free_area(arena: Arena, floor: NDArray[np.bool_]) -> float:
-    """The area (m2) of the floor that walls leave free, the parts of cells beside walls included."""
+    """The area (m2) of floor between walls, including parts of cells beside walls."""
     left, right, low, high = arena.lattice.extent
     free = shapely.get_parts(shapely.box(left, low, right, high).difference(arena.solid))
     start = shapely.points(arena.lattice.centres(np.argwhere(floor)[0]))

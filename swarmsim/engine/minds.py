@@ -1,4 +1,4 @@
-"""The minds of a run: one for all robots, or one for each kind of group, put together."""
+"""The minds of a run: one for all robots, or one for each kind of group, combined."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ P = TypeVar("P")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BuiltMind:
-    """One mind, built for those of its robots that there are."""
+    """One mind, built for the robots present."""
 
     minded: Minded
-    names: tuple[str, ...]  # of the groups of its robots; none: it is that of all
-    rows: NDArray[np.int64]  # (r,): which rows of the whole its robots are
-    places: tuple[int, ...]  # which columns of all readings its robots have
+    names: tuple[str, ...]  # of its robots' groups; empty: all robots
+    rows: NDArray[np.int64]  # (r,): its robots' rows among all
+    places: tuple[int, ...]  # its robots' columns among all readings
     context: BuildContext
     computation: AnyComputation
     strategy: AnyStrategy
 
 
 def built_for(scenario: Scenario, context: BuildContext) -> list[BuiltMind]:
-    """The minds of the robots of a setting; those that none of these robots has are left out. Raises InputError."""
+    """The minds of a setting's robots; minds without any of these robots are left out. Raises InputError."""
     found = minds_of(scenario)
     if len(found) == 1:
         everybody, columns = np.arange(len(context.ids)), tuple(range(len(context.channels)))
@@ -54,7 +54,7 @@ def built_for(scenario: Scenario, context: BuildContext) -> list[BuiltMind]:
 
 
 def _groups(scenario: Scenario) -> NDArray[np.int64]:
-    """The number of each robot's group (N,)."""
+    """Each robot's group number (N,)."""
     groups = scenario.robots.groups
     return np.repeat(np.arange(len(groups)), [group.count for group in groups])
 
@@ -74,8 +74,7 @@ def together(
 ) -> tuple[AnyComputation, AnyStrategy]:
     """The computation and the strategy of all robots of these minds.
 
-    With a clock, halves that are not ours are held to their contracts, all of them if `strict`. Raises InputError for
-    too many kinds of messages.
+    With a clock, third-party halves are guarded, or all if `strict`. Raises InputError for too many kinds of messages.
     """
     minds = minds_of(scenario)
     if len(minds) == 1:
@@ -91,7 +90,7 @@ def together(
 
 
 def _band(one: BuiltMind, kind: int, clock: Clock | None, strict: bool) -> Band:
-    """The robots of one mind, whose halves are held if they have to be."""
+    """The robots of one mind, with its halves guarded where needed."""
     computation, strategy = one.computation, one.strategy
     if clock is not None and (strict or not registry.is_ours(computation)):
         computation = _held("computation", computation, one, clock)

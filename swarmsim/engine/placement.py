@@ -13,22 +13,22 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.streams import Streams
 
-LARGE: Final = 10_000  # cells of a spawn area that are drawn from one by one ...
+LARGE: Final = 10_000  # cells of a spawn area from which single ones are drawn ...
 TRIES: Final = 100  # ... and how often
 
 
 def start_poses(
     robots: Robots, lattice: Lattice, streams: Streams, centres: NDArray[np.float64], world: str
 ) -> NDArray[np.float64]:
-    """Start poses (n, 3): each robot at one of the `centres` (c, 2) of free cells of the spawn area, heading anywhere.
+    """Start poses (n, 3): each robot at one of the `centres` (c, 2) of free spawn cells, with a random heading.
 
-    Every robot draws from its own stream, after those with lower ids have taken their places, so that one
-    more robot moves none of the others. Raises InputError if the area holds fewer robots.
+    Every robot draws from its own stream, after those with lower ids are placed, so that one more robot
+    moves no other. Raises InputError if the area holds fewer robots.
     """
     open_ = np.ones(len(centres), np.bool_)
     left, apart = len(centres), 2.0 * robots.radius
     cells, width = lattice.cells(centres), math.ceil(apart / lattice.cell)
-    places = np.full(np.array(lattice.shape) + 2 * width, -1)  # which of the centres is in each cell, if any
+    places = np.full(np.array(lattice.shape) + 2 * width, -1)  # index of the centre in each cell, if any
     places[tuple(cells.T + width)] = np.arange(len(centres))
     pose = np.empty((robots.count, 3))
     for robot in range(robots.count):
@@ -50,10 +50,10 @@ def start_poses(
 
 
 def _drawn(stream: np.random.Generator, open_: NDArray[np.bool_]) -> int:
-    """One of the cells that are open, by a draw among all of them, which is independent of how many are.
+    """One of the open cells, drawn from all cells, so that the draw does not depend on how many are open.
 
-    A small area is put in random order, of which the first open cell is taken. Of a large one, cells are drawn until
-    one is open; only if that takes long it is put in order as well.
+    A small area is shuffled, and its first open cell is taken. In a large one, cells are drawn until one is open; only
+    if that takes long it is shuffled as well.
     """
     for _ in range(TRIES if len(open_) > LARGE else 0):
         choice = int(stream.integers(len(open_)))

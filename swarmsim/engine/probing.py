@@ -1,4 +1,4 @@
-"""Builds the probes of a run, and holds them to what they declare."""
+"""Builds the probes of a run, and checks them against their declarations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from swarmsim.recording.probes import Watching
 
 
 def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> tuple[Watching, ...]:
-    """The probes of a scenario, which can read what the parts let be read. Raises InputError."""
+    """The probes of a scenario, which can read the parts' gauges. Raises InputError."""
     found: list[Watching] = []
     for number, part in enumerate(scenario.probes):
         try:
@@ -38,13 +38,13 @@ def watching(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clo
 
 
 def _held(probe: Probe, tables: tuple[ProbeTable, ...], robots: int, clock: Clock) -> Probe:
-    """The probe, whose rows are of the form that it declares."""
+    """The guarded probe, whose rows have their declared form."""
     ours, checks = registry.is_ours(probe), {"sample": lambda found, moment: wrong(found, tables, robots)}
     return Guard("probe", probe, registry.author_of(probe), checks, clock, is_foreign=not ours, lends=not ours)
 
 
 def _declared(parameters: msgspec.Struct, probe: Probe, use: str) -> Declared:
-    """What a probe records. Raises InputError for tables that cannot be."""
+    """A probe's tables. Raises InputError for invalid ones."""
     if not isinstance(parameters, Sampled):
         raise InputError(
             f"use: {use!r} has no keys 'name' and 'every'; expected a class of swarmsim.core.probes.Sampled"
@@ -57,10 +57,10 @@ def _declared(parameters: msgspec.Struct, probe: Probe, use: str) -> Declared:
         raise InputError(f"use: {use!r} cannot say what it records: {told(problem)}") from problem
     if not isinstance(tables, tuple) or not tables or not all(isinstance(one, ProbeTable) for one in tables):
         raise InputError(f"use: {use!r} declares {brief(tables)} as its tables; expected a tuple of ProbeTable")
-    try:  # a struct does not check what it is made of, and what is read back is checked
+    try:  # structs check nothing when made, only when read back
         declared = msgspec.convert(msgspec.to_builtins(Declared(parameters.name, parameters.every, tables)), Declared)
     except (msgspec.ValidationError, TypeError) as problem:
-        raise InputError(f"use: {use!r} declares a table that cannot be: {problem}") from problem
+        raise InputError(f"use: {use!r} declares an invalid table: {problem}") from problem
     names = [table.name for table in declared.tables]
     if len(set(names)) < len(names):
         raise InputError(f"use: {use!r} declares {', '.join(map(repr, names))}; expected different names")

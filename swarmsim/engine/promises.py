@@ -1,4 +1,4 @@
-"""Which contract each verb of each seam has, as one table."""
+"""The contract of each verb of each seam, as one table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from swarmsim.core.state import Done, Knowledge, Measured, Record, Senses
 from swarmsim.engine import contracts
 from swarmsim.recording.measures import RunMeasures
 
-Check = Callable[..., str | None]  # of what a verb has given, and of what it was given: what is wrong, or None
+Check = Callable[..., str | None]  # from a verb's result and arguments: what is wrong, or None
 Checks = Mapping[str, Check]  # by verb
 
 
@@ -54,18 +54,18 @@ def _of_task(part: AnyTask, context: BuildContext) -> Checks:
 
 
 def of_summaries(curve: Curve, context: BuildContext) -> Checks:
-    """What the probes of a task promise that has this curve."""
+    """The contract of the observers of a task with this curve."""
     taken = RunMeasures(context.robots, context.period, curve).summary().keys()
     return {"sample": nothing, "summary": lambda found: contracts.summary(found, taken)}
 
 
 def _width(context: BuildContext) -> int:
-    """How many numbers a command of the swarm has."""
+    """The length of the swarm's commands."""
     return 2 if context.kinematics is None else context.kinematics.width
 
 
 def _of_kinematics(part: Kinematics, context: BuildContext) -> Checks:
-    """Each verb gives a row for each robot, of as many numbers as the kinematics has columns."""
+    """Each verb gives a row per robot, with a number for each column of the kinematics."""
     robots, columns = len(context.ids), len(part.columns)
 
     def forces(found: object, *given: object) -> str | None:
@@ -84,7 +84,7 @@ def _of_kinematics(part: Kinematics, context: BuildContext) -> Checks:
 
 
 class _Form:
-    """What a part gives to be recorded has the same form in every iteration."""
+    """A part's recorded data has the same form in every iteration."""
 
     def __init__(self, seam: str) -> None:
         self._seam = seam
@@ -95,7 +95,7 @@ class _Form:
         return wrong
 
 
-#: By seam, what gives the checks of a part's verbs in one run. What a seam does not have here is not asked by the tick.
+#: By seam, makes the checks of a part's verbs for one run. The tick never calls verbs of a seam missing here.
 CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     "sensor": lambda part, context: {"sense": lambda found, state: contracts.readings(found, state, part.channels)},
     "actuator": lambda part, context: {
@@ -120,11 +120,11 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     "kinematics": _of_kinematics,
     "task": _of_task,
 }
-#: Why the parts of some seams have no checks here. Those of seams without a place work inside parts that are checked.
+#: Why parts of some seams have no checks here. Those of seams without a place work inside checked parts.
 WITHOUT: Final = {
-    "generator": "it draws before there is a run, and its text is read as any floor plan is",
-    "physics": "it gives the state by which all others are judged; the end of a run looks for bodies in walls",
-    "fault": "it may break what other parts promise; swarmsim/engine/guard.py keeps it from writing to what they get",
-    "layer": "it is asked when a recording is looked at; swarmsim/view/layers/own.py checks what it draws",
-    "probe": "each declares tables of its own, to which swarmsim/engine/probing.py holds it",
+    "generator": "it runs before a run, and its text is checked as any floor plan",
+    "physics": "its state is the reference for all others; the end of a run checks for bodies in walls",
+    "fault": "it may break other parts' contracts; swarmsim/engine/guard.py makes their arguments read-only",
+    "layer": "it is called when a recording is viewed; swarmsim/view/layers/own.py checks its shapes",
+    "probe": "each declares its own tables, checked by swarmsim/engine/probing.py",
 }

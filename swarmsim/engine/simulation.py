@@ -1,4 +1,4 @@
-"""The tick: one iteration of Algorithm 1 for the whole swarm, then of the world's physics."""
+"""The tick: one iteration of Algorithm 1 for the whole swarm, then one period of physics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Perceived:
     """An iteration up to the decision."""
 
     state: State
-    events: tuple[Event, ...]  # what began and ended at its start
+    events: tuple[Event, ...]  # at its start
     links: NDArray[np.int32]  # (m, 2): receiver, sender
     delivery: Delivery
     senses: Senses
@@ -34,7 +34,7 @@ class Perceived:
 
 
 class Steered:
-    """Motion that steers by where robots believe they are."""
+    """Motion control on estimated poses."""
 
     def __init__(self, inner: Motion, localisation: Tracking) -> None:
         self._inner, self._localisation = inner, localisation
@@ -43,12 +43,12 @@ class Steered:
         self._inner.follow(intents)
 
     def command(self, pose: NDArray[np.float64]) -> WheelSpeeds:
-        """The wheel speeds wanted at the poses that are believed of these."""
+        """The wheel speeds at the estimates of these poses."""
         return self._inner.command(self._localisation.track(pose))
 
 
 class Simulation:
-    """A swarm in a building, advanced one iteration at a time until its task is done."""
+    """A swarm in a building, advanced iteration by iteration until its task is done."""
 
     def __init__(
         self,
@@ -60,15 +60,14 @@ class Simulation:
         name: str = "",
         clock: Clock | None = None,
     ) -> None:
-        """`limit` is the number of iterations after which the run ends unfinished, `period` the duration of one in s.
+        """The run ends unfinished after `limit` iterations of `period` s each.
 
-        A run that goes on `when_done` ends at the limit, but finished. `blamed` tells which part that is not ours has
-        raised an exception, if one has. `name` is the scenario's file, for messages. The `clock` is that of the parts'
-        guards.
+        A run that continues `when_done` ends at the limit, but finished. `blamed` finds the third-party part that
+        raised an exception, if any. `name` is the scenario's file, for messages. The `clock` is that of the guards.
         """
         self.parts = parts
         self.state = parts.bodies.state()
-        #: The iterations after which the task was first done; None if it has not been.
+        #: The number of iterations after which the task was first done; None if it is not.
         self.finished_after: int | None = None
         self._period, self._limit, self._stops = period, limit, when_done == "stop"
         self._blamed = blamed
@@ -90,15 +89,15 @@ class Simulation:
         return (self.finished and self._stops) or self.state.iteration >= self._limit
 
     def run(self, observers: Sequence[Observer] = ()) -> bool:
-        """Tick to the end of the run; gives whether the task was done before the limit."""
+        """Tick to the end of the run; return whether the task was done before the limit."""
         while not self.over:
             self.tick(observers)
         return self.finished
 
     def tick(self, observers: Sequence[Observer] = ()) -> Moment[Knowledge]:
-        """One iteration: what is due happens; everybody senses, shares, computes and decides; then everybody moves.
+        """One iteration: due events fire; all robots sense, share, compute and decide; then all robots move.
 
-        Raises PartError for what a part that is not ours raises.
+        Raises PartError for what a third-party part raises.
         """
         with self._blaming():
             perceived = self._perceive()
@@ -106,12 +105,12 @@ class Simulation:
             return self._act(perceived, intents, observers)
 
     def perceive(self) -> Perceived:
-        """The first half of a tick: what robots sense, hear and know. To be asked once, before `act`."""
+        """The first half of a tick: robots sense, receive and compute. Called once, before `act`."""
         with self._blaming():
             return self._perceive()
 
     def act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer] = ()) -> Moment[Knowledge]:
-        """The other half: robots do what somebody else than their strategy has decided, and the task is measured."""
+        """The other half: robots carry out these intents, made without their strategy, and the task is measured."""
         with self._blaming():
             return self._act(perceived, intents, observers)
 
@@ -119,7 +118,7 @@ class Simulation:
     def _blaming(self) -> Iterator[None]:
         try:
             yield
-        except InputError as problem:  # what parts find out of each other once they run
+        except InputError as problem:  # conflicts of parts that appear only in a run
             raise InputError(f"{self.name}: {problem}" if self.name else str(problem)) from problem
         except PartError:
             raise

@@ -1,4 +1,4 @@
-"""What of a building robots can get to, and what they can observe from there."""
+"""Surveys which parts of a building robots can reach, and what they can observe from there."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from swarmsim.world.plan import FloorPlan
 from swarmsim.world.source import floor_plan
 from swarmsim.world.unreached import unreached
 
-MANY: Final = 20_000  # places from which is looked at once
-TINY: Final = 3.0  # m: smaller pages are often drawn at a scale
+MANY: Final = 20_000  # places surveyed at once
+TINY: Final = 3.0  # m: smaller pages are often drawn to scale
 
 
 @contextmanager
@@ -58,16 +58,16 @@ def told_to_scale(plan: FloorPlan, world: World) -> Iterator[None]:
 class Case:
     """All that a survey depends on."""
 
-    text: str  # the floor plan's: SVG or GeoJSON
+    text: str  # of the floor plan: SVG or GeoJSON
     world: World
     cell: float  # m
-    robots: Robots  # one of each kind: what can be reached and observed depends on no more
+    robots: Robots  # one of each kind, which suffices
     sensors: Sensors
     actuators: tuple[Part[Actuator], ...]
 
     @classmethod
     def of(cls, text: str, scenario: Scenario) -> Self:
-        """The building in a text as the robots of a scenario find it."""
+        """The building in a text, for a scenario's robots."""
         robots = scenario.robots
         groups = tuple(msgspec.structs.replace(group, count=1, mind=UNSET) for group in robots.groups)
         alone = msgspec.structs.replace(robots, count=1, groups=groups)
@@ -76,7 +76,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class OpenGround:
-    """A building with nothing in it besides its plan."""
+    """A building without added boxes."""
 
     arena: Arena
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
@@ -85,7 +85,7 @@ class OpenGround:
 
 @lru_cache(maxsize=8)
 def opened(case: Case) -> OpenGround:
-    """The building as these robots can get about in it; cached for a study's other runs. Raises InputError."""
+    """The building as these robots can move in it; cached for a study's other runs. Raises InputError."""
     world, robots = case.world, case.robots
     plan = floor_plan(case.text, world)
     with told_to_scale(plan, world):
@@ -113,12 +113,12 @@ def surveyed(case: Case, boxes: tuple[Box, ...]) -> Survey:
     entrance = arena.lattice.centres(np.argwhere(reachable & home))
     for shared in (arena.occupied, entrance):
         shared.flags.writeable = False
-    walls = lent(arena.segments)  # kernels get copies, of which others know nothing
+    walls = lent(arena.segments)  # kernels get private copies
     return Survey(walls, arena.occupied, entrance, cache(partial(_explorable, case, arena, reachable)))
 
 
 def _explorable(case: Case, arena: Arena, reachable: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """What robots that get to the `reachable` cells can find out about; without tiles, those are all."""
+    """The cells that robots can observe from the `reachable` ones; without tiles, just these."""
     found = reachable
     alone = msgspec.structs.replace(case.robots, groups=(), count=1)
     context = BuildContext.of(alone, arena.lattice, 1.0, Streams(0), _walls_alone(arena))
@@ -137,7 +137,7 @@ def _explorable(case: Case, arena: Arena, reachable: NDArray[np.bool_]) -> NDArr
 
 
 def _walls_alone(arena: Arena) -> Building:
-    """The building before anybody has found out what can be explored in it."""
+    """The building before its explorable part is known."""
 
     def survey(boxes: tuple[Box, ...]) -> NoReturn:
         raise RuntimeError("a building that is being surveyed does not change")
@@ -147,7 +147,7 @@ def _walls_alone(arena: Arena) -> Building:
 
 
 def _surveying(sensor: Buildable[Sensor], context: BuildContext, place: str) -> Sensor:
-    """A sensor that finds out what can be observed. Raises InputError that starts with its place in the scenario."""
+    """A sensor that surveys what can be observed. Raises InputError that starts with its place in the scenario."""
     try:
         return sensor.build(context)
     except InputError as problem:
@@ -157,9 +157,9 @@ def _surveying(sensor: Buildable[Sensor], context: BuildContext, place: str) -> 
 def _observable(
     place: str, part: Part[Sensor], context: BuildContext, reachable: NDArray[np.bool_]
 ) -> NDArray[np.bool_] | None:
-    """The cells (rows, columns) that a robot can observe from the centre of some reachable cell; None without tiles."""
+    """The cells (rows, columns) observable from the centre of some reachable cell; None without tiles."""
     lattice = context.lattice
-    # What robots can see in the end does not depend on gaps between their beams.
+    # In the long run, gaps between beams do not limit what robots see.
     surveying: Buildable[Sensor] | None = part.declares("surveying", None)
     sensor = make(part, context, place) if surveying is None else _surveying(surveying, context, place)
     if "tiles" not in sensor.channels:
@@ -180,7 +180,7 @@ def _observable(
 
 
 def beams_of(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
-    """A sensor's beams, how many cells of side `cell` (m) they reach into its tile, and the tile's cells; about."""
+    """About: a sensor's beams, how many cells of side `cell` (m) they cross in its tile, and the tile's cells."""
     margin = margin_of(sensor)
     beams, reach, beyond = sensor.declares("rays", (1, math.inf, False))
     return beams, reach / cell if beyond else min(reach / cell, margin), margin**2

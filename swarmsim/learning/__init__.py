@@ -1,4 +1,4 @@
-"""Robots that learn: scenarios as environments of PettingZoo and Gymnasium, on the same engine as every run."""
+"""Robot learning: scenarios as PettingZoo and Gymnasium environments, on the same engine as every run."""
 
 try:
     import gymnasium  # noqa: F401

@@ -1,4 +1,4 @@
-"""A scenario as a PettingZoo environment: every robot, or some of them, decides for itself in every iteration."""
+"""A scenario as a PettingZoo environment, in which some or all robots are agents."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from swarmsim.engine.simulation import Perceived
 from swarmsim.learning.observed import observed, spaces_of
 from swarmsim.robots.kinematics import drives_of
 
-#: What agents may decide: the place to go to straight, m from where they are, as far as `reach`; a velocity, ahead and
-#: turning; or the speeds of the left and the right wheel. All are numbers from -1 to 1, of the most there is.
+#: Actions of agents: the offset of a goal to go straight to, in m, up to `reach`; a velocity, ahead and turning; or
+#: the speeds of the left and the right wheel. All are scaled to -1 to 1 of their maximum.
 ACTIONS: Final = ("goal", "twist", "wheels")
 
-ROUNDING: Final = 1e-6  # by which an action may be beyond its limits: numbers of 32 bits have been computed with
+ROUNDING: Final = 1e-6  # by which 32-bit actions may exceed their limits
 
 Reward = Callable[[Measured | None, Moment[Knowledge]], NDArray[np.float64]]
 
 
-Observation = dict[str, NDArray[Any]]  # what one robot sees, by name
+Observation = dict[str, NDArray[Any]]  # of one robot, by name
 
 
 def progress(before: Measured | None, moment: Moment[Knowledge]) -> NDArray[np.float64]:
-    """What the whole swarm has gained in the task's first measure, for every robot alike; less is more if it falls."""
+    """The swarm's gain in the task's first measure, equal for all robots; a decrease counts if lower is better."""
     name = next(iter(moment.measured.values))
     gain = moment.measured.values[name] - (0.0 if before is None else before.values[name])
     return np.full(moment.state.robots, gain)
 
 
 def own(before: Measured | None, moment: Moment[Knowledge]) -> NDArray[np.float64]:
-    """What each robot has gained in the first measure of single robots; of coverage, the cells new on its own map."""
+    """Each robot's gain in the first per-robot measure; for coverage, the new cells on its own map."""
     name = next(iter(moment.measured.robots))
     values = np.asarray(moment.measured.robots[name], np.float64)
     return np.asarray(values - (0.0 if before is None else np.asarray(before.robots[name], np.float64)))
 
 
-#: Rewards by name: of the iteration's measures, with those of the one before (None in the first), one for each robot.
+#: Rewards by name: from an iteration's measures and the previous ones (None in the first), one per robot.
 REWARDS: Final[Mapping[str, Reward]] = {"progress": progress, "own": own}
 
 
@@ -59,11 +59,10 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
     """A scenario in which robots are agents: `robot_0`, `robot_1` and so on.
 
     One step is one iteration. An agent observes its `tile` (rows, columns) of 0 unknown, 1 free and 2 occupied; its
-    `pose`, x and y in m and yaw in rad, as it believes it to be; and its `inbox`: how many others it `heard`, their
-    `tiles` (hears, rows, columns) and where these lie, `offsets` (hears, 2) in m from where it is. An agent whose robot
-    dies is terminated and leaves `agents` for good; all are terminated when the task is done, and truncated at the
-    scenario's limit. Robots that are no agents follow the scenario's own strategy. Agents drive alone: their actuators
-    rest.
+    estimated `pose`, x and y in m and yaw in rad; and its `inbox`: how many others it `heard`, their `tiles` (hears,
+    rows, columns) and the tiles' `offsets` (hears, 2) in m from itself. An agent whose robot dies is terminated and
+    leaves `agents` for good; all are terminated when the task is done, and truncated at the scenario's limit. Other
+    robots follow the scenario's strategy. Agents only drive: their actuators rest.
     """
 
     metadata: dict[str, object] = {"name": "swarmsim_v0", "render_modes": []}  # noqa: RUF012 (PettingZoo's own)
@@ -80,13 +79,12 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         reach: float = 1.0,
         observe: Sequence[str] = (),
     ) -> None:
-        """A scenario file, with values by dotted key in the place of its own.
+        """A scenario file, with overrides by dotted key.
 
         `action` is one of ACTIONS, `reward` one of REWARDS or a function like them, `learners` the robots that are
-        agents, all by default, `hears` how many others an observation has room for, the nearest first, and `reach` how
-        far off a goal can be, in m. `observe` names channels of sensors to be observed as well, each with NAME_known,
-        which is 1 where something was measured. Raises InputError for a scenario that cannot be, or whose robots sense
-        no tiles.
+        agents, all by default, `hears` the number of others in an observation, nearest first, and `reach` the
+        greatest distance of a goal in m. `observe` names further sensor channels, each with NAME_known, which is 1
+        for measured values. Raises InputError for an invalid scenario, or one whose robots sense no tiles.
         """
         if action not in ACTIONS:
             raise InputError(f"action: {action!r}; expected one of {', '.join(ACTIONS)}")
@@ -115,7 +113,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         self._action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
 
     def _spaces(self) -> spaces.Dict:
-        """What an observation holds."""
+        """The parts of an observation."""
         shape, hears = self._tile_shape(), self._hears
         lattice = self._run.context.lattice
         right, top = lattice.x0 + lattice.columns * lattice.cell, lattice.y0 + lattice.rows * lattice.cell
@@ -149,7 +147,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
 
     @property
     def run(self) -> BuiltRun:
-        """The run that is going on; a new one after every `reset`."""
+        """The current run; a new one after every `reset`."""
         return self._run
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -163,7 +161,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, object]]]:
-        """Start the scenario anew; with a `seed`, from that one on, else each time from the next one."""
+        """Restart the scenario, with this `seed` or, by default, the next one."""
         if seed is not None:
             self._fresh = seed
         self._seed, self._fresh = self._fresh, self._fresh + 1
@@ -184,10 +182,10 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         dict[str, bool],
         dict[str, dict[str, object]],
     ]:
-        """One iteration in which every agent does what its action says; agents without one stand.
+        """Run one iteration with these actions; agents without one stand.
 
-        Raises InputError for an action that is not of the action space, which names the agent, and for rewards that are
-        not a number for each robot.
+        Raises InputError, which names the agent, for an action outside the action space, and for rewards that are not
+        a number per robot.
         """
         simulation = self._run.simulation
         moment = simulation.act(self._perceived, self._intents(actions))
@@ -241,7 +239,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         return replace(_joined(mine, theirs, self._learners), commands=commands)
 
     def _wanted(self, agent: str, action: object) -> NDArray[np.float64]:
-        """An action as two numbers from -1 to 1. Raises InputError for all else; rounding alone is cut off."""
+        """An action as two numbers from -1 to 1, clipped for rounding. Raises InputError for anything else."""
         try:
             given = array_of(action, 2)
         except ValueError as problem:
@@ -281,7 +279,7 @@ class SwarmEnv(ParallelEnv):  # type: ignore[misc]
         }
 
     def render(self) -> None:
-        """Nothing: record the run and film it, see `run`."""
+        """Does nothing: record the run and film it, see `run`."""
 
     def close(self) -> None:
         """Nothing is open."""
@@ -291,7 +289,7 @@ S = TypeVar("S", bound=np.generic)
 
 
 def _of_tiles(inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
-    """What was heard of tiles, where groups of robots say messages of several kinds."""
+    """The received tiles, where groups send several kinds of messages."""
     content = inbox.content
     if not isinstance(content, Mixed):
         return inbox
@@ -300,13 +298,13 @@ def _of_tiles(inbox: Inbox[MessageBatch]) -> Inbox[MessageBatch]:
 
 
 def _joined(mine: Intents, theirs: Intents, learners: NDArray[np.int64]) -> Intents:
-    """The intents of some robots from the one, those of the others from the other."""
+    """Intents merged from two sources, by robot."""
     longest = max(mine.waypoints.shape[1], theirs.waypoints.shape[1])
     pads = [np.pad(one.waypoints, ((0, 0), (0, longest - one.waypoints.shape[1]), (0, 0))) for one in (mine, theirs)]
     width = max(2 if one.twists is None else one.twists.shape[1] for one in (mine, theirs))
 
     def twists(one: Intents) -> NDArray[np.float64]:
-        """Velocities, of as many columns as any."""
+        """Velocities with the larger number of columns."""
         found = np.full((len(one.counts), 2), np.nan) if one.twists is None else one.twists
         return np.pad(found, ((0, 0), (0, width - found.shape[1])))
 

@@ -1,4 +1,4 @@
-"""Channels of sensors as observations: finite numbers within bounds, and which of them were measured."""
+"""Sensor channels as observations: finite numbers within bounds, and whether each was measured."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError
 from swarmsim.core.readings import Channel, Channels, Readings
 
-TAKEN = frozenset({"tile", "pose", "heard", "tiles", "offsets"})  # observations that every agent has
+TAKEN = frozenset({"tile", "pose", "heard", "tiles", "offsets"})  # observations of every agent
 
 
 def spaces_of(channels: Channels, names: tuple[str, ...]) -> dict[str, spaces.Space[NDArray[np.generic]]]:
-    """The spaces of channels by name, and of NAME_known: 1 where something was measured.
+    """The spaces of channels by name, and of NAME_known: 1 for measured values.
 
-    Raises InputError for a channel that is not there, has no bounds, or is called as another observation.
+    Raises InputError for a channel that is unknown, has no bounds, or has another observation's name.
     """
     found: dict[str, spaces.Space[NDArray[np.generic]]] = {}
     for name in names:
@@ -37,12 +37,12 @@ def spaces_of(channels: Channels, names: tuple[str, ...]) -> dict[str, spaces.Sp
 
 
 def _ends(channel: Channel) -> tuple[float, float]:
-    """The bounds of what is observed: those of the channel, with what stands for missing readings."""
+    """The bounds of an observation: the channel's, extended to its value for missing readings."""
     return min(channel.low, channel.missing), max(channel.high, channel.missing)
 
 
 def observed(readings: Readings, names: tuple[str, ...], robot: int) -> dict[str, NDArray[np.generic]]:
-    """What one robot observes of its channels; what lies beyond their bounds is at them, and NaN what is missing."""
+    """One robot's observations of its channels, clipped to their bounds; NaN becomes the value for missing readings."""
     found: dict[str, NDArray[np.generic]] = {}
     for name in names:
         channel, row = readings.channels[name], np.asarray(readings[name][robot])

@@ -1,4 +1,4 @@
-"""One robot of a scenario as a Gymnasium environment; all others follow the scenario's own strategy."""
+"""One robot of a scenario as a Gymnasium environment; all others follow the scenario's strategy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RobotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         reach: float = 1.0,
         observe: Sequence[str] = (),
     ) -> None:
-        """As for `SwarmEnv`; `robot` is the one that learns. Raises InputError."""
+        """As for `SwarmEnv`; `robot` is the learner. Raises InputError."""
         self.swarm = SwarmEnv(
             scenario, overrides, action=action, reward=reward, learners=[robot], hears=hears, reach=reach,
             observe=observe,
@@ -41,13 +41,13 @@ class RobotEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, object] | None = None
     ) -> tuple[Observation, dict[str, object]]:
-        """Start the scenario anew, as `SwarmEnv.reset`."""
+        """Restart the scenario, as `SwarmEnv.reset`."""
         super().reset(seed=seed)
         observed, infos = self.swarm.reset(seed, options)
         return observed[self._agent], infos[self._agent]
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, object]]:
-        """One iteration of the whole swarm. Raises InputError for an action that is not of the action space."""
+        """Run one iteration of the whole swarm. Raises InputError for an action outside the action space."""
         observed, rewards, ended, cut, infos = self.swarm.step({self._agent: action})
         agent = self._agent
         return observed[agent], rewards[agent], ended[agent], cut[agent], infos[agent]

@@ -1,1 +1,1 @@
-"""Runs that go on while somebody looks at them."""
+"""Live runs."""

@@ -1,4 +1,4 @@
-"""A run that goes on while somebody looks, and that faults can strike; what it records is a run like any other."""
+"""Live runs, which can be viewed and struck by faults; their recordings are like any others."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from swarmsim.recording.recorder import Recorder
 
 
 class Session:
-    """A run under way, an iteration at a time.
+    """A live run, one iteration at a time.
 
-    A fault that strikes it is added to its scenario, and the run is done again from its seed up to that moment: the
-    recording is always that of a scenario, and `swarmsim verify` repeats it.
+    A fault that strikes it is added to its scenario, and the run is repeated from its seed up to that moment: the
+    recording always belongs to a scenario, so that `swarmsim verify` can repeat it.
     """
 
     live = True
-    recording: Recording  # what has been recorded by now; another one after every strike
+    recording: Recording  # of the run so far; a new one after every strike
 
     def __init__(self, scenario: Scenario, name: str, folder: Path) -> None:
-        """`name` is the scenario's file, for messages; `folder` is where the recording lies. Raises InputError."""
+        """`name` is the scenario's file, for messages; `folder` is the recording's. Raises InputError."""
         self._given, self._name, self.folder = scenario, name, folder
-        self._struck: list[tuple[int, Part[Fault]]] = []  # in the order of their iterations
+        self._struck: list[tuple[int, Part[Fault]]] = []  # by iteration
         self._files = 0
         self._world: str | None = None
         self._recorder: Recorder | None = None
@@ -42,45 +42,44 @@ class Session:
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario with all that has struck."""
+        """The scenario with all faults that struck."""
         return self._run.scenario
 
     def advance(self) -> None:
-        """Simulate and record one more iteration; none if the run is over."""
+        """Simulate and record one more iteration, unless the run is over."""
         if not self.over and self._recorder is not None:
             self._run.simulation.tick([self._recorder])
             self._recorder.flush()
             self.recording.refresh()
 
     def strike(self, fault: Table, iteration: int) -> None:
-        """Let a fault, a table without its `at`, strike at an iteration: one that has been done, the next or the one
-        after it.
+        """Let a fault, a table without `at`, strike at an iteration: a past one, the next, or the one after it.
 
-        What was recorded from then on is dropped, with later strikes: the run depends on fault and iteration alone, not
-        on how far it had come. Raises InputError, and nothing has changed, for a fault that cannot be.
+        Later records and strikes are dropped: the run depends only on fault and iteration, not on how far it had
+        come. Raises InputError for an invalid fault, and changes nothing then.
         """
         done = self.recording.iterations
         if self.over and iteration >= done:
-            raise InputError(f"the run ended after {done} iterations; go back in time to let something strike")
+            raise InputError(f"the run ended after {done} iterations; go back in time to strike")
         if not 1 <= iteration <= done + 1:
             raise InputError(f"iteration {iteration}: expected 1 to {done + 1}")
         kept = [one for one in self._struck if one[0] <= iteration]
         self._start((*kept, (iteration, Part("fault", {**fault, "at": iteration}).decoded())), iteration + 1)
 
     def undo(self) -> None:
-        """Take the latest strike back; the run goes on from the iteration at which it struck."""
+        """Undo the latest strike; the run continues from its iteration."""
         if self._struck:
             self._start(tuple(self._struck[:-1]), self._struck[-1][0])
 
     def close(self) -> Path:
-        """End the recording; gives its file, `recording.h5` in the session's folder."""
+        """End the recording and return its file, `recording.h5` in the session's folder."""
         if self._recorder is not None:
             self._recorder.close()
         self.recording.path = self.recording.path.replace(self.folder / "recording.h5")
         return self.recording.path
 
     def _start(self, struck: tuple[tuple[int, Part[Fault]], ...], iterations: int) -> None:
-        """Do the run with these faults from the seed on, in a recording of its own."""
+        """Repeat the run with these faults from its seed, in a new recording."""
         faults = (*self._given.faults, *(fault for _, fault in struck))
         run: BuiltRun = build(msgspec.structs.replace(self._given, faults=faults), self._name, self._world)
         self._files += 1
@@ -104,7 +103,7 @@ class Session:
 
 
 class Replay:
-    """A finished recording in the place of a session."""
+    """A finished recording, as a session."""
 
     live, over = False, True
 
@@ -112,10 +111,10 @@ class Replay:
         self.recording = recording
 
     def advance(self) -> None:
-        """Nothing: it is over."""
+        """Does nothing: the run is over."""
 
     def strike(self, fault: Table, iteration: int) -> None:
-        """Nothing can strike what has been. Raises InputError."""
+        """Raises InputError: a recording cannot be struck."""
         raise InputError("this is a recording: faults strike live runs only; open its scenario with: swarmsim view")
 
     def undo(self) -> None:

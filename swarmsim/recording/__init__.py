@@ -1,1 +1,1 @@
-"""What is kept of a run, and how it is read back."""
+"""Recordings of runs: writing them and reading them back."""

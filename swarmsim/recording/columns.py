@@ -1,4 +1,4 @@
-"""A channel of a recording as columns: one row for each iteration and robot."""
+"""A recorded channel as columns: one row for each iteration and robot."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def recorded(recording: Recording) -> dict[str, Channel]:
 
 
 def columns_of(recording: Recording, name: str) -> dict[str, NDArray[np.generic]]:
-    """The columns of a channel, named with their units: iteration, time, robot, and what it measures.
+    """The columns of a channel, named with their units: iteration, time, robot, and its values.
 
-    Of a ragged channel each row that is used is one of these, with its number. Raises InputError for a channel that
-    the recording does not hold.
+    A ragged channel gives one row for each used row, with its number. Raises InputError for a channel that the
+    recording lacks.
     """
     channel = recorded(recording).get(name)
     if channel is None:
@@ -29,7 +29,7 @@ def columns_of(recording: Recording, name: str) -> dict[str, NDArray[np.generic]
     table = recording[channel.recorded_as]
     first, end = channel.robots or (0, table.shape[1])
     table = table[:, first:end]
-    rows = len(channel.shape) > 1 or not channel.count  # of several numbers each
+    rows = len(channel.shape) > 1 or not channel.count  # with several numbers each
     sides = table.shape[:-1] if channel.shape and rows else table.shape
     at = np.indices(sides).reshape(len(sides), -1)
     values = table.reshape(at.shape[1], -1)
@@ -50,7 +50,7 @@ def _table(channels: Channels, name: str) -> str:
 
 
 def _titles(channel: Channel, count: int) -> list[str]:
-    """What the columns of a channel are called, with their units."""
+    """The names of a channel's columns, with their units."""
     units = channel.unit.split(", ") if channel.columns else [channel.unit]
     names = list(channel.columns) or [channel.name if count == 1 else f"{channel.name} {i}" for i in range(count)]
     units = units if len(units) == len(names) else [channel.unit] * len(names)
@@ -58,12 +58,12 @@ def _titles(channel: Channel, count: int) -> list[str]:
 
 
 def shown(recording: Recording) -> list[Channel]:
-    """The channels that viewers are given as numbers: all that are recorded but tiles, which maps show."""
+    """The channels that viewers get as numbers: all recorded ones except tiles, which maps show."""
     return [channel for channel in recorded(recording).values() if not channel.group]
 
 
 def plain(rows: NDArray[np.generic]) -> object:
-    """Numbers in lists, with None for what is not finite, which JSON does not have."""
+    """Numbers in lists, with None for non-finite ones, which JSON lacks."""
     given = rows.astype(object)
     if rows.dtype.kind == "f":
         given[~np.isfinite(rows.astype(np.float64))] = None

@@ -1,4 +1,4 @@
-"""A digest of every iteration: two runs are equal if and only if theirs are."""
+"""Digests of iterations: two runs are equal if and only if their digests are."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DIGESTED: Final = (
 )  # fmt: skip
 
 
-#: What is hashed besides, in runs with actuators.
+#: Further fields, hashed in runs with actuators.
 ACTUATED: Final = "actuators"
 
 
@@ -48,7 +48,7 @@ def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[np.generic], ...
         (moment.links,),
         moment.inbox.arrays(),
         moment.knowledge.arrays(),
-        (moment.building.lattice.cells_within(intents.goals),),  # as cells, which goals were at first
+        (moment.building.lattice.cells_within(intents.goals),),  # as cells, the original form of goals
         (intents.counts, intents.waypoints, *(() if intents.twists is None else (intents.twists,))),
         moment.measured.arrays(),
         *([(*acted, *intents.commands.values())] if acted else []),
@@ -64,7 +64,7 @@ def hashed(*arrays: NDArray[np.generic]) -> bytes:
 
 
 def versions() -> dict[str, str]:
-    """What a run's bytes depend on besides its scenario and seed."""
+    """The versions that a run's bytes depend on besides its scenario and seed."""
     packages = {name: version(name) for name in ("numpy", "numba", "pymunk", "shapely", "svgelements")}
     return {
         "swarmsim": version("swarmsim-lab"),

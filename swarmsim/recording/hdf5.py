@@ -1,4 +1,4 @@
-"""HDF5 files: one that grows, and those that a killed writer left open."""
+"""HDF5 files: growing ones, and those left open by a killed writer."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 if sys.platform == "linux":
     import fcntl
 
-BEYOND: Final = 1 << 62  # the byte that a writer's lock is on: no file has it
+BEYOND: Final = 1 << 62  # the byte that a writer locks, beyond any file's end
 
 
 class Growing:
-    """A new file that its run appends to, and that others can read while it grows.
+    """A new file that a run appends to, readable by others while it grows.
 
-    While it is open its writer holds a lock, by which `being_written` tells it from one whose writer was killed.
+    While it is open its writer holds a lock, by which `being_written` recognises a killed writer.
     """
 
     def __init__(self, path: Path) -> None:
@@ -43,14 +43,14 @@ class Growing:
             raise
         except OSError as problem:
             raise unwritten(path, problem, "a new file in a folder that can be written") from problem
-        #: Whether all that was written went well.
+        #: Whether all writing has succeeded.
         self.whole = True
-        self._readable = False  # whether its head, and something after it, is on the disk
+        self._readable = False  # whether its head and some data are on the disk
         self._lock = _locked(self.path)
 
     @contextmanager
     def writing(self, kept: str) -> Iterator[None]:
-        """What is done to the file meanwhile; if that fails, the file is abandoned as it is.
+        """A context of writing to the file; if it fails, the file is abandoned as it is.
 
         Raises StorageError, which says what was `kept`.
         """
@@ -70,10 +70,10 @@ class Growing:
             self._unlock()
 
     def _abandon(self) -> None:
-        """Never close the file, and write nothing more: HDF5 crashes when it closes what it could not write.
+        """Never close the file, and write nothing more: HDF5 crashes when it closes data that it could not write.
 
-        Every identifier gets a reference that nothing gives back, so neither Python nor the end of the process closes
-        one; what HDF5 still holds goes nowhere, and the disk keeps what was flushed, if that can be read.
+        Every identifier gets an extra reference, so neither Python nor the end of the process closes it. What HDF5
+        still holds is lost; the disk keeps what was flushed.
         """
         self.whole = False
         if self.file:
@@ -93,7 +93,7 @@ class Growing:
 
 
 def _reason(problem: BaseException) -> str:
-    """Why HDF5 could not write, in the system's words where it tells them."""
+    """Why HDF5 could not write, in the system's words if it gives them."""
     if isinstance(problem, OSError) and problem.errno:
         return os.strerror(problem.errno)
     told = re.search(r"error message = '([^']+)'", str(problem))
@@ -101,7 +101,7 @@ def _reason(problem: BaseException) -> str:
 
 
 def _locked(path: Path) -> BinaryIO | None:
-    """A lock on a file as long as this process lives; None where the system has no such locks."""
+    """A lock on a file for the life of this process; None where the system has no such locks."""
     if sys.platform != "linux":
         return None
     file = path.open("rb")
@@ -141,8 +141,8 @@ def _lock(kind: int) -> bytes:
 def open_for_reading(path: Path) -> h5py.File:
     """The file at `path`, also if its writer was killed.
 
-    HDF5 marks a file that is being written and opens a marked one only by waiting for its writer. Where no
-    writer is left, the mark is taken off while the file is read.
+    HDF5 marks a file under writing, and refuses to open it without its writer. If the writer is gone, the mark is
+    removed for reading.
     """
     with path.open("rb") as file:
         superblock = bytearray(file.read(48))
@@ -155,7 +155,7 @@ def open_for_reading(path: Path) -> h5py.File:
 
 
 class _Begun(io.RawIOBase):
-    """A file whose first bytes are others."""
+    """A file with its first bytes replaced."""
 
     def __init__(self, begin: bytes, file: BinaryIO) -> None:
         self._begin, self._file = begin, file
@@ -185,7 +185,7 @@ class _Begun(io.RawIOBase):
 
 
 def lookup3(data: bytes | bytearray) -> int:
-    """Jenkins' lookup3 hash, HDF5's checksum of metadata; of whole 32-bit words, for which it is shortest."""
+    """Jenkins' lookup3 hash, HDF5's checksum of metadata; only for whole 32-bit words."""
     words = [int.from_bytes(data[at : at + 4], "little") for at in range(0, len(data), 4)]
     a = b = c = 0xDEADBEEF + len(data)
 
@@ -204,7 +204,7 @@ def lookup3(data: bytes | bytearray) -> int:
 
 
 def to_the_end(work: Callable[[], None]) -> None:
-    """Do some work wholly, even if Ctrl-C or SIGTERM asks for an end meanwhile; the interruption is raised after it."""
+    """Complete some work even if Ctrl-C or SIGTERM arrives meanwhile; the interruption is raised afterwards."""
     failures: list[BaseException] = []
 
     def done() -> None:

@@ -1,4 +1,4 @@
-"""What a recording's file holds: the names, types and shapes of its tables, and what numbers may stand in them."""
+"""The layout of a recording's file: its tables' names, types and shapes, and the numbers they may hold."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     import h5py
 
 EACH, MANY, ONCE = "each", "many", "once"  # one row for each iteration; many, with their ends in NAME_end; neither
-FAR: Final = 1e7  # m or cells: nothing lies farther off
+FAR: Final = 1e7  # m or cells: limit of coordinates
 MOST: Final = 1 << 33  # bytes of a table
-DENSEST: Final = 1100  # how many times smaller deflate (RFC 1951) makes what it packs, at most
-SMALL: Final = 1 << 26  # bytes, up to which a table may be as dense as it likes
+DENSEST: Final = 1100  # greatest compression ratio of deflate (RFC 1951)
+SMALL: Final = 1 << 26  # bytes, up to which compression is not checked
 
 
 class Stored(Protocol):
@@ -39,7 +39,7 @@ class Stored(Protocol):
 
     @property
     def id(self) -> Identifier:
-        """What HDF5 knows it by."""
+        """Its HDF5 identifier."""
         ...
 
     def __len__(self) -> int: ...
@@ -48,25 +48,25 @@ class Stored(Protocol):
 
 
 class Identifier(Protocol):
-    """What HDF5 knows a table by."""
+    """A table's HDF5 identifier."""
 
     def get_storage_size(self) -> int:
-        """The bytes that it takes in the file."""
+        """Its size in the file, in bytes."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """One table: its type and the shape of its rows, in which words stand for sizes that the recording tells."""
+    """One table: its type and the shape of its rows, with words for sizes that the recording gives."""
 
     kind: str
     row: tuple[int | str, ...]
     rows: str
-    #: What its numbers, or those of each column, lie within, both ends included; words as in `row`.
+    #: Bounds of its numbers, or of each column's, both ends included; words as in `row`.
     low: tuple[float, ...] = ()
     high: tuple[float | str, ...] = ()
-    blank: float | None = None  # what may stand in it besides, and NaN; None: nothing
-    by: str = ""  # the seam of the parts that may write it in this form; empty: only the recording itself
+    blank: float | None = None  # allowed besides, as is NaN; None: nothing else
+    by: str = ""  # the seam whose parts may write it in this form; empty: only the recording
     every: int = 1  # of EACH: iterations from one row to the next
 
 
@@ -96,11 +96,11 @@ TABLES: Final = {
     "paths": Table("i8", (3,), ONCE, (0.0,) * 3, (2e9, "last robot", "waypoints")),
     "events": Table("u1", (), ONCE),
 }
-#: Tables in the form that older recordings have them in.
+#: Tables in the form of older recordings.
 OLDER: Final = {
     "goals": Table("i4", ("robots", 2), EACH, (-1.0, -1.0), ("last row", "last column")),
 }
-#: What every recording of a run that has begun holds.
+#: The tables of every recording of a run that has begun.
 NEEDED: Final = (
     "pose",
     "alive",
@@ -114,9 +114,9 @@ NEEDED: Final = (
     "paths",
     "events",
 )
-#: The attributes of the file that are texts: TOML, JSON, or words.
+#: The file's text attributes: TOML, JSON, or words.
 TEXTS: Final = ("versions", "scenario", "digested", "measures", "rows", "curve")
-BEFORE: Final = ("world", "domain", "truth", "digests")  # what it holds even before
+BEFORE: Final = ("world", "domain", "truth", "digests")  # present even before
 
 
 def declared_by(probes: Iterable[Declared]) -> dict[str, Table]:
@@ -133,7 +133,7 @@ def declared_by(probes: Iterable[Declared]) -> dict[str, Table]:
 
 
 def wrong_name(name: object, seam: str) -> str | None:
-    """Why a part of this seam cannot call a table so, and what it could be called, or None."""
+    """Why a part of this seam cannot use a table's name, with an alternative; or None."""
     if not isinstance(name, str) or not name.isprintable() or not name.strip(".") or "/" in name:
         return f"{name!r} cannot be the name of a table; expected a word such as 'energy'"
     if name.endswith("_end"):
@@ -147,7 +147,7 @@ def wrong_name(name: object, seam: str) -> str | None:
 
 
 def wrong_form(name: str, row: NDArray[np.generic], rows: str, robots: int) -> str | None:
-    """Why a row of this type and shape, of a table with EACH or MANY of them, cannot be recorded, or None."""
+    """Why a row of this type and shape cannot be recorded in a table with EACH or MANY rows, or None."""
     if row.dtype.kind not in "fiub":
         return f"{name!r} is of {row.dtype}; expected numbers"
     table = TABLES.get(name)
@@ -163,8 +163,8 @@ def wrong_form(name: str, row: NDArray[np.generic], rows: str, robots: int) -> s
 def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = ()) -> NDArray[np.generic]:
     """An attribute of an HDF5 file, as an array.
 
-    Raises ValueError unless it is there, of one of these kinds of numpy's and of this shape. Texts are of fixed length,
-    since damaged ones of others can keep HDF5 busy for ever.
+    Raises ValueError unless it exists with one of these numpy kinds and this shape. Texts have fixed length, since
+    damaged variable ones can keep HDF5 busy for ever.
     """
     if name not in file.attrs:
         raise ValueError(f"attribute {name!r} is missing")
@@ -175,23 +175,23 @@ def attribute(file: h5py.File, name: str, kinds: str, shape: tuple[int, ...] = (
 
 
 def text(file: h5py.File, name: str, default: bytes | None = None) -> bytes:
-    """An attribute that is a text. Raises ValueError, unless there is a `default` for one that is missing."""
+    """A text attribute. Raises ValueError if it is missing without a `default`."""
     if default is not None and name not in file.attrs:
         return default
     return bytes(attribute(file, name, "S").item())
 
 
 def tables_of(channels: Channels, seam: str) -> dict[str, Table]:
-    """The tables of what parts of a seam have declared, besides those that every recording has in one form.
+    """The tables that parts of a seam declare, besides those with a fixed form.
 
-    Raises ValueError for a name that no table can have.
+    Raises ValueError for a name unfit for a table.
     """
     found: dict[str, Table] = {}
     for channel in channels:
         name = channel.recorded_as
         if not name or (name in TABLES and TABLES[name].by == seam):
             continue
-        wrong = wrong_name(name, seam) or (f"{name!r} is there twice" if name in found else None)
+        wrong = wrong_name(name, seam) or (f"{name!r} appears twice" if name in found else None)
         if wrong or not re.fullmatch(NAME, name):
             raise ValueError(f"the declaration of channels: {wrong or f'{name!r} cannot be the name of a table'}")
         bounded = channel.dtype != "?" and (channel.low, channel.high) != (-math.inf, math.inf)
@@ -203,10 +203,10 @@ def tables_of(channels: Channels, seam: str) -> dict[str, Table]:
 def check(
     file: Mapping[str, Stored], sizes: dict[str, int], measures: list[str], rows: set[str], declared: dict[str, Table]
 ) -> None:
-    """Raise ValueError, which names the table and what is wrong with it, unless all tables are as they should be.
+    """Raise ValueError, which names the table and what is wrong with it, unless all tables are valid.
 
-    `file` is an HDF5 file, `sizes` those that words stand for; `rows` are the tables that say to have a row for each
-    iteration, `measures` those of them that a task has measured, `declared` those of probes and sensors.
+    `file` is an HDF5 file, `sizes` the words' values; `rows` are the tables that claim a row for each iteration,
+    `measures` the task's among them, `declared` those of probes and sensors.
     """
     tables = {**TABLES, **declared}
     begun = "pose" in file
@@ -236,7 +236,7 @@ def check(
 def _check_rows(
     file: Mapping[str, Stored], grid_rows: int, measures: list[str], rows: set[str], declared: dict[str, Table]
 ) -> None:
-    """Raise ValueError unless all tables are as long as they have to be."""
+    """Raise ValueError unless all tables have the right length."""
     for name in ("domain", "truth"):
         if file[name].shape[0] != grid_rows:
             raise ValueError(f"table {name!r} has {file[name].shape[0]} rows, and the lattice {grid_rows}")
@@ -253,7 +253,7 @@ def _check_rows(
 
 
 def _form(name: str, kind: np.dtype[np.generic], tables: Mapping[str, Table]) -> Table:
-    """The form of a table that holds numbers of this type: that of today or, if it has that type, an older one."""
+    """The form of a table with this number type: today's or, if its type matches, an older one."""
     older = OLDER.get(name)
     return older if older is not None and kind == np.dtype(older.kind) else tables[name]
 
@@ -266,7 +266,7 @@ def _check_size(name: str, found: Stored) -> None:
 
 
 def _sizes(row: tuple[int | str, ...], shape: tuple[int, ...], sizes: dict[str, int]) -> tuple[int, ...]:
-    """The shape that a row should have; sizes that may be any are as they are."""
+    """The shape that a row should have; free sizes are taken as found."""
     given = [*shape[1:], *[0] * len(row)]
     return tuple(sizes.get(one, given[axis]) if isinstance(one, str) else one for axis, one in enumerate(row))
 
@@ -277,7 +277,7 @@ def _expect(name: str, found: Stored, kind: np.dtype[np.generic], shape: tuple[i
 
 
 def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int], declared: dict[str, Table]) -> None:
-    """Raise ValueError, which names the table, if numbers in it cannot be; `sizes` and `declared` as for `check`."""
+    """Raise ValueError, which names the table, for invalid numbers; `sizes` and `declared` as for `check`."""
     if name.endswith("_end"):
         if len(rows) and (rows[0] < 0 or (np.diff(rows) < 0).any()):
             raise ValueError(f"table {name!r} does not rise")
@@ -289,8 +289,8 @@ def check_values(name: str, rows: NDArray[Any], sizes: dict[str, int], declared:
     low = np.array(table.low)
     high = np.array([sizes.get(one, 0) if isinstance(one, str) else one for one in table.high])
     lacks = name in declared or table.blank is not None  # and may be NaN
-    outside = (rows < low) | (rows > high) if lacks else ~((rows >= low) & (rows <= high))  # NaN is neither
+    outside = (rows < low) | (rows > high) if lacks else ~((rows >= low) & (rows <= high))  # NaN fails both
     if table.blank is not None:
         outside &= rows != table.blank
     if outside.any():
-        raise ValueError(f"table {name!r} has numbers that cannot be; expected {low.tolist()} to {high.tolist()}")
+        raise ValueError(f"table {name!r} has invalid numbers; expected {low.tolist()} to {high.tolist()}")

@@ -1,4 +1,4 @@
-"""What any run says in numbers: how fast, how far, and how much talk."""
+"""The measures of every run: time, distance and communication."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from swarmsim.core.parts import Curve
 from swarmsim.core.scenario.robots import Robots
 from swarmsim.core.state import Knowledge, Moment, State
 
-EDITION: Final = 2  # of what measures mean; raised when that changes, so that studies do not mix old rows with new ones
-SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of what a curve can reach; the time to each is measured
+EDITION: Final = 2  # of the measures' meaning; raised on changes, so that studies do not mix old and new rows
+SHARES: Final = (50, 75, 90, 95, 99, 100)  # per cent of a curve's top; the time to each is measured
 
 
 def reached(curve: NDArray[np.float64], share: float) -> int | None:
-    """The number of iterations after which `curve` (t,), from 0 to 1, was first at `share`, or None."""
+    """The number of iterations after which `curve` (t,), from 0 to 1, first reached `share`, or None."""
     hits = np.flatnonzero(curve >= share)
     return int(hits[0]) + 1 if len(hits) else None
 
 
 def times_of(values: NDArray[np.float64], curve: Curve) -> dict[int, int | None]:
-    """After how many iterations the `values` (t,) of a task's curve were first at each of SHARES; None for never.
+    """The number of iterations after which the `values` (t,) of a task's curve first reached each of SHARES, or None.
 
-    They are shares of the top of the curve's axis, such as all of the domain for coverage, and not of what the task
-    asks for. Of a curve that has no top, such as an error, there are no shares: the answer is empty.
+    They are shares of the top of the curve's axis, such as the whole domain for coverage, not of the task's goal.
+    A curve without a top, such as an error, has no shares: the answer is empty.
     """
     if not curve.rises or curve.low != 0.0 or curve.high is None:
         return {}
@@ -35,23 +35,23 @@ def times_of(values: NDArray[np.float64], curve: Curve) -> dict[int, int | None]
 
 
 def jain(shares: NDArray[np.float64]) -> float | None:
-    """Fairness (sum x)^2 / (n sum x^2) of what each robot (n,) did (Jain et al. 1984): 1 is equal, 1/n is one alone."""
+    """Fairness (sum x)^2 / (n sum x^2) of robots' shares (n,) (Jain et al. 1984): 1 is equal, 1/n one robot alone."""
     squares = float(len(shares) * (shares**2).sum())
     return float(shares.sum() ** 2) / squares if squares > 0.0 else None
 
 
 def share_of(part: float, whole: float) -> float | None:
-    """The part over the whole; None for the whole of nothing."""
+    """The part over the whole; None if the whole is 0."""
     return part / whole if whole else None
 
 
 class RunMeasures:
-    """Keeps the measures that every run has, so that studies need no recording."""
+    """Keeps the measures of every run, so that studies need no recording."""
 
     def __init__(self, robots: Robots | Crew, period: float, curve: Curve) -> None:
-        """`period` in s; `curve` is that of the task."""
+        """`period` in s; `curve` is the task's."""
         self._period, self._curve = period, curve
-        self._leap = 2.0 * robots.speed * period  # m; a robot that moves farther in one iteration was carried
+        self._leap = 2.0 * robots.speed * period  # m; a longer move in one iteration means the robot was carried
         self._path = np.zeros(len(robots.each("speed")))
         self._last: State | None = None
         self._values: list[float] = []  # of the curve
@@ -59,7 +59,7 @@ class RunMeasures:
         self._links = self._messages = self._bytes = self._lost = 0
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Take note of one iteration."""
+        """Note one iteration."""
         state, last = moment.state, self._last
         if last is not None:
             step = np.hypot(*(state.pose - last.pose)[:, :2].T)
@@ -73,7 +73,7 @@ class RunMeasures:
         self._lost += sum(len(letters) for _, letters in moment.delivery.lost)
 
     def summary(self) -> dict[str, float | int | None]:
-        """The run in numbers; docs/measures.md defines each. None where a number is not defined."""
+        """The run in numbers, defined in docs/measures.md. None where a number is undefined."""
         ran = len(self._values)
         found = times_of(np.array(self._values), self._curve)
         times = {share: found.get(share) for share in SHARES}
@@ -98,8 +98,8 @@ class RunMeasures:
 def mean_value(curve: NDArray[np.float64], horizon: int | None = None) -> float | None:
     """The area under a curve (t,), divided by its length: the mean of its values.
 
-    With a `horizon` (iterations) it is the mean up to there, and a curve that is shorter keeps its last value; only so
-    can runs of different lengths be compared. None for no iterations.
+    With a `horizon` (iterations) it is the mean up to there, and a shorter curve keeps its last value, so that runs
+    of different lengths can be compared. None without iterations.
     """
     length = len(curve) if horizon is None else horizon
     if length < 1 or len(curve) == 0:

@@ -1,4 +1,4 @@
-"""Probes: what else can be recorded of a run, and how a run asks for it."""
+"""Shipped probes, and how a run samples probes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Watching:
     probe: Probe
 
     def rows(self, moment: Moment[Knowledge]) -> dict[str, Row]:
-        """A row of each table by its name in the recording; none in iterations that are not sampled."""
+        """A row of each table by its name in the recording; empty in iterations without a sample."""
         if moment.state.iteration % self.declared.every:
             return {}
         found = self.probe.sample(moment)
@@ -30,10 +30,10 @@ class Watching:
 
 
 class Batteries(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The energy that every robot has left, once its messages of the iteration are paid for.
+    """The energy left in every robot, after paying for the iteration's messages.
 
-    What it drives in the iteration is paid for before the next one. Of a robot with two batteries it is that of the
-    emptier one, which ends it; robots without any have an infinite one.
+    Driving is paid for before the next iteration. With two batteries the emptier one counts; without any, energy is
+    infinite.
     """
 
     name: Name = "batteries"
@@ -51,13 +51,13 @@ class BatteryProbe:
         self._gauges = gauges
 
     def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
-        """What is left in each robot's emptiest battery."""
+        """The energy left in each robot's emptiest battery."""
         full = np.full(moment.state.robots, np.inf)
         return {"left": np.minimum.reduce([full, *(gauge.read() for gauge in self._gauges)])}
 
 
 class Believed(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where every robot takes itself to be, and how far that is from where it is."""
+    """Every robot's estimated pose, and its distance from the true one."""
 
     name: Name = "believed_poses"
 
@@ -66,16 +66,16 @@ class Believed(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class BelievedProbe:
-    """Compares estimates of poses with poses."""
+    """Compares estimated with true poses."""
 
     tables = (
-        ProbeTable("place", shape=("robots", 2), unit="m", meaning="where it takes itself to be", columns=("x", "y")),
-        ProbeTable("yaw", shape=("robots",), unit="rad", meaning="where it takes itself to head"),
-        ProbeTable("error", shape=("robots",), unit="m", meaning="from there to where it is", low=0.0),
+        ProbeTable("place", shape=("robots", 2), unit="m", meaning="estimated position", columns=("x", "y")),
+        ProbeTable("yaw", shape=("robots",), unit="rad", meaning="estimated heading"),
+        ProbeTable("error", shape=("robots",), unit="m", meaning="distance from the true position", low=0.0),
     )
 
     def sample(self, moment: Moment[Knowledge]) -> Mapping[str, object]:
-        """The estimates at the start of the iteration, when everybody senses."""
+        """The estimates at the start of the iteration, when robots sense."""
         truth = moment.state.pose
         pose = truth if moment.believed is None else moment.believed
         return {

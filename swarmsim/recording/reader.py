@@ -30,7 +30,7 @@ from swarmsim.recording.layout import FAR
 from swarmsim.recording.measures import times_of
 
 FORMAT_NAME: Final = "swarmsim-recording"  # the attribute with the number
-FORMAT: Final = 4  # raised whenever an older reader would misread a newer file
+FORMAT: Final = 4  # raised if an older reader would misread a newer file
 READING: Final = (
     OSError,
     KeyError,
@@ -43,7 +43,7 @@ READING: Final = (
 )
 READ_AHEAD: Final = 1 << 20  # rows of large tables
 PENDING: Final = {True: "under way", False: "interrupted", None: "under way or interrupted"}
-Column = NDArray[Any]  # a table as it is in the file: `layout` says of which kind
+Column = NDArray[Any]  # a table as in the file, typed in `layout`
 
 #: A run in a few numbers.
 Summary = TypedDict(
@@ -73,7 +73,7 @@ class Recording:
     """A recorded run, read back; row t of every array is iteration t, row i of that robot i."""
 
     def __init__(self, path: Path, file: h5py.File | None = None) -> None:
-        """Open a recording, or the folder of a run that holds one; `file` is one that this process still writes.
+        """Open a recording, or a run's folder with one; `file` is one that this process still writes.
 
         Raises InputError, and StorageError for a disk that cannot be read.
         """
@@ -83,18 +83,18 @@ class Recording:
         files.check_plain(self.path, "a run's folder or its recording.h5", None)
         self._growing = file
         self._arrays: dict[str, Column] = {}  # what has been read
-        self._near: dict[str, tuple[int, Column]] = {}  # of large tables: some rows, and the first one's number
+        self._near: dict[str, tuple[int, Column]] = {}  # for large tables: some rows, and the first one's number
         try:
             with self._file() as opened:
                 self._read(opened)
-                #: What a run that has not ended yet is: this process writes it, another does, or none any more.
+                #: The state of an unfinished run: written by this process, by another, or by none any more.
                 self.pending = PENDING[True if self._growing else hdf5.being_written(self.path)]
         except READING as problem:
             raise self._damaged(problem) from problem
 
     @contextmanager
     def _file(self) -> Iterator[h5py.File]:
-        if self._growing:  # it is false once the file is closed
+        if self._growing:  # false once the file is closed
             yield self._growing
         else:
             with hdf5.open_for_reading(self.path) as opened:
@@ -118,27 +118,27 @@ class Recording:
             )
         text: dict[str, str] = {name: layout.text(file, name).decode() for name in layout.TEXTS}
         self.versions = msgspec.json.decode(text["versions"], type=dict[str, str])
-        #: A hash of each piece of code that made it; none in recordings from before these were kept.
+        #: A hash of each piece of code behind it; empty in recordings older than these hashes.
         self.code = msgspec.json.decode(layout.text(file, "code", b"{}"), type=dict[str, str])
         self.scenario: Scenario = shape(in_new_words(tomllib.loads(text["scenario"])), str(self.path))
         place: list[float] = layout.attribute(file, "lattice", "f", (5,)).tolist()
         x0, y0, cell, rows, columns = place
         if not (abs(x0) < FAR and abs(y0) < FAR and 0.0 < cell < FAR and 0.0 < rows < FAR and 0.0 < columns < FAR):
-            raise ValueError("the lattice cannot be")
+            raise ValueError("the lattice is invalid")
         self.lattice = Lattice(x0, y0, cell, int(rows), int(columns))
         self.digested: list[str] = text["digested"].split()
-        #: The names of what the task measured of the swarm.
+        #: The names of the task's measures of the swarm.
         self.measures = msgspec.json.decode(text["measures"], type=list[str])
-        #: What the task is about, and how it is drawn.
+        #: The task's main measure, and how it is drawn.
         self.curve = msgspec.json.decode(text["curve"], type=Curve)
         self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
         self._names = set(file)
-        #: What probes declare of their tables.
+        #: The probes' declarations.
         self.probes = msgspec.json.decode(layout.text(file, "probes", b"[]"), type=list[Declared])
         robots = self.scenario.robots.count
-        #: What the robots' sensors gave; nothing in recordings that are older than declarations.
+        #: The channels of the robots' sensors; empty in recordings older than declarations.
         self.channels = declarations.read(layout.text(file, "channels", b"[]").decode(), robots)
-        #: What the robots' actuators are; nothing without any.
+        #: The channels of the robots' actuators; empty without any.
         self.actuators = declarations.read(layout.text(file, "actuators", b"[]").decode(), robots)
         self._declared = {
             **layout.declared_by(self.probes), **layout.tables_of(self.actuators, "actuator"),
@@ -157,7 +157,7 @@ class Recording:
             raise ValueError(f"the curve {self.curve.name!r} is not measured")
 
     def refresh(self) -> None:
-        """Take in what has been flushed since, of a recording that this process still writes; others do not grow."""
+        """Read newly flushed data of a recording that this process still writes; others do not grow."""
         if self._growing is None:
             return
         self._near.clear()
@@ -169,7 +169,7 @@ class Recording:
         self.iterations = len(self._growing["digests"])
 
     def _loaded(self, name: str) -> Column:
-        """A whole table, read when it is first asked for. Raises InputError for one with numbers that cannot be."""
+        """A whole table, read at first use. Raises InputError for one with invalid numbers."""
         if name not in self._arrays:
             try:
                 with self._file() as file:
@@ -187,8 +187,8 @@ class Recording:
         return np.where(goals >= 0, self.lattice.centres(goals), np.nan)
 
     def _some(self, name: str, first: int, last: int) -> Column:
-        """Rows `first` to `last` of a table, and READ_AHEAD more are read with them. Raises InputError as `_loaded`."""
-        start, rows = self._near.get(name, (last + 1, np.empty(0)))  # nothing that would do
+        """Rows `first` to `last` of a table, reading READ_AHEAD more with them. Raises InputError as `_loaded`."""
+        start, rows = self._near.get(name, (last + 1, np.empty(0)))  # no usable rows
         if first < start or last > start + len(rows):
             try:
                 with self._file() as file:
@@ -202,7 +202,7 @@ class Recording:
         return rows[first - start : last - start]
 
     def __getitem__(self, name: str) -> Column:
-        """A table of the file by its name, cut to whole iterations where it has rows for them."""
+        """A table of the file by name, cut to whole iterations if it has rows for them."""
         array = self._loaded(name)
         if name in self._declared:
             return array[: -(-self.iterations // self._declared[name].every)]
@@ -215,7 +215,7 @@ class Recording:
         return self[name]
 
     def row(self, name: str, iteration: int) -> Column:
-        """The row of a table for an iteration: of a probe's, the latest. Raises InputError for a table without rows."""
+        """A table's row for an iteration; a probe's latest. Raises InputError for a table without such rows."""
         if name not in self._rows and name not in self._declared:
             known = dict.fromkeys([*self._rows, *self._declared])
             raise InputError(f"no table {name!r} with a row for each iteration is recorded; {nearest(name, known)}")
@@ -223,12 +223,12 @@ class Recording:
         return row
 
     def __contains__(self, name: str) -> bool:
-        """Whether the file has a table of this name."""
+        """Whether the file has this table."""
         return name in self._names
 
     @property
     def progress(self) -> NDArray[np.float64]:
-        """How much of the task was done after each iteration (t,), 0 to 1."""
+        """The task's progress after each iteration (t,), 0 to 1."""
         return self["progress"]
 
     @cached_property
@@ -244,16 +244,16 @@ class Recording:
         return self._of("links", iteration)
 
     def letters(self, iteration: int) -> NDArray[np.int32]:
-        """What became of messages in one iteration (m, 5): receiver, sender, iteration sent, bytes, fate."""
+        """The fates of messages in one iteration (m, 5): receiver, sender, iteration sent, bytes, fate."""
         return self._of("letters", iteration)
 
     def changes(self, iteration: int) -> NDArray[np.int32]:
-        """What became of cells of the robots' maps in one iteration (c, 3): robot, row-major cell, new state."""
+        """Changed cells of the robots' maps in one iteration (c, 3): robot, row-major cell, new state."""
         return self._of("changes", iteration)
 
     @property
     def fates(self) -> list[str]:
-        """What the numbers of fates mean: 0 is heard, all others why a message was lost."""
+        """The meanings of fate numbers: 0 is heard, all others why a message was lost."""
         return [name.decode(errors="replace") for name in self._loaded("fates")]
 
     def _of(self, name: str, iteration: int) -> Column:
@@ -261,7 +261,7 @@ class Recording:
         return self._some(name, int(ends[iteration - 1]) if iteration else 0, int(ends[iteration]))
 
     def paths(self) -> list[tuple[int, int, NDArray[np.float32]]]:
-        """Every path when it was new: iteration, robot, and its waypoints (w, 2) in m."""
+        """Every new path: iteration, robot, and its waypoints (w, 2) in m."""
         rows, waypoints = self._loaded("paths"), self._loaded("waypoints")
         starts = np.concatenate([[0], rows[:, 2]])
         return [
@@ -270,7 +270,7 @@ class Recording:
         ]
 
     def events(self) -> list[Event]:
-        """All events in the order in which they happened."""
+        """All events, in order."""
         text = self._loaded("events").tobytes() if "events" in self else b""
         try:
             found = [decoded(line) for line in text.splitlines()]
@@ -287,7 +287,7 @@ class Recording:
         return hashlib.blake2b(self["digests"].tobytes(), digest_size=16).hexdigest()
 
     def difference(self, iteration: int, row: bytes, probed: Mapping[str, Row]) -> str | None:
-        """Where an iteration of this recording differs from one with the digests `row` and these rows of probes."""
+        """The first difference of a recorded iteration from one with the digests `row` and these probe rows."""
         recorded = self["digests"][iteration].tobytes()
         for field, name in enumerate(self.digested):
             if recorded[8 * field : 8 * field + 8] != row[8 * field : 8 * field + 8]:
@@ -298,12 +298,12 @@ class Recording:
         return None
 
     def _lost(self) -> dict[str, int]:
-        """How many messages were lost, by reason."""
+        """The number of lost messages, by reason."""
         return {name: int(count) for name, count in zip(self.fates[1:], self._letters[0][1:], strict=True)}
 
     @cached_property
     def _letters(self) -> tuple[NDArray[np.int64], int]:
-        """How many messages had each fate, and the bytes of those heard."""
+        """The number of messages by fate, and the bytes of those heard."""
         counts, heard = np.zeros(len(self.fates), np.int64), 0
         with self._file() as file:
             total = len(file["letters"])

@@ -1,4 +1,4 @@
-"""Writes a recording during a run; if the run is killed, what was flushed can still be read."""
+"""Writes a recording during a run; if the run is killed, flushed data can still be read."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from swarmsim.recording.layout import declared_by
 from swarmsim.recording.probes import Watching
 from swarmsim.recording.reader import FORMAT, FORMAT_NAME
 
-BLOCK: Final = 64  # iterations held back between two flushes, and the length of a chunk
-MANY: Final = 4096  # rows in a chunk of tables that have many for each iteration
+BLOCK: Final = 64  # iterations between two flushes, and the length of a chunk
+MANY: Final = 4096  # rows in a chunk of tables with many per iteration
 FATE: Final = np.dtype("S32")
 
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What is written of one iteration; moments themselves hold ways that are not new, and may be large."""
+    """The written part of one iteration; whole moments also hold old paths, and may be large."""
 
     rows: dict[str, object]
     lists: dict[str, NDArray[np.generic]]
-    probed: dict[str, Row]  # a row each, in the iterations that a probe samples
+    probed: dict[str, Row]  # a row per table, in sampled iterations
     letters: NDArray[np.int32]  # (m, 5)
     ways: list[tuple[int, int, NDArray[np.float64]]]  # iteration, robot, its new waypoints (w, 2) in m
     events: bytes
@@ -70,18 +70,18 @@ class Recorder:
         probes: Sequence[Watching] = (),
         actuators: Channels = NOTHING,
     ) -> None:
-        """`world` is the floor plan's text, `curve` what is drawn of the task's measures, `code` a hash
-        of each piece of code that makes the run.
+        """`world` is the floor plan's text, `curve` the task's, `code` a hash of each piece of code behind
+        the run.
 
-        `errs` says whether robots may err about their poses, so that their estimates are kept,
-        `channels` what they measure, `actuators` what these are.
+        `errs` tells whether pose estimates may be wrong and are kept; `channels` are the sensors',
+        `actuators` the actuators'.
 
         `domain` and `truth` (occupied) are (rows, columns) at the start.
         """
         self._path, self._growing, self._kept, self._probes = path, Growing(path), 0, probes
         self._digests = Digests()
         self._held: list[Held] = []
-        self._tables: dict[str, h5py.Dataset] = {}  # looking one up in the file takes longer than appending to it
+        self._tables: dict[str, h5py.Dataset] = {}  # looking one up in the file is slower than appending to it
         self._totals: dict[str, int] = {}
         self._fates = ["heard"]
         self._errs = errs
@@ -107,18 +107,18 @@ class Recorder:
             self.file.attrs["lattice"] = place
             for name, text in texts.items():
                 self._tell(name, text)
-            # kept open: a table that is closed is written, and HDF5 cannot say there that it could not
+            # kept open: closing a table writes it, and HDF5 cannot report failures there
             self._once = [self.file.create_dataset("world", data=plan)]
             for name, mask in (("domain", domain), ("truth", truth)):
                 self._once.append(self.file.create_dataset(name, data=mask, compression="gzip"))
             self._table("digests", (len(self._fields), 8), np.uint8)
 
     def _tell(self, name: str, text: str) -> None:
-        """Write a text of fixed length: one that is not lies in a part of the file that has no checksum."""
+        """Write a text of fixed length: HDF5 stores others without a checksum."""
         self.file.attrs[name] = np.bytes_(text.encode())
 
     def _open(self, first: dict[str, object], lists: dict[str, NDArray[np.generic]], measures: list[str]) -> None:
-        """Make the tables that a run with such moments needs; from here on the file can be read while it grows."""
+        """Make the tables for a run with such moments; from here on the file can be read while it grows."""
         for name, row in first.items():
             self._table(name, np.asarray(row).shape, np.asarray(row).dtype)
         for name, rows in lists.items():
@@ -128,7 +128,7 @@ class Recorder:
         self._table("letters", (5,), np.int32, MANY)  # receiver, sender, iteration sent, bytes, fate; ends as of links
         self._table("letters_end", (), np.int64)
         self._totals |= {"letters": 0, "waypoints": 0}
-        self._table("fates", (), FATE)  # what became of a letter: 0 is heard, all others why it was lost
+        self._table("fates", (), FATE)  # 0 is heard, all others why a letter was lost
         self._append("fates", np.array(self._fates, FATE))
         self._table("waypoints", (2,), np.float32, MANY)
         self._table("paths", (3,), np.int64)  # iteration, robot, end of its waypoints: one row per new path
@@ -143,7 +143,7 @@ class Recorder:
         self.file.swmr_mode = True
 
     def _rows(self, moment: Moment[Knowledge]) -> dict[str, object]:
-        """What has one row of the same shape in every iteration, by the name of its table."""
+        """The data with one row of fixed shape in every iteration, by table name."""
         return {
             "pose": moment.state.pose,
             **({"believed": moment.believed} if self._errs else {}),
@@ -161,7 +161,7 @@ class Recorder:
         )  # fmt: skip
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Keep one iteration; every BLOCK iterations they are written and flushed."""
+        """Keep one iteration; write and flush every BLOCK iterations."""
         rows, lists, letters = self._rows(moment), _lists(moment), self._with_fates(moment.delivery)
         probed = {name: row for probe in self._probes for name, row in probe.rows(moment).items()}
         if len(self._tables) == 1:
@@ -177,7 +177,7 @@ class Recorder:
     def flush(self) -> None:
         """Write what is held back. The digests come last: their length is the number of whole iterations.
 
-        Raises StorageError if it cannot be written; then nothing more is, and what was flushed before can be read.
+        Raises StorageError if writing fails; then nothing more is written, and earlier flushes can be read.
         """
         held, self._held = self._held, []
         if not held or not self._growing.whole:
@@ -203,7 +203,7 @@ class Recorder:
         self._tables["digests"].flush()
 
     def _append_ways(self, ways: list[tuple[int, int, NDArray[np.float64]]]) -> None:
-        """Append every path in the iteration in which it is new."""
+        """Append every new path."""
         if ways:
             ends = self._totals["waypoints"] + np.cumsum([len(way) for _, _, way in ways], dtype=np.int64)
             self._append("waypoints", np.concatenate([way for _, _, way in ways]))
@@ -218,14 +218,14 @@ class Recorder:
             table[-len(rows) :] = np.asarray(rows, table.dtype)
 
     def _append_each(self, name: str, pieces: list[NDArray[np.generic]]) -> None:
-        """Append one piece for each iteration, and where it ends to the table NAME_end."""
+        """Append one piece per iteration, and its end to the table NAME_end."""
         self._append(name, np.concatenate(pieces))
         ends = self._totals[name] + np.cumsum([len(piece) for piece in pieces])
         self._append(f"{name}_end", ends)
         self._totals[name] = int(ends[-1])
 
     def _with_fates(self, delivery: Delivery) -> NDArray[np.int32]:
-        """The messages heard or lost in an iteration (m, 5), each with the number of its fate."""
+        """The messages heard or lost in an iteration (m, 5), each with its fate's number."""
         rows = [_with_column(delivery.heard, 0)]
         for reason, letters in delivery.lost:
             if reason not in self._fates:
@@ -248,7 +248,7 @@ class Recorder:
 
 
 def _check_names(records: Sequence[tuple[str, Record]], path: Path) -> None:
-    """Raise InputError if two parts record something under one name: one of the two would be lost."""
+    """Raise InputError if two parts record under one name: one of the two would be lost."""
     names = [name for _, record in records for name in (*record.rows, *record.lists)]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         parts = " and ".join(part for part, record in records if twice[0] in {**record.rows, **record.lists})
@@ -256,7 +256,7 @@ def _check_names(records: Sequence[tuple[str, Record]], path: Path) -> None:
 
 
 def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
-    """What the parts give to be recorded, and what of theirs it is."""
+    """The parts' recorded data, with its source."""
     return (
         ("the actuators", Record(moment.state.actuators.rows())), ("the readings", Record(moment.readings.rows())),
         ("the knowledge", moment.knowledge.record()), ("the intents", moment.intents.record()),
@@ -265,12 +265,12 @@ def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
 
 
 def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[np.generic]]:
-    """What has as many rows as there happen to be, by the name of its table."""
+    """The data with any number of rows, by table name."""
     return {"links": moment.links, **moment.knowledge.record().lists}
 
 
 def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.float64]]]:
-    """The iteration, the robot and the waypoints (w, 2) of every path that is new."""
+    """The iteration, robot and waypoints (w, 2) of every new path."""
     intents = moment.intents
     return [
         (moment.state.iteration, int(robot), intents.waypoints[robot, : intents.counts[robot]].copy())

@@ -1,4 +1,4 @@
-"""What every part promises, as checks of a whole scenario, for the tests of parts: ours and other people's.
+"""Checks of every part's contract in a whole scenario, for tests of our own and third-party parts.
 
 ```python
 from swarmsim.testing import parametrize_with_checks
@@ -8,7 +8,7 @@ def test_my_mind(check):
     check()
 ```
 
-Each check raises BrokenError, an AssertionError that says what was broken, or InputError for a scenario that cannot be.
+Each check raises BrokenError, an AssertionError that says what was broken, or InputError for an invalid scenario.
 """
 
 from swarmsim.testing.broken import BrokenError

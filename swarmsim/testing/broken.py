@@ -1,4 +1,4 @@
-"""What a check raises: a promise that a part does not keep."""
+"""The error of checks: a part breaks its contract."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from swarmsim.core.own import told
 
 
 class BrokenError(AssertionError):
-    """A part breaks a promise of its seam; the message names scenario, iteration and what is wrong."""
+    """A part breaks its seam's contract; the message names scenario, iteration and what is wrong."""
 
     def __init__(self, message: str, seam: str = "") -> None:
-        """The `seam` is that of the part; empty where the whole run breaks it."""
+        """The `seam` is the part's; empty for the whole run."""
         super().__init__(message)
         self.seam = seam
 
 
 @contextmanager
 def breaking(seam: str, where: str) -> Iterator[None]:
-    """Within this context, what code of this seam raises breaks its promise."""
+    """Within this context, an exception from this seam's code breaks its contract."""
     try:
         yield
     except Exception as problem:

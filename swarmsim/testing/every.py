@@ -1,4 +1,4 @@
-"""All checks of a scenario, at once or as one test for each check and part."""
+"""All checks of a scenario, at once or as one test per check and part."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Check = Callable[[Path | str, Sequence[str], int, bool], None]
 
 _RUNNING: Final = tuple(seam for seam in PLACED if seam != "generator")
 _MIND: Final = ("computation", "strategy")
-#: Every check by its name, with the seams whose parts it tells apart; none if it is of the whole run.
+#: Every check by name, with the seams whose parts it tells apart; empty for the whole run.
 CHECKS: Final[dict[str, tuple[Check, Sequence[str]]]] = {
     "contracts": (check_strictly, _RUNNING),
     "determinism": (check_determinism, ()),
@@ -37,7 +37,7 @@ CHECKS: Final[dict[str, tuple[Check, Sequence[str]]]] = {
 def check_contracts(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """All checks of this package, one after the other, up to the first that fails."""
+    """Run all checks of this package, up to the first that fails."""
     for check, _ in CHECKS.values():
         check(scenario, overrides, iterations, allow_code)
 
@@ -45,12 +45,12 @@ def check_contracts(
 def parametrize_with_checks(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> pytest.MarkDecorator:
-    """Make one test of every check and every part of a scenario, for pytest.
+    """Make one pytest test for every check and every part of a scenario.
 
-    What is decorated takes a `check` and calls it. Tests are named by the check and the part, as in
-    `test_mine[locality-strategy.shy]`, and `determinism`, which is of the whole run. Each check runs once, for all
-    parts together. While a part breaks its contract, all but the tests called `contracts` are skipped, since nothing
-    else can be told; so are those called `alone` of a scenario that one robot cannot do.
+    The decorated test takes a `check` and calls it. Tests are named by check and part, as in
+    `test_mine[locality-strategy.shy]`; `determinism` is of the whole run. Each check runs once, for all parts
+    together. While a part breaks its contract, only the tests called `contracts` run, since no others are
+    conclusive. Those called `alone` are skipped if one robot cannot do the scenario.
 
     Raises InputError for a scenario that cannot be read.
     """
@@ -71,7 +71,7 @@ def parametrize_with_checks(
 
 
 def _parts(scenario: Scenario) -> dict[str, str]:
-    """What the parts of a scenario are called, by seam; several of one seam, in their order, joined by +."""
+    """The names of a scenario's parts, by seam; several of one seam are joined by +, in order."""
     found: dict[str, list[str]] = {}
     for part in all_parts(scenario):
         name = part.use.rpartition(":")[2]
@@ -82,7 +82,7 @@ def _parts(scenario: Scenario) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Outcomes:
-    """What came of each check of a scenario, each done once it is asked for."""
+    """The results of a scenario's checks, each done at first use."""
 
     scenario: Path | str
     overrides: Sequence[str]
@@ -91,7 +91,7 @@ class _Outcomes:
     _known: dict[str, BrokenError | InputError | None] = field(default_factory=dict)
 
     def of(self, check: str) -> BrokenError | InputError | None:
-        """Why a check has failed, or cannot be done; None if all is well."""
+        """Why a check failed or cannot be done; None if it passed."""
         if check not in self._known:
             try:
                 CHECKS[check][0](self.scenario, self.overrides, self.iterations, self.allow_code)
@@ -104,7 +104,7 @@ class _Outcomes:
 
 @dataclass(frozen=True, slots=True)
 class _Test:
-    """One check of the parts of one seam, out of those that it tells apart."""
+    """One check of one seam's parts, among those that it tells apart."""
 
     outcomes: _Outcomes
     check: str
@@ -116,7 +116,7 @@ class _Test:
 
         broken = self.outcomes.of("contracts")
         if isinstance(broken, BrokenError) and self.check != "contracts":
-            pytest.skip(f"first mend what breaks its contract: {broken}")
+            pytest.skip(f"first fix what breaks its contract: {broken}")
         problem = self.outcomes.of(self.check)
         if isinstance(problem, InputError):
             if self.check == "alone":

@@ -1,4 +1,4 @@
-"""Checks that robot i does what it does by what robot i senses and hears, whatever its number and whoever is there."""
+"""Checks that robot i acts only on its own readings and inbox, whatever its number and the other robots."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from swarmsim.testing.runs import ITERATIONS, limited, opened
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heard:
-    """What a mind was given in one iteration, and what it did with that."""
+    """A mind's inputs and outputs in one iteration."""
 
-    changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: who forgot everything, or was given whose
-    speaks: Senses  # when it spoke
-    hears: tuple[Senses, Inbox[MessageBatch]]  # when it heard
+    changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: resets, and copies from a source
+    speaks: Senses  # when it sent
+    hears: tuple[Senses, Inbox[MessageBatch]]  # when it received
     decides: tuple[Senses, Inbox[MessageBatch]]  # when it decided
     said: Broadcast[MessageBatch]
     intents: Intents
 
 
 class Witness(ComputationDelegate):
-    """Notes what a computation is given, and what the strategy beside it is."""
+    """Notes the inputs of a computation and of the strategy beside it."""
 
     def __init__(self, inner: AnyComputation, strategy: AnyStrategy) -> None:
         super().__init__(inner)
-        #: Everything so far, in its order.
+        #: Everything so far, in order.
         self.heard: list[Heard] = []
-        #: The strategy, followed as well.
+        #: The strategy, also noted.
         self.strategy = WitnessedStrategy(strategy, self)
         self._changes: list[tuple[NDArray[np.int64], int | None]] = []
         self._spoken: list[tuple[Senses, Broadcast[MessageBatch]]] = []
@@ -68,20 +68,20 @@ class Witness(ComputationDelegate):
         self._inner.reset(robots)
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Who is given what another one knows."""
+        """The robots that get another one's knowledge."""
         self._changes.append((robots.copy(), source))
         self._inner.copy_from(robots, source)
 
 
 class WitnessedStrategy:
-    """Notes what a strategy is given and decides."""
+    """Notes a strategy's inputs and decisions."""
 
     def __init__(self, inner: AnyStrategy, witness: Witness) -> None:
         self._inner, self._witness = inner, witness
 
     @property
     def requires_knowledge(self) -> type[Knowledge]:
-        """What the strategy inside reads."""
+        """The knowledge that the inner strategy reads."""
         return self._inner.requires_knowledge
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
@@ -92,7 +92,7 @@ class WitnessedStrategy:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """A run, and everything that its minds were given and gave before any fault changed that."""
+    """A run, with all inputs and outputs of its minds before any fault changed them."""
 
     run: BuiltRun
     heard: Sequence[Heard]  # in each iteration
@@ -156,11 +156,10 @@ def _repeated(
 def check_one_robot(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """A mind that is built for one robot alone says and does what this robot does in the swarm, to the last bit.
+    """A mind built for one robot says and does exactly what this robot does in the swarm, to the last bit.
 
-    The first robot, one in the middle and the last one are tried, each with its own row and inbox as they were in a
-    run. All columns of messages are compared, their bytes and what is decided. A robot that a fault gives what
-    another one knows is followed no further.
+    The first, a middle and the last robot are tried, each with its row and inbox from a run. All message columns,
+    bytes and decisions are compared. A robot that a fault gives another one's knowledge is followed no further.
     """
     swarm = _followed(scenario, overrides, iterations, allow_code)
     count = swarm.run.context.swarm
@@ -171,19 +170,19 @@ def check_one_robot(
 def check_permutation(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """A mind whose rows are in another order says and does the same, to the last bit: each robot keeps its number."""
+    """A mind with reordered rows says and does the same, to the last bit: each robot keeps its number."""
     swarm = _followed(scenario, overrides, iterations, allow_code)
     order = np.random.default_rng(swarm.run.scenario.seed).permutation(swarm.run.context.swarm)
     rows = np.empty_like(order)
-    rows[order] = np.roll(order, 1)  # one cycle through all robots: nobody keeps its row
+    rows[order] = np.roll(order, 1)  # one cycle through all robots: none keeps its row
     _check_rows(f"{scenario}", "when rows are in another order", swarm, rows, allow_code)
 
 
 def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64], allow_code: bool) -> None:
-    """Compare what a mind of the robots with these numbers (rows,) says and does with what they did in the swarm."""
+    """Compare a mind built for these robots (rows,) with what they said and did in the swarm."""
     with registry.own_code(allow_code):
         mind = _mind(swarm.run, swarm.run.context.serving(ids))
-    codec = mind[0].codec  # there is one before anything is said
+    codec = mind[0].codec  # available before anything is sent
     followed, count = np.ones(len(ids), np.bool_), swarm.run.context.swarm
     for heard in swarm.heard:
         for robots, source in heard.changes:
@@ -192,7 +191,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
                 mind[0].reset(mine)
             elif source in ids:
                 mind[0].copy_from(mine, int(np.flatnonzero(ids == source)[0]))
-            else:  # what that one knows is not to be had here
+            else:  # the source's knowledge is not available here
                 followed[mine] = False
         speaks = _chosen(heard.speaks, ids)
         hears, decides = (
@@ -215,7 +214,7 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
 def _check_said(
     mine: Broadcast[MessageBatch], row: int, first: Broadcast[MessageBatch], robot: int, wrong: str
 ) -> None:
-    """Compare a row of what is said with what a robot said in the swarm; `wrong` has room for what differs."""
+    """Compare a row's message with the robot's in the swarm; `wrong` has a slot for the difference."""
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     if here != there:
         raise BrokenError(wrong.format(f"says {here} bytes, not {there},"), "computation")
@@ -224,13 +223,13 @@ def _check_said(
     if type(content).__match_args__ != names or len(columns[0]) != len(columns[1]):
         raise BrokenError(wrong.format("says other columns"), "computation")
     for number, (one, other) in enumerate(zip(*columns, strict=True)):
-        name = names[number] if len(names) == len(columns[0]) else "items"  # those of several kinds have no names
+        name = names[number] if len(names) == len(columns[0]) else "items"  # several kinds have no names
         if (one.dtype, one.shape, one.tobytes()) != (other.dtype, other.shape, other.tobytes()):
             raise BrokenError(wrong.format(f"says other {name}"), "computation")
 
 
 def _received(inbox: Inbox[MessageBatch], ids: NDArray[np.int64], count: int) -> Inbox[MessageBatch]:
-    """What the robots with these numbers (rows,), out of so many, have received, in the order of their rows."""
+    """The inbox of these robots (rows,), in row order."""
     row = np.full(count, -1, np.int32)
     row[ids] = np.arange(len(ids))
     moved = replace(inbox, receivers=row[inbox.receivers])
@@ -241,10 +240,9 @@ def _received(inbox: Inbox[MessageBatch], ids: NDArray[np.int64], count: int) ->
 def check_locality(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """What robot i neither sensed nor heard changes nothing that it says and does, to the last bit.
+    """What robot i neither sensed nor heard changes nothing it says or does, to the last bit.
 
-    A new mind is given all that the minds of a run were given, but for everybody except robot i something else: other
-    poses and readings, and no messages.
+    A new mind gets a run's inputs, but with other poses and readings, and no messages, for all robots except i.
     """
     swarm = _followed(scenario, overrides, iterations, allow_code)
     run, count = swarm.run, swarm.run.context.swarm
@@ -266,16 +264,16 @@ def check_locality(
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
-    """What one robot does, as something to compare."""
+    """One robot's decision, in a comparable form."""
     way = intents.waypoints[robot, : intents.counts[robot]]
     twist = None if intents.twists is None else intents.twists[robot]
-    velocity = None if twist is None or np.isnan(twist).all() else twist.tobytes()  # NaN follows the way, as without
+    velocity = None if twist is None or np.isnan(twist).all() else twist.tobytes()  # NaN means following the path
     commands = {name: column[robot].tobytes() for name, column in intents.commands.items()}
     return intents.goals[robot].tobytes(), way.tobytes(), bool(intents.planned[robot]), velocity, commands
 
 
 def _scrambled(senses: Senses, robot: int) -> Senses:
-    """The same for one robot alone: all others are where the next one was, facing about."""
+    """The same for one robot only: all others take the next one's place, facing the other way."""
     count = len(senses.alive)
     rows = np.roll(np.arange(count), 1)
     rows[robot] = robot

@@ -1,4 +1,4 @@
-"""Checks of whole runs: every contract in every iteration, the same bytes again, one robot alone, nobody heard."""
+"""Checks of whole runs: all contracts in every iteration, determinism, one robot alone, and silence."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from swarmsim.recording.digests import DIGESTED, Digests
 from swarmsim.robots.kinematics import drives_of
 from swarmsim.testing.broken import BrokenError
 
-ITERATIONS: Final = 25  # of a run that is checked, unless told otherwise
-SLACK: Final = 1e-9  # m/s that wheels may be too fast by rounding
+ITERATIONS: Final = 25  # of a checked run, by default
+SLACK: Final = 1e-9  # m/s: rounding allowed over the wheels' limit
 
 
 def opened(
@@ -40,17 +40,17 @@ def opened(
 
 
 def limited(overrides: Sequence[str], iterations: int) -> tuple[str, ...]:
-    """The overrides, and some that make a run last exactly so many iterations."""
+    """The overrides, extended to make a run last exactly this many iterations."""
     return (*overrides, f"stop.iterations={iterations}", 'stop.when_done="continue"')
 
 
 def check_strictly(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """Every part keeps its contract in every iteration, messages are as long as they say, wheels within their limits.
+    """Every part keeps its contract in every iteration, messages have their announced size, wheels keep their limits.
 
-    What is checked of each part's output is what a run checks of parts that are not ours, and that messages come out
-    of their codec as they went in. Probes are sampled as for a recording.
+    Outputs are checked as for third-party parts in a run; messages must also survive packing and unpacking. Probes
+    are sampled as for a recording.
     """
     run = opened(scenario, limited(overrides, iterations), True, allow_code)
     parts, problems = run.simulation.parts, list[tuple[str, str]]()
@@ -76,7 +76,7 @@ def check_strictly(
 
 @contextmanager
 def _weighed(computation: AnyComputation, problems: list[tuple[str, str]]) -> Iterator[None]:
-    """For as long as this lasts, every message is packed and unpacked."""
+    """Within this context, every message is packed and unpacked."""
     say = computation.say
 
     def weighed(senses: Senses) -> Broadcast[MessageBatch]:
@@ -96,7 +96,7 @@ def _weighed(computation: AnyComputation, problems: list[tuple[str, str]]) -> It
 def check_determinism(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """Two runs with the same seed are the same in every field of every iteration."""
+    """Two runs with the same seed are equal in every field of every iteration."""
     digests = []
     for _ in range(2):
         observer = Digests()
@@ -112,7 +112,7 @@ def check_determinism(
 def check_alone(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """A single robot that hears nobody does what it can; of a swarm of groups, one of each."""
+    """A single robot without messages runs through; in a swarm of groups, one of each."""
     robots = read_toml(Path(scenario), "a scenario file").get("robots")
     single = [f"robots.{number}.count=1" for number in range(len(robots))] if isinstance(robots, list) else ()
     alone = (*(single or ("robots.count=1",)), 'network.topology={use="none"}', "faults=[]")
@@ -122,5 +122,5 @@ def check_alone(
 def check_silence(
     scenario: Path | str, overrides: Sequence[str] = (), iterations: int = ITERATIONS, allow_code: bool = False
 ) -> None:
-    """Robots that hear nobody do what they can."""
+    """Robots that receive no messages run through."""
     check_strictly(scenario, (*overrides, 'network.topology={use="none"}'), iterations, allow_code)

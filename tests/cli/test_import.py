@@ -79,8 +79,8 @@ def test_yes_takes_the_defaults_and_walls_that_would_be_decoration(here: Path) -
     (here / "plan.svg").write_text(LAYERS)
     found = imported("plan.svg", "--width", "6", "--yes")
     assert found.exit_code == 0, found.output
-    assert "`Base` (1 shape, 92 % of what is drawn) is no layer of ours" in found.output
-    assert "Is it walls? yes" in found.output
+    assert "`Base` (1 shape, 92 % of what is drawn) is not one of our layers" in found.output
+    assert "Is it a wall? yes" in found.output
     assert world_in(here / "plan.toml")["layers"] == {"walls": ["Base"]}
 
 
@@ -118,6 +118,6 @@ def test_nothing_is_overwritten_or_half_written(here: Path) -> None:
         imported("plan.svg", typed="6\n")
     assert list(here.iterdir()) == [here / "plan.svg"]
     (here / "plan.toml").write_text("mine")
-    with pytest.raises(InputError, match="there is such a file already"):
+    with pytest.raises(InputError, match="exists already"):
         imported("plan.svg", "--width", "6", "--yes")
     assert (here / "plan.toml").read_text() == "mine"

@@ -528,7 +528,7 @@ MISTAKES: dict[str, tuple[str, str, int, list[str]]] = {
         "computation",
         knowing("", fields="nothing: np.ndarray"),
         2,
-        ["measures 'nothing': 'nothing' is what the computation gives already"],
+        ["measures 'nothing': 'nothing' is already recorded by the computation"],
     ),
     # Others
     "masked links": (

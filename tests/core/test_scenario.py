@@ -161,7 +161,7 @@ def test_halves_that_are_one_part_are_overridden_at_once_and_others_are_not(shor
     assert "mind.reach: unknown key" in refusal(scenario(tmp_path), "mind.reach=0.2")
     both = SMALL + '[mind]\nuse = "x"\n[mind.strategy]\nuse = "y"\n'
     message = refusal(scenario(tmp_path, both), "robots.count=2")
-    assert message.startswith(f"{tmp_path / 's.toml'}: mind.use: stands for computation and strategy at once")
+    assert message.startswith(f"{tmp_path / 's.toml'}: mind.use sets both computation and strategy")
 
 
 def test_an_overriding_table_replaces_the_whole_table(tmp_path: Path) -> None:

@@ -301,7 +301,7 @@ def test_what_breaks_its_contract_names_the_group(herd) -> None:
         ),
         (
             (DOGS.format(1), '{count=1, mind={use="./herd.py:Dog", strategy={use="stand"}}}'), (),
-            r"robots\[1\]\.mind\.use: stands for computation and strategy at once",
+            r"robots\[1\]\.mind\.use sets both computation and strategy",
         ),
         (
             (DOGS.format(1), '{count=1, mind.strategy={use="wander"}}'), (),

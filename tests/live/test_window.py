@@ -211,7 +211,7 @@ def test_nothing_strikes_a_run_that_is_over(tmp_path: Path) -> None:
     opened._go_to(50.0)
     opened.picked = 1
     press(opened, pygame.K_k)
-    assert opened.words == "the run ended after 12 iterations; go back in time to let something strike"
+    assert opened.words == "the run ended after 12 iterations; go back in time to strike"
     press(opened, pygame.K_LEFT, pygame.K_LEFT, pygame.K_k)
     assert opened.words == "iteration 11: robot 1 killed"
     session._recorder.close()

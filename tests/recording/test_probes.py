@@ -220,8 +220,8 @@ def test_what_breaks_the_contract_of_a_probe_names_it_and_the_iteration(own, tmp
     [
         ("twice", "declares 'speed', 'met', 'speed', 'met'; expected different names"),
         ("none", r"declares \(\) as its tables; expected a tuple of ProbeTable"),
-        ("slash", "declares a table that cannot be: .*matching regex"),
-        ("object", "declares a table that cannot be: Invalid enum value"),
+        ("slash", "declares an invalid table: .*matching regex"),
+        ("object", "declares an invalid table: Invalid enum value"),
     ],
 )
 def test_tables_that_cannot_be_are_refused_before_the_run(own, how: str, words: str) -> None:
@@ -291,5 +291,5 @@ def test_numbers_outside_of_what_is_declared_are_refused_when_they_are_read(tmp_
     recorded(tmp_path, probes=[{"use": "believed"}])
     with h5py.File(tmp_path / "recording.h5", "a") as file:
         file["believed_poses.error"][0, 0] = -1.0
-    with pytest.raises(InputError, match=r"table 'believed_poses\.error' has numbers that cannot be"):
+    with pytest.raises(InputError, match=r"table 'believed_poses\.error' has invalid numbers"):
         Recording(tmp_path)["believed_poses.error"]

@@ -161,7 +161,7 @@ def test_goals_of_older_recordings_are_cells_and_read_as_their_middles(tmp_path:
     np.testing.assert_array_equal(found, points)
     with h5py.File(tmp_path / "recording.h5", "a") as file:
         file["goals"][0, 0] = run.arena.lattice.rows, 0
-    with pytest.raises(InputError, match="table 'goals' has numbers that cannot be"):
+    with pytest.raises(InputError, match="table 'goals' has invalid numbers"):
         Recording(tmp_path)["goals"]
     with h5py.File(tmp_path / "recording.h5", "a") as file:
         del file["goals"]

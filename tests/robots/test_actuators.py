@@ -314,7 +314,7 @@ class Made:
         return commands
 """)
     floor = 'sensors=[{use="ground", floors=[{use="formula", formula="x"}]}]'
-    with registry.own_code(True), pytest.raises(InputError, match="actuators: 'ground' is what a sensor gives already"):
+    with registry.own_code(True), pytest.raises(InputError, match="actuators: 'ground' is already given by a sensor"):
         made(f'actuators=[{{use="{tmp_path}/mine.py:Mine"}}]', 'sensor={use="ir-ring"}', floor)
 
 

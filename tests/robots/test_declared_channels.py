@@ -369,8 +369,8 @@ class Mine(Struct, frozen=True):
 @pytest.mark.parametrize(
     ("channel", "words"),
     [
-        (Channel("id"), "a mind finds something else as me.id; expected 'my_id'"),
-        (Channel("heard"), "a mind finds something else as me.heard"),
+        (Channel("id"), "me.id is taken; expected 'my_id'"),
+        (Channel("heard"), "me.heard is taken"),
         (Channel("own", table="pose"), "'pose' names a table of the recording's own"),
         (Channel("own", table="tiles"), "'tiles' is float64 of shape"),
         (Channel("../own"), "does not match|matching regex|pattern"),
@@ -384,7 +384,7 @@ class Mine(Struct, frozen=True):
         (Channel("own", shape=(4,), count="counts"), "is counted by 'counts'; expected a channel of type i4"),
         (Channel("own", group="mine"), "is in the group 'mine'; expected what tile_channels gives"),
         (Channel("ranges", shape=(4,)), "is the name of what beams or a field give"),
-        (Channel("energy"), "'energy' is what the sensor gives already"),
+        (Channel("energy"), "'energy' is already recorded by the sensor"),
     ],
 )
 def test_a_declaration_that_cannot_be_is_refused_at_build(channel: Channel, words: str, tmp_path: Path) -> None:
@@ -473,7 +473,7 @@ def test_numbers_beyond_what_is_declared_are_found_when_they_are_read(tmp_path: 
         file["neighbours_count"][1, 1] = 99
     recording = Recording(tmp_path)
     assert recording["neighbours"].shape[0] == 3
-    with pytest.raises(InputError, match="'neighbours_count' has numbers that cannot be"):
+    with pytest.raises(InputError, match="'neighbours_count' has invalid numbers"):
         recording["neighbours_count"]
 
 

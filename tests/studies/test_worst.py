@@ -95,4 +95,4 @@ def test_from_a_scenario_to_one_that_shows_the_failure(tmp_path: Path, monkeypat
     assert run.returncode == 1, run.stderr  # not finished
     again = called("study", "worst", ROOT / "scenarios" / "room.toml", *options)
     assert again.returncode == 2
-    assert "is there already" in again.stderr
+    assert "exists already" in again.stderr

@@ -154,13 +154,13 @@ PLACE, ENDS, ONE = np.zeros((2, 2)), np.array([2]), np.array([0])
         ([Circles(np.zeros(2), 1.0)], "'centre' is of shape (2,); expected (2, 2)"),
         ([Circles(PLACE, np.ones(3))], "'radius' is of shape (3,); expected (2,)"),
         ([Circles(PLACE, 1.0, "pink")], "ink is 'pink'; expected '#rrggbb', 'robot I' or one of background"),
-        ([Circles(PLACE, 1.0, ["mark"])], "'ink' or 'edge' is of another length"),
+        ([Circles(PLACE, 1.0, ["mark"])], "'ink' or 'edge' has the wrong length"),
         ([Circles(PLACE, 1.0, unit="body")], "'of' is missing"),
-        ([Circles(PLACE, 1.0, of=np.array([0, 4]))], "'of' names robots that there are not; expected 0 to 3"),
+        ([Circles(PLACE, 1.0, of=np.array([0, 4]))], "'of' names unknown robots; expected 0 to 3"),
         ([Polygons(PLACE, np.array([3]))], "'ends' do not rise to 2"),
-        ([Lines(PLACE, ENDS, width=float("nan"))], "sizes cannot be"),
+        ([Lines(PLACE, ENDS, width=float("nan"))], "sizes are invalid"),
         ([Texts(PLACE, ["one"])], "'texts' do not fit; expected 2 texts"),
-        ([Raster(np.zeros((2, 2)), (0.0, 0.0), 1.0, [])], "'values', 'corner' or 'cell' cannot be"),  # type: ignore[arg-type]
+        ([Raster(np.zeros((2, 2)), (0.0, 0.0), 1.0, [])], "'values', 'corner' or 'cell' is invalid"),  # type: ignore[arg-type]
         ([Rays(PLACE[:1], np.zeros(1), np.zeros(3), np.zeros((1, 2)), ONE)], "'length' is of shape (1, 2)"),
     ],
 )

@@ -1,7 +1,7 @@
 """Parts to start from, each with a test that passes.
 
-Each kind is a file KIND.txt, a template of Python. Where its test needs more of a scenario than the part itself, dotted
-keys with TOML values come first, up to a line `---`.
+Each kind is a file KIND.txt, a Python template. If its test needs more of a scenario than the part itself, dotted keys
+with TOML values come first, up to a line `---`.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Final
 from swarmsim.core.errors import InputError, nearest, unwritten
 
 _HERE: Final = Path(__file__).parent
-#: Why there is nothing to start from for some seams.
+#: Why some seams have no skeleton.
 WITHOUT: Final = {
-    "generator": "a building is made before there is a run to test it in; start from swarmsim/world/made/generated.py",
+    "generator": "a building is made before a run; start from swarmsim/world/made/generated.py",
     "layer": "it is a function of a moment; start from the one in docs/own.md",
     "localisation": "start from Noisy in swarmsim/robots/localisation.py",
     "physics": "bodies take eight verbs; start from swarmsim/robots/particles.py",
@@ -50,19 +50,19 @@ SCENARIO: Final = {
 
 
 def kinds() -> list[str]:
-    """What there are parts to start from of: seams, and minds, which are two of them."""
+    """The kinds with a skeleton: seams, and minds, which are two of them."""
     return sorted(path.stem for path in _HERE.glob("*.txt"))
 
 
 def _place(kind: str) -> tuple[str, bool]:
-    """Where a part of this kind stands in a scenario, and whether in a list."""
+    """The place of a part of this kind in a scenario, and whether it is a list."""
     from swarmsim.core.seams import SEAMS
 
     return (SEAMS[kind].at, SEAMS[kind].many) if kind in SEAMS else (kind, False)
 
 
 def _why_not(kind: str) -> str | None:
-    """Why there is nothing to start from for a kind of part, if there is a reason."""
+    """Why a kind of part has no skeleton, if there is a reason."""
     from swarmsim.core.scenario import registry
     from swarmsim.core.seams import PLACED, SEAMS
 
@@ -74,9 +74,9 @@ def _why_not(kind: str) -> str | None:
 
 
 def _skeleton(kind: str) -> tuple[dict[str, str], str]:
-    """What a scenario needs to try such a part, as TOML by dotted key, and the code. Raises InputError."""
+    """A scenario's keys to try such a part, as TOML by dotted key, and the code. Raises InputError."""
     if why := _why_not(kind):
-        raise InputError(f"new {kind}: there is none to start from: {why}")
+        raise InputError(f"new {kind}: no skeleton: {why}")
     known = {one: one for one in kinds()}
     if kind not in known:
         raise InputError(f"new {kind}: no such kind of part; {nearest(kind, known)}")
@@ -86,7 +86,7 @@ def _skeleton(kind: str) -> tuple[dict[str, str], str]:
 
 
 def _names(kind: str, name: str) -> tuple[str, str]:
-    """The name of the module, and that of the part in it. Raises InputError."""
+    """The names of the module and of the part in it. Raises InputError."""
     _, code = _skeleton(kind)
     module = name.replace("-", "_").lower()
     if not module.isidentifier() or keyword.iskeyword(module):
@@ -95,11 +95,10 @@ def _names(kind: str, name: str) -> tuple[str, str]:
 
 
 def new(kind: str, name: str, to: str | Path = ".") -> list[Path]:
-    """Write a part of your own to start from, and its test, which passes; give both files: `swarmsim new`.
+    """Write a part to start from, and its test, which passes; return both files: `swarmsim new`.
 
-    `kind` is a seam, or `mind`; `name` a word such as my_rule, and `to` a folder, which is made if it is not there.
-    Raises InputError for a kind that there is nothing to start from of, for a name that is none, and for files that
-    exist already: nothing is overwritten.
+    `kind` is a seam, or `mind`; `name` a word such as my_rule, and `to` a folder, made if missing. Raises InputError
+    for a kind without a skeleton, an invalid name, and files that exist already: nothing is overwritten.
     """
     folder = Path(to)
     module, part = _names(kind, name)
@@ -122,7 +121,7 @@ def new(kind: str, name: str, to: str | Path = ".") -> list[Path]:
 
 
 def advice(kind: str, name: str) -> str:
-    """What to put into the scenario, and how to run both."""
+    """The scenario's line, and how to run both."""
     module, part = _names(kind, name)
     place, listed = _place(kind)
     return (

@@ -1,4 +1,4 @@
-"""Parts in simpler forms than their seams ask for: plain functions of arrays, and classes of one robot's mind."""
+"""Simpler forms of parts: plain functions of arrays, and classes of one robot's mind."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OfMind = Callable[[type, Callable[[], Any], BuildContext], object]  # from the c
 
 
 def adapted(found: object, function: OfFunction | None, mind: OfMind | None) -> type[msgspec.Struct] | None:
-    """The parameter struct of a part in a simpler form, or None if it has none of those that its seam takes.
+    """The parameter struct of a part in a simpler form, or None if its seam takes no such form.
 
     Its keys are a function's keyword-only parameters, or those of a class's constructor.
     """
@@ -67,7 +67,7 @@ class FunctionForm(ABC):
     """A function and the values of its keys."""
 
     def __init__(self, function: Callable[..., object], keys: dict[str, Any], context: BuildContext) -> None:
-        #: Whose contract it is to keep.
+        #: The class or function named in messages about broken contracts.
         self.written_by = function
         self._function, self._keys, self._context = function, keys, context
 
@@ -75,7 +75,7 @@ class FunctionForm(ABC):
         return self._function(*given, **self._keys)
 
     def _array(self, found: object, *shape: int | None) -> NDArray[np.generic]:
-        """What the function has given, as an array of numbers of this shape. Raises MisfitError if it is none."""
+        """The function's result as an array of numbers of this shape. Raises MisfitError for anything else."""
         try:
             return own.array_of(found, *shape)
         except ValueError as problem:
@@ -90,8 +90,8 @@ class FunctionForm(ABC):
 class Observations:
     """All that a function may know in one iteration; robot i may use row i and its inbox alone.
 
-    A computation is asked twice: for what robots say, before anything is heard (`inbox` is None), and for what they
-    know then. A strategy sees all of it.
+    A computation is called twice: for what robots say, before anything is heard (`inbox` is None), and for what they
+    know afterwards. A strategy sees all of it.
     """
 
     iteration: int
@@ -99,7 +99,7 @@ class Observations:
     velocity: NDArray[np.float64]  # (n, 3): m/s, m/s, rad/s, in the world frame
     alive: NDArray[np.bool_]  # (n,)
     readings: Readings
-    decided: Intents | None  # what each robot decided in the iteration before; None in the first
+    decided: Intents | None  # what each robot decided in the previous iteration; None in the first
     inbox: Inbox[Any] | None = None
     knowledge: Knowledge | None = None  # of the kind that the computation gives
 
@@ -144,28 +144,28 @@ class FunctionTopology(FunctionForm):
 
 
 class FunctionLayer(FunctionForm):
-    """`def layer(shown, *, key=default)`: what is drawn of a moment."""
+    """`def layer(shown, *, key=default)`: the shapes that show one moment."""
 
     @property
     def name(self) -> str:
-        """That of the function."""
+        """The function's name."""
         return self._function.__name__
 
     def draw(self, shown: Shown) -> Sequence[Mark]:
-        """What the function gives."""
+        """The function's shapes."""
         return cast(Sequence[Mark], self._ask(shown))  # it is checked where it is drawn
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Saying(MessageBatch):
-    """What robots say whose computation is a function: their row of its value."""
+    """Messages of a computation that is a function: each robot's row of its value."""
 
     value: NDArray[np.float64]  # (t, ...)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value(Estimates):
-    """What robots know whose computation is a function."""
+    """Knowledge of a computation that is a function."""
 
     value: NDArray[np.float64]  # (n, ...)
 
@@ -183,7 +183,7 @@ class FunctionComputation(FunctionForm):
         super().__init__(function, keys, context)
         self._value: NDArray[np.float64] | None = None
         self._new = np.ones(len(context.ids), np.bool_)
-        #: That of a number each until the first `say` shows how long rows are; nobody hears anything before it speaks.
+        #: For one number each until the first `say` shows how long rows are; nothing can be heard before that.
         self.codec = PlainCodec(Saying(np.zeros(0)))
 
     def say(self, senses: Senses) -> Broadcast[Saying]:
@@ -191,7 +191,7 @@ class FunctionComputation(FunctionForm):
         return Broadcast.each(Saying(value.copy()), self.codec.size)
 
     def _begun(self, senses: Senses) -> NDArray[np.float64]:
-        """Every robot's row, those that are new included."""
+        """Every robot's row, new robots included."""
         value = self._value
         if value is not None and not self._new.any():
             return value
@@ -203,7 +203,7 @@ class FunctionComputation(FunctionForm):
         return value
 
     def hear(self, senses: Senses, inbox: Inbox[Saying]) -> Value:
-        """What the function makes of it."""
+        """The function's new value."""
         before, heard = self._begun(senses), Observations.of(senses, inbox)
         found = self._values(self._ask(heard, _read_only(before)), *before.shape)
         alive = senses.alive.reshape(-1, *[1] * (before.ndim - 1))
@@ -211,16 +211,16 @@ class FunctionComputation(FunctionForm):
         return Value(_read_only(self._value))
 
     def _values(self, found: object, *shape: int) -> NDArray[np.float64]:
-        """One row for each robot; of any length as long as that of none is known."""
+        """One row for each robot; of any length until one is known."""
         row = found.shape[1:] if self._value is None and isinstance(found, np.ndarray) else shape[1:]
         return self._array(found, shape[0], *row).astype(np.float64)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Let robots (r,) begin again."""
+        """Reset robots (r,)."""
         self._new[robots] = True
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) the row of another one."""
+        """Copy another robot's row to robots (r,)."""
         if self._value is not None:
             self._value[robots] = self._value[source]
 
@@ -234,7 +234,7 @@ def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
 class FunctionTask(FunctionForm):
     """`def task(moment, *, key=default)`: a number, a number and whether the task is done, or Measured.
 
-    The measure has the function's name; an axis has it in words, and its docstring's first line tells what it is.
+    The measure has the function's name; an axis shows it in words, and its docstring's first line explains it.
     """
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
@@ -263,15 +263,15 @@ class FunctionTask(FunctionForm):
 
 
 class Last:
-    """An observer that keeps what was measured last."""
+    """Keeps the last measurement."""
 
     def __init__(self) -> None:
         self._values: dict[str, float] = {}
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Take note of one iteration."""
+        """Note one iteration."""
         self._values = dict(moment.measured.values)
 
     def summary(self) -> dict[str, float | int | None]:
-        """Each measure at the end, as NAME_end."""
+        """Each measure's last value, as NAME_end."""
         return {f"{name}_end": float(value) for name, value in self._values.items()}

@@ -1,7 +1,7 @@
-"""Minds of one's own: a class whose instances are one robot's mind each, run for the whole swarm.
+"""Custom minds: a class with one instance per robot, run for the whole swarm.
 
-Nothing of this module has to be imported to write one: `step(self, me)` gets a `Me` and gives what `me.drive(...)` or
-`me.go(...)` give, or None to stand still.
+Writing one needs no import from here: `step(self, me)` gets a `Me` and returns what `me.drive(...)` or
+`me.go(...)` return, or None to stand still.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ from swarmsim.core.state import OCCUPIED, Intents, Knowledge, Record, Senses
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Intent:
-    """What one robot has decided: a velocity or a way, and what its actuators are to do."""
+    """One robot's decision: a velocity or a path, and commands for its actuators."""
 
     twist: tuple[float, float, float] | None = None  # m/s ahead, rad/s counter-clockwise, m/s to the left
     way: NDArray[np.float64] | None = None  # (w, 2): x, y in m
     commands: Mapping[str, object] = field(default_factory=dict)  # by channel of an actuator
 
     def also(self, **commands: object) -> Intent:
-        """The same with something for actuators to do, by channel: `me.drive(0.1).also(led=(255, 0, 0))`.
+        """The same with actuator commands, by channel: `me.drive(0.1).also(led=(255, 0, 0))`.
 
-        An actuator that is told nothing rests until the next iteration.
+        An actuator without a command rests until the next iteration.
         """
         return replace(self, commands={**self.commands, **commands})
 
 
 @dataclass(slots=True, eq=False)
 class Me:
-    """All that one robot may know in one iteration, its own memory aside; arrays cannot be written to.
+    """All that one robot may know in one iteration besides its memory; arrays are read-only.
 
-    What other sensors give is in `readings`, and `me.neighbours` is `me.readings.neighbours`.
+    Other sensors' channels are in `readings`; `me.neighbours` is `me.readings.neighbours`.
     """
 
     id: int
     iteration: int
     time: float  # s
-    x: float  # m, where it believes itself to be
-    y: float  # m
+    x: float  # m, its estimated position
+    y: float  # m, its estimated position
     yaw: float  # rad, counter-clockwise from the x axis
     velocity: NDArray[np.float64]  # (3,): m/s, m/s, rad/s, in the world frame
     tile: NDArray[np.uint8] | None  # (rows, columns): UNKNOWN 0, FREE 1 or OCCUPIED 2; None without such a sensor
@@ -64,23 +64,23 @@ class Me:
     bearings: NDArray[np.float64] | None  # (b,): rad from straight ahead
     sample: float | None  # the field's value here, if there is a field
     heard: Sequence[SimpleNamespace]  # what arrived: `sender`, `age` in iterations, and the message's own fields
-    knowledge: Any  # what its computation makes of all that, where that is another part
+    knowledge: Any  # from its computation, where that is another part
     lattice: Lattice  # of tiles and maps
-    speed: float  # m/s, the most that its wheels do
+    speed: float  # m/s, its wheels' top speed
     radius: float  # m
-    random: np.random.Generator  # a stream of its own
-    readings: SimpleNamespace  # what its other sensors give, by the names of their channels
-    #: What arrived of groups of robots that say messages of another kind: as `heard`, by the name of the group.
+    random: np.random.Generator  # its own stream
+    readings: SimpleNamespace  # its other sensors' data, by channel
+    #: Messages of another kind from other groups: as `heard`, by the group's name.
     others: Mapping[str, Sequence[SimpleNamespace]]
 
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what a sensor gives
-        found = {} if name == "readings" else vars(self.readings)  # which is not there while it is made
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - any sensor's data
+        found = {} if name == "readings" else vars(self.readings)  # not there during construction
         if name not in found:
             raise AttributeError(f"'Me' object has no attribute {name!r}", name=name, obj=self)
         return found[name]
 
     def __dir__(self) -> list[str]:
-        """All that it has, what its other sensors give included."""
+        """All attributes, other sensors' channels included."""
         return [*object.__dir__(self), *vars(self.readings)]
 
     @property
@@ -91,9 +91,9 @@ class Me:
         return self.lattice.centres(np.argwhere(self.tile == OCCUPIED) + self.corner)
 
     def drive(self, ahead: float, turn: float = 0.0, left: float = 0.0) -> Intent:
-        """To move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise, m/s to the left.
+        """Move at a velocity until the next iteration: m/s ahead, rad/s counter-clockwise, m/s to the left.
 
-        Raises ValueError unless all are finite numbers, and for a robot that shall move to the left but cannot.
+        Raises ValueError unless all are finite, and for sideways motion of a robot that cannot do it.
         """
         aside = _number("drive", "left", left)
         if aside and not self._sideways:
@@ -102,7 +102,7 @@ class Me:
         return Intent(twist=(_number("drive", "ahead", ahead), _number("drive", "turn", turn), aside))
 
     def head(self, yaw: float, ahead: float) -> Intent:
-        """To move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
+        """Move at `ahead` (m/s) and turn towards a direction (rad) as far as one iteration allows.
 
         Raises ValueError unless both are finite numbers.
         """
@@ -110,9 +110,9 @@ class Me:
         return Intent(twist=(_number("head", "ahead", ahead), float(turn) / self._period, 0.0))
 
     def go(self, way: ArrayLike) -> Intent:
-        """To follow waypoints (w, 2) in m, or to go to one place (2,), and stop at the end.
+        """Follow waypoints (w, 2) in m, or go to one place (2,), and stop at the end.
 
-        Raises ValueError unless they are finite numbers, of one place at least.
+        Raises ValueError unless they are finite and name at least one place.
         """
         one = len(np.shape(way)) == 1
         try:
@@ -128,14 +128,14 @@ class Me:
 
 
 class RobotMind(Protocol):
-    """One robot's mind, an instance of somebody's class; it has to `say` something if this has `message_fields`."""
+    """One robot's mind, an instance of a user's class; one with `message_fields` must have `say`."""
 
     def say(self, me: Me) -> object:
-        """What it tells others."""
+        """Its message to others."""
         ...
 
     def hear(self, me: Me) -> object:
-        """To take in what it is told; it is not asked if it has no such method."""
+        """Take in received messages; optional."""
         ...
 
     def step(self, me: Me) -> object:
@@ -146,7 +146,7 @@ class RobotMind(Protocol):
 T = TypeVar("T")  # what minds answer
 S = TypeVar("S", bound=np.generic)
 
-#: What a mind finds of its own and a sensor cannot call a channel; `ranges` is the ring's.
+#: Attributes of `Me`, which a sensor cannot use as channel names; `ranges` belongs to the ring.
 OF_ME: Final = frozenset(name for name in dir(Me) if not name.startswith("_")) - {"ranges"}
 
 
@@ -159,7 +159,7 @@ def _number(verb: str, name: str, value: object) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OwnMinds(Knowledge):
-    """What the minds of somebody's own class know: themselves, and what of it they show."""
+    """Knowledge of a user's minds: the instances, and the attributes they show."""
 
     minds: Sequence[RobotMind] = field(metadata=AS_IT_IS)  # (n,): one instance for each robot
     shown: Mapping[str, NDArray[np.float64]]  # (n,): the attributes that the class names in `recorded`
@@ -173,11 +173,11 @@ class OwnMinds(Knowledge):
             ) from None
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """All that is shown."""
+        """All shown attributes."""
         return tuple(self.shown.values())
 
     def record(self) -> Record:
-        """A table for each attribute that is shown."""
+        """A table for each shown attribute."""
         return Record(dict(self.shown))
 
     def of(self, robot: int) -> RobotMind:
@@ -185,15 +185,15 @@ class OwnMinds(Knowledge):
         return self.minds[robot]
 
 
-_NUMBERS: Final = ("f8", "f4", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1", "?")  # types of what messages hold
-#: The message of minds that say nothing: a header alone.
+_NUMBERS: Final = ("f8", "f4", "i8", "i4", "i2", "i1", "u8", "u4", "u2", "u1", "?")  # types of message fields
+#: The message of silent minds: only a header.
 _SILENCE: Final = make_dataclass(
     "Silence", [("nothing", NDArray[np.float64])], bases=(MessageBatch,), frozen=True, slots=True, eq=False
 )
 
 
 class Minds:
-    """One instance for each robot, and what each of them may know."""
+    """One instance per robot, and what each may know."""
 
     def __init__(self, make: Callable[[], RobotMind], context: BuildContext) -> None:
         self._make, self._context = make, context
@@ -209,9 +209,9 @@ class Minds:
         inbox: Inbox[MessageBatch] | None = None,
         knowledge: Knowledge | None = None,
     ) -> dict[int, T]:
-        """What every live robot's mind answers, by its row; what is raised tells whose mind it was.
+        """Every live robot's answer, by row; errors name the robot.
 
-        There is no inbox before they have spoken, and no knowledge before they have heard.
+        There is no inbox before they have spoken, and no knowledge before they have received.
         """
         answers: dict[int, T] = {}
         for row, me in self._all(senses, inbox, knowledge):
@@ -246,7 +246,7 @@ class Minds:
             )  # fmt: skip
 
     def _others(self, inbox: Inbox[MessageBatch] | None, row: int, now: int) -> dict[str, list[SimpleNamespace]]:
-        """What one robot has heard of each group whose messages are of another kind."""
+        """What one robot received from each group with another kind of message."""
         found: dict[str, list[SimpleNamespace]] = {name: [] for name in self._context.robots.names}
         for name, heard in ({} if inbox is None else inbox.others).items():
             found[name] = _heard(heard, row, now)
@@ -258,18 +258,18 @@ class Minds:
             self.minds[robot] = self._make()
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) the memory of another one."""
+        """Copy another robot's memory to robots (r,)."""
         for robot in robots.tolist():
             self.minds[robot] = copy.deepcopy(self.minds[source])
 
 
-#: What a mind finds under names of its own.
+#: Channels that `Me` offers under other names.
 _SHOWN: Final = ("tiles.values", "tiles.origins", "tiles.evidence", "ranges", "field")
 _NONE: Final = SimpleNamespace()
 
 
 def _read(readings: Readings, row: int, robot: int) -> SimpleNamespace:
-    """What one robot's other sensors give: numbers, arrays, and of ragged channels as many rows as are used."""
+    """One robot's other sensor data: numbers, arrays, and the used rows of ragged channels."""
     if all(name in _SHOWN for name in readings.channels.places):
         return _NONE
     found: dict[str, object] = {}
@@ -291,7 +291,7 @@ def _kept(array: NDArray[S]) -> NDArray[S]:
 
 
 def _heard(inbox: Inbox[MessageBatch], robot: int, iteration: int) -> list[SimpleNamespace]:
-    """The items of one robot's inbox, each by the names of its columns."""
+    """The items of one robot's inbox, with their columns as attributes."""
     first, end = np.searchsorted(inbox.receivers, [robot, robot + 1]).tolist()
     names = [column.name for column in fields(inbox.content)]
     columns = inbox.content.arrays()
@@ -310,14 +310,14 @@ def _item(value: object) -> object:
 
 
 class MindComputation:
-    """The half of such minds that says and hears."""
+    """The part of custom minds that sends and receives."""
 
     knowledge_type: type[Knowledge] = OwnMinds
 
     def __init__(self, kind: type, make: Callable[[], RobotMind], context: BuildContext) -> None:
-        #: Whose contract it is to keep.
+        #: The class or function named in messages about broken contracts.
         self.written_by = kind
-        #: The channels of sensors that it cannot do without.
+        #: The sensor channels it requires.
         self.requires = _required(kind)
         self._swarm = Minds(make, context)
         self._kinds = _said(kind)
@@ -342,7 +342,7 @@ class MindComputation:
         return list(columns.values())
 
     def _answer(self, mind: RobotMind, me: Me) -> dict[str, NDArray[np.generic]]:
-        """What a mind says, by the names in `message_fields`. Raises MisfitError."""
+        """A mind's message, by the names in `message_fields`. Raises MisfitError."""
         found, names = mind.say(me), list(self._kinds)
         if not isinstance(found, Mapping):
             values = [found]
@@ -360,7 +360,7 @@ class MindComputation:
         return {name: self._value(name, value) for name, value in found.items()}
 
     def _value(self, name: str, value: object) -> NDArray[np.generic]:
-        """A value as its field holds it. Raises MisfitError for one that is another number there."""
+        """A value in its field's type. Raises MisfitError for one that the type cannot hold exactly."""
         kind = self._kinds[name]
         try:
             return own.kept_as(kind.base, value, *kind.shape)
@@ -371,13 +371,13 @@ class MindComputation:
         return MisfitError(f"say gave {wrong}", self.written_by, "say")
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        """What each live robot's mind says; the dead's messages are zeros that nobody hears."""
+        """Each live robot's message; dead robots' messages are zeros and never received."""
         answers = self._swarm.each(senses, self._answer) if self._kinds else {}
         columns = self._columns(answers, len(senses.alive))
         return Broadcast.each(self._content(*columns), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> OwnMinds:
-        """The minds, after they have heard."""
+        """The minds, after they have received."""
         if self._hears:
             self._swarm.each(senses, lambda mind, me: mind.hear(me), inbox)
         minds = self._swarm.minds
@@ -385,7 +385,7 @@ class MindComputation:
         return OwnMinds(tuple(minds), shown)
 
     def _attribute(self, robot: int, name: str) -> float:
-        """What a mind shows. Raises MisfitError if it does not have that, or no number."""
+        """A mind's shown value. Raises MisfitError if it is missing or no number."""
         mind = self._swarm.minds[robot]
         try:
             return own.number_of(getattr(mind, name))
@@ -404,12 +404,12 @@ class MindComputation:
         self._swarm.reset(robots)
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give robots (r,) the memory of another one."""
+        """Copy another robot's memory to robots (r,)."""
         self._swarm.copy_from(robots, source)
 
 
 def _said(kind: type) -> dict[str, np.dtype[np.generic]]:
-    """The fields of the messages of a class of minds, by name. Raises MisfitError for what is no such thing."""
+    """The message fields that a class of minds declares, by name. Raises MisfitError for a wrong declaration."""
     says = getattr(kind, "message_fields", {})
     if not isinstance(says, Mapping):
         raise MisfitError(
@@ -452,7 +452,7 @@ def _said(kind: type) -> dict[str, np.dtype[np.generic]]:
 
 
 def _required(kind: type) -> tuple[str, ...]:
-    """The channels that a class of minds needs. Raises MisfitError for what are no names."""
+    """The channels that a class of minds needs. Raises MisfitError unless they are names."""
     for old, kinds in (("says", Mapping), ("shows", tuple)):
         if isinstance(getattr(kind, old, None), kinds):
             raise MisfitError(f"{old} is called {OF_PARTS[old]} now", kind, old)
@@ -463,7 +463,7 @@ def _required(kind: type) -> tuple[str, ...]:
 
 
 def _shown(kind: type) -> tuple[str, ...]:
-    """The attributes that a class of minds shows. Raises MisfitError for what are no names of attributes."""
+    """The attributes that a class of minds shows. Raises MisfitError unless they are attribute names."""
     shows = getattr(kind, "recorded", ())
     names = shows if isinstance(shows, tuple | list) else ()
     if (shows and not names) or not all(isinstance(name, str) for name in names):
@@ -479,14 +479,14 @@ def _shown(kind: type) -> tuple[str, ...]:
 
 
 class MindStrategy:
-    """The half of such minds that decides: of the minds that the computation has or, beside another one, of its own."""
+    """The part of custom minds that decides: on the computation's minds or, beside another computation, on its own."""
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def __init__(self, kind: type, make: Callable[[], RobotMind], context: BuildContext) -> None:
-        #: Whose contract it is to keep.
+        #: The class or function named in messages about broken contracts.
         self.written_by = kind
-        #: The channels of sensors that it cannot do without.
+        #: The sensor channels it requires.
         self.requires = _required(kind)
         self._kind, self._actuators = kind, context.actuators
         self._swarm = Minds(make, context)
@@ -494,7 +494,7 @@ class MindStrategy:
         self._columns = 2 if context.sideways is None else 3
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        """What each live robot's mind decides."""
+        """Each live robot's decision."""
         known = knowledge if isinstance(knowledge, OwnMinds) else lent(knowledge)
         if isinstance(knowledge, OwnMinds) and isinstance(knowledge.minds[0], self._kind):
             self._swarm.minds[:] = knowledge.minds

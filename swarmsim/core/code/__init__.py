@@ -1,1 +1,1 @@
-"""The code that a run is made of, by content."""
+"""The code behind a run, by content."""

@@ -1,4 +1,4 @@
-"""Installed distributions with parts in them: what they offer, and their files by content."""
+"""Installed distributions with parts: their entry points, and their files by content."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from typing import Final
 _PACKAGE: Final = Path(__file__).parents[2]
 _PYTHON: Final = tuple(sysconfig.get_path(name) + os.sep for name in ("stdlib", "platstdlib"))
 _INSTALLED: Final = {"site-packages", "dist-packages"}
-CHANGED: Final = "+"  # after the hash of files that have changed since this process began to use them
+CHANGED: Final = "+"  # after the hash of files changed since this process loaded them
 
 
 @lru_cache(maxsize=1)
 def parts() -> dict[str, dict[str, EntryPoint]]:
     """The entry points of all installed parts, by seam and name."""
     found: dict[str, dict[str, EntryPoint]] = {}
-    every = entry_points()  # which reads the files of all installed packages
+    every = entry_points()  # reads files of all installed packages
     for group in sorted(every.groups):
         if group.startswith("swarmsim."):
             named = found.setdefault(group.removeprefix("swarmsim."), {})
@@ -35,7 +35,7 @@ def parts() -> dict[str, dict[str, EntryPoint]]:
 
 @lru_cache(maxsize=1)
 def plugins() -> frozenset[str]:
-    """The first names of all modules that installed parts are in."""
+    """The top-level packages of all installed parts."""
     return frozenset(entry.module.partition(".")[0] for named in parts().values() for entry in named.values())
 
 
@@ -45,7 +45,7 @@ def ours() -> str:
 
 
 def plugin(entry: EntryPoint) -> tuple[str, str]:
-    """The name of the distribution that a part is from, and a hash of its files."""
+    """The name of a part's distribution, and a hash of its files."""
     top = entry.module.partition(".")[0]
     if entry.dist is None:
         return top, module(top)
@@ -54,7 +54,7 @@ def plugin(entry: EntryPoint) -> tuple[str, str]:
 
 
 def module(name: str) -> str:
-    """A hash of the code of the package that an installed module is in; nothing if it has no files."""
+    """A hash of an installed module's package; empty without files."""
     homes = _homes(name.partition(".")[0])
     return _content(homes) if homes else ""
 
@@ -92,7 +92,7 @@ def _spec(top: str) -> ModuleSpec | None:
 
 
 def _counts(parts: tuple[str, ...]) -> bool:
-    """Whether a file that a distribution lists is one that it works with."""
+    """Whether a file that a distribution lists affects what it does."""
     top = parts[0]
     if top.endswith(".dist-info") or top.startswith("__editable__") or ".." in parts:
         return False
@@ -110,9 +110,9 @@ def _homes(top: str) -> frozenset[Path]:
 
 
 def _content(places: frozenset[Path]) -> str:
-    """A hash of these files, and of the code in these folders, as this process found them first.
+    """A hash of these files, and of the code in these folders, as this process first found them.
 
-    It ends with CHANGED if they are others by now: then nobody knows which of them this process has loaded.
+    It ends with CHANGED if they differ by now: then it is unknown which version this process has loaded.
     """
     first, found = _first(places)
     return found if _stamps(_files(places)) == first else found + CHANGED

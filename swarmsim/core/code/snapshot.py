@@ -1,7 +1,7 @@
-"""Code of the user's own as its files stand at one moment, and the modules made of it.
+"""The user's code as its files stand at one moment, and the modules made from it.
 
-A part is named by its file or its module. What its code imports is looked for beside that file first, as in a script of
-Python's, whatever the name: a `random.py` there is what `import random` means, for the code beside it and for no other.
+A part is named by its file or its module. Its imports are looked for beside that file first, as in a Python script,
+whatever the name: with a `random.py` there, `import random` means that file, but only for the code beside it.
 Then come installed modules. Only `swarmsim` is always this package, and a file that imports its own name means the
 other module of that name. `from . import sibling` works too. `sys.path` is left alone: two folders that both have a
 `helper.py` have two modules.
@@ -31,34 +31,34 @@ from weakref import WeakKeyDictionary
 from swarmsim.core.code import statements
 from swarmsim.core.code.distributions import home_of
 
-PREFIX: Final = "swarmsim_own_"  # what the packages are called that stand for folders of the user's own
+PREFIX: Final = "swarmsim_own_"  # of the packages that stand for the user's folders
 _PACKAGE: Final = "__init__.py"
 _LOCK: Final = RLock()  # workers of Dask's may have several threads
 
 
 @dataclass(frozen=True, slots=True)
 class Files:
-    """Texts of code, to be run wherever they are sent to."""
+    """Texts of code that can be sent to and run in other processes."""
 
     base: str = ""  # the folder that relative paths are resolved from
     texts: tuple[tuple[str, bytes], ...] = ()  # by absolute path, sorted
 
 
 class Snapshot:
-    """The user's code at one moment: a file is read once, when code that may import it is first loaded."""
+    """The user's code at one moment; each file is read once, when code that may import it is first loaded."""
 
     def __init__(self, given: Files | None = None) -> None:
-        """`given` are texts that stand in the place of files."""
+        """`given` texts replace files."""
         #: The folder that relative paths are resolved from.
         self.base = Path.cwd() if given is None else Path(given.base)
         self._texts = {} if given is None else {Path(file): text for file, text in given.texts}
         self._given = tuple(self._texts)
-        self._folders: dict[str, Path] = {}  # by the name of the package that stands for it
-        self._named: dict[str, Path] = {}  # files whose names cannot be those of modules, by module
-        self._homes: dict[tuple[str, str], str | None] = {}  # the package for a first name that a module imports
+        self._folders: dict[str, Path] = {}  # by the package that stands for it
+        self._named: dict[str, Path] = {}  # files whose names are no module names, by module
+        self._homes: dict[tuple[str, str], str | None] = {}  # the package for a top-level name that a module imports
         self._entries: set[str] = set()
         self._builtins = {**vars(builtins), "__import__": self._import}
-        #: Its modules by name, while those of another snapshot are in `sys.modules`.
+        #: Its modules by name, while another snapshot's are in `sys.modules`.
         self.modules: dict[str, ModuleType] = {}
 
     def load(self, place: str) -> ModuleType:
@@ -76,7 +76,7 @@ class Snapshot:
             return importlib.import_module(name)
 
     def name_of(self, place: str) -> str | None:
-        """What the module is called that `place` stands for; None for an installed one. Raises FileNotFoundError."""
+        """The name of the module that `place` stands for; None for an installed one. Raises FileNotFoundError."""
         if not place.endswith(".py"):
             folder = self._folder_of(place.partition(".")[0])
             return None if folder is None else f"{self._package(folder)}.{place}"
@@ -93,11 +93,11 @@ class Snapshot:
         return name
 
     def makes(self, kind: type) -> None:
-        """Note that a class comes from here."""
+        """Note that a class comes from this snapshot."""
         _shelf().made[kind] = self
 
     def texts(self, places: Iterable[str]) -> dict[Path, bytes]:
-        """The texts of all files that these places need, those included that code has loaded by name."""
+        """The texts of all files that these places need, including those that code loaded by name."""
         named = [self.name_of(place) for place in places]
         found = self._reached(name for name in named if name is not None)
         if found:
@@ -108,19 +108,19 @@ class Snapshot:
         return found
 
     def short(self, file: Path) -> str:
-        """A file's path from the folder that its imports begin at."""
+        """A file's path relative to the folder where its imports start."""
         homes = [folder for folder in self._folders.values() if file.is_relative_to(folder)]
         return file.relative_to(max(homes, key=lambda home: len(home.parts), default=file.parent)).as_posix()
 
     def is_current(self) -> bool:
-        """Whether all files are still as they were read, and none stands where there was none."""
+        """Whether all files are still as they were read, and none has appeared."""
         if self.base != Path.cwd() or any(_content(file) != text for file, text in self._texts.items()):
             return False
         outside = [(importer, top) for (importer, top), home in self._homes.items() if home is None]
         return not any(self._is_beside(importer, top) for importer, top in outside)
 
     def spec(self, name: str) -> ModuleSpec | None:
-        """How Python is to load a module of the user's own; None if there is no file for it."""
+        """How Python loads a user module; None without a file for it."""
         file, folder = self._file(name), self._place(name)
         if folder is None:
             return None
@@ -146,12 +146,12 @@ class Snapshot:
     def _import(
         self,
         name: str,
-        globals: Mapping[str, object] | None = None,  # noqa: A002 - called as Python calls its own
+        globals: Mapping[str, object] | None = None,  # noqa: A002 - Python's own names
         locals: Mapping[str, object] | None = None,  # noqa: A002
         fromlist: Sequence[str] | None = (),
         level: int = 0,
     ) -> ModuleType:
-        """What `import` means in code of the user's own."""
+        """`import` for the user's code."""
         with _LOCK:
             _shelf().activate(self)
             top = name.partition(".")[0]
@@ -162,7 +162,7 @@ class Snapshot:
             return found if fromlist else sys.modules[f"{home}.{top}"]
 
     def _home(self, importer: str, top: str) -> str | None:
-        """The package of the user's own that a name which `importer` imports belongs to; None if it is installed."""
+        """The user package of a name that `importer` imports; None if it is installed."""
         if (importer, top) not in self._homes:
             self._homes[importer, top] = self._found(importer, top)
         return self._homes[importer, top]
@@ -184,13 +184,13 @@ class Snapshot:
         return package if (self._folders[package] / top).is_dir() else None
 
     def _is_beside(self, importer: str, top: str) -> bool:
-        """Whether a file with this name, other than the importing one, stands in the folder that imports begin at."""
+        """Whether the folder where imports start has a file of this name, other than the importing one."""
         name = f"{importer.partition('.')[0]}.{top}"
         file = None if top == "swarmsim" else self._file(name)
         return file is not None and (importer != name or file.name == _PACKAGE)
 
     def _folder_of(self, top: str) -> Path | None:
-        """The folder of a module that is no installed one: of the given files, or where Python finds it."""
+        """The folder of a module that is not installed: of the given files, or where Python finds it."""
         home = home_of(top)
         if home.installed:
             return None
@@ -202,18 +202,18 @@ class Snapshot:
         return home.folder
 
     def _package(self, folder: Path) -> str:
-        """The name of the package that stands for a folder; the same in every process, as caches of numba's need."""
+        """The name of the package that stands for a folder; the same in every process, as numba's caches need."""
         name = PREFIX + hashlib.blake2b(str(folder).encode(), digest_size=6).hexdigest()
         self._folders[name] = folder
         return name
 
     def _place(self, name: str) -> Path | None:
-        """Where a module's file or folder stands, without an ending; None for a package that is not known."""
+        """The path of a module's file or folder, without suffix; None for an unknown package."""
         package, *rest = name.split(".")
         return self._folders[package].joinpath(*rest) if package in self._folders else None
 
     def _file(self, name: str) -> Path | None:
-        """The file of a module of the user's own, which is read; None for folders and what is not there."""
+        """The file of a user module, which is read; None for folders and missing files."""
         place = self._place(name)
         if name in self._named or place is None or "." not in name:
             return self._named.get(name)
@@ -229,7 +229,7 @@ class Snapshot:
         return True
 
     def _reached(self, names: Iterable[str]) -> dict[Path, bytes]:
-        """The texts of these modules of the user's own, and of all that their import statements may load."""
+        """The texts of these user modules, and of all that their import statements may load."""
         found: dict[Path, bytes] = {}
         waiting = list(names)
         while waiting:
@@ -243,7 +243,7 @@ class Snapshot:
         return found
 
     def _imported(self, name: str, file: Path) -> Iterator[str]:
-        """The modules of the user's own that a file's import statements name, wherever they stand in it."""
+        """The user modules that a file's import statements name, anywhere in it."""
         package = name if file.name == _PACKAGE else name.rpartition(".")[0]
         for module in statements.imported(self._texts[file], package):
             home = None if module.startswith(PREFIX) else self._home(name, module.partition(".")[0])
@@ -266,7 +266,7 @@ class _Loader(SourceFileLoader):
 
     def exec_module(self, module: ModuleType) -> None:
         code, text = self.get_code(module.__name__), self.get_source(module.__name__)
-        # Messages show the lines that run, whatever the file says by then; an entry without a time is not read again.
+        # Tracebacks show the lines that ran, even if the file has changed; an entry without a time is not read again.
         linecache.cache[self.path] = (len(text), None, text.splitlines(keepends=True), self.path)
         self._snapshot.run(code, module)
 
@@ -287,12 +287,12 @@ class _Shelf:
 
     def __init__(self) -> None:
         self.latest = self.active = Snapshot()
-        #: Where classes come from that parts are made by.
+        #: The snapshot that each part's class comes from.
         self.made: WeakKeyDictionary[type, Snapshot] = WeakKeyDictionary()
         sys.meta_path.insert(0, _Finder(self))
 
     def activate(self, snapshot: Snapshot) -> None:
-        """Put the modules of a snapshot in the place of another one's."""
+        """Replace another snapshot's modules by this one's."""
         if self.active is not snapshot:
             self.active.modules = _own_modules()
             for name in self.active.modules:
@@ -322,7 +322,7 @@ _GIVEN: ContextVar[Files | None] = ContextVar("given files", default=None)
 
 @contextmanager
 def given(files: Files) -> Iterator[None]:
-    """Within this context, the user's own code is what these texts say, whatever files say now."""
+    """Within this context, these texts are the user's code, whatever the files hold now."""
     token = _GIVEN.set(files)
     try:
         yield
@@ -343,7 +343,7 @@ def present() -> Snapshot:
 
 
 def home_of_class(kind: type) -> Snapshot:
-    """The code that a class comes from which makes parts."""
+    """The code behind a part's class."""
     return _shelf().made[kind]
 
 

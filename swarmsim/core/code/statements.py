@@ -1,4 +1,4 @@
-"""Which modules the import statements of a text name."""
+"""The modules that a text's import statements name."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from importlib.util import resolve_name
 
 
 def imported(text: bytes, package: str) -> Iterator[str]:
-    """Every module that a text of Python may import, wherever the statement stands: functions import late.
+    """Every module that a Python text may import, anywhere in it, since functions import late.
 
-    What is imported from a module may be a module as well, so both are named. Relative names are resolved from
-    `package`; a text that cannot be read names none, which is told when it is run.
+    A name imported from a module may itself be a module, so both are listed. Relative names are resolved from
+    `package`; a text that cannot be parsed names none, and fails when it is run.
     """
     try:
         tree = ast.parse(text)
@@ -23,6 +23,6 @@ def imported(text: bytes, package: str) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             try:
                 base = resolve_name("." * node.level + (node.module or ""), package)
-            except ImportError:  # beyond the package, as it says when it is run
+            except ImportError:  # beyond the package; fails when it is run
                 continue
             yield from (base, *(f"{base}.{alias.name}" for alias in node.names))

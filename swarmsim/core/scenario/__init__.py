@@ -1,1 +1,1 @@
-"""Scenario files: tables become typed values, and parts are found by their names."""
+"""Scenario files: tables become typed values, and parts are found by name."""

@@ -1,4 +1,4 @@
-"""Makes typed values of tables: structs of their keys, and parts inside them of the tables of parts."""
+"""Decodes tables into structs, and the tables of parts inside them into parts."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 class Nested(ABC):
-    """What the field of a struct holds that is made of a table in a way of its own."""
+    """A field's value that decodes itself from a table."""
 
     __slots__ = ()
 
     @classmethod
     @abstractmethod
     def of_table(cls, kind: object, given: Nested | dict[str, Any], take: Take | None) -> Nested:
-        """That of a field of this type, from a table or as it was made already, with `take` done with it.
+        """The value of a field of this type, from a table or ready-made, passed through `take`.
 
         Raises InputError, which starts with the key at fault.
         """
 
 
-Take = Callable[[Any], Nested]  # what is done with each nested value that a table holds
+Take = Callable[[Any], Nested]  # applied to each nested value in a table
 
 
 class _WrongKindError(ValueError):
-    """What is no table, in msgspec's words."""
+    """A value that is not a table, in msgspec's words."""
 
 
 class _InsideError(ValueError):
-    """What is wrong inside of a nested table: starts with a key of it, and not with a reason."""
+    """An error inside a nested table: starts with its key, not with a reason."""
 
 
 def convert(given: Mapping[str, Any], kind: type[T], take: Take | None = None) -> T:
-    """The struct that a table describes; `take` is what is done with parts in it, which are decoded by default.
+    """The struct that a table describes; `take` is applied to parts in it, and decodes them by default.
 
     Raises InputError that starts with the key, or all missing keys, at fault.
     """
@@ -87,19 +87,19 @@ def read_struct(path: Path, expected: str, kind: type[T]) -> T:
 
 
 def called(value: object) -> str:
-    """What a value of a TOML file is called in messages, as msgspec calls it."""
+    """A TOML value's type name in messages, as msgspec calls it."""
     names = {list: "array", tuple: "array", dict: "object", type(None): "null"}
     return names.get(type(value), type(value).__name__)
 
 
 def _choices(kind: type[msgspec.Struct], key: str) -> str:
-    """A clause that lists what may stand for a key, if that is one of few words."""
+    """A clause that lists a key's possible values, if they are a few words."""
     known = [choice for one in _at(types.type_info(kind), key.replace("[", ".[").split(".")) for choice in _words(one)]
     return f"; expected {' or '.join(map(repr, known))}" if known else ""
 
 
 def _at(kind: types.Type, keys: list[str]) -> Iterator[types.Type]:
-    """What types stand at a place in one, of keys and of [0] for what is in a list."""
+    """The types at a place of keys, with [0] for list items, inside a type."""
     match kind:
         case types.Metadata():
             yield from _at(kind.type, keys)
@@ -126,7 +126,7 @@ def _words(kind: types.Type) -> list[Any]:
 
 
 def _faults_of(given: Mapping[str, Any], kind: type[msgspec.Struct], place: str = "") -> list[str]:
-    """The dotted required keys that are missing, at any depth.
+    """The missing required keys, dotted, at any depth.
 
     Raises InputError for the first key that the struct lacks or that is not finite.
     """

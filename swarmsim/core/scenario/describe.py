@@ -1,4 +1,4 @@
-"""What parts there are and what their keys mean, read from the parts themselves."""
+"""Lists the parts and the meanings of their keys, read from the parts themselves."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Parameter:
     """One key of a part's table."""
 
     key: str
-    kind: str  # what it may be, in words
+    kind: str  # accepted values, in words
     default: str | None  # as in TOML; None if the key is required
-    meaning: str  # with its unit; what stands behind it in the code
+    meaning: str  # with its unit; from the comment in the code
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +36,18 @@ class PartDescription:
 
     seam: str
     name: str
-    default: bool  # whether it is what a scenario has that names none
-    origin: str  # the distribution that brings it, and its version
-    first: str  # the first sentence of what it is
-    text: str  # all of it
+    default: bool  # whether it is the scenario's default
+    origin: str  # its distribution and version
+    first: str  # first sentence of its docstring
+    text: str  # the whole docstring
     parameters: tuple[Parameter, ...]
 
 
 def parts(which: str | None = None) -> list[PartDescription]:
     """The parts that scenarios can name, ours and those of other distributions, with their keys: `swarmsim parts`.
 
-    `which` is a seam, such as `topology`, or one part of it, such as `topology.knn`; without it they are all, in the
-    order of seams and names. Raises InputError if there is no such seam or part.
+    `which` is a seam, such as `topology`, or one of its parts, such as `topology.knn`; by default all, in the order
+    of seams and names. Raises InputError for an unknown seam or part.
     """
     seam, _, name = (which or "").partition(".")
     if name:
@@ -62,7 +62,7 @@ def _known(seam: str) -> str:
 
 
 def part(seam: str, name: str) -> PartDescription:
-    """One installed part. Raises InputError if there is none of that name."""
+    """One installed part. Raises InputError for an unknown name."""
     kind, entry = registry.find(_known(seam), name), registry.entries(seam)[name]
     text = inspect.cleandoc(kind.__doc__ or "")
     return PartDescription(
@@ -98,7 +98,7 @@ def _toml(field: types.Field) -> str:
 
 
 def comments(kind: type) -> dict[str, str]:
-    """What stands behind the fields of a class and its bases in their code, by name; nothing without code."""
+    """The comments behind the fields of a class and its bases, by name; empty without code."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         try:
@@ -155,7 +155,7 @@ def _bounds(kind: types.IntType | types.FloatType) -> str:
 
 
 def seams_in_markdown() -> str:
-    """The table of all seams, as the page about parts has it."""
+    """The table of all seams in docs/parts.md."""
     rows = [("seam", "in a scenario", "default", "what a part does", "what it has"), ("---",) * 5]
     for seam in SEAMS.values():
         place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else "in another part's table"
@@ -166,6 +166,6 @@ def seams_in_markdown() -> str:
 
 
 def plain(description: PartDescription) -> dict[str, object]:
-    """A description as what JSON holds."""
+    """A description as JSON values."""
     found: dict[str, object] = msgspec.to_builtins(description)
     return found

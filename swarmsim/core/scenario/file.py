@@ -54,9 +54,9 @@ Names = Annotated[tuple[Name, ...], Meta(min_length=1)]
 
 
 class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """By which names the layers of a drawing are known."""
+    """Names of a drawing's layers."""
 
-    # in the order in which identities of studies have them
+    # in the order used by identities of studies
     doors: Names | None = None
     floor: Names | None = None
     furniture: Names | None = None
@@ -66,7 +66,7 @@ class Layers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit
     walls: Names | None = None
 
     def __reduce__(self) -> str | tuple[object, ...]:
-        """The same that worlds have by default, as which texts leave it out, if it names nothing."""
+        """The default itself if it names nothing, since texts omit only that very object."""
         return "UNNAMED" if self == UNNAMED else (msgspec.convert, (msgspec.to_builtins(self), Layers))
 
 
@@ -74,18 +74,17 @@ UNNAMED: Final = Layers()
 
 
 class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """The building: a drawing, a map, polygons, a plan of a building program, or one that is made.
+    """The building: a drawing, a map, polygons, a building program's plan, or a generated one.
 
-    `scale` multiplies the metres of the file, or `width` says how many metres its page is wide; `resolution` is that of
-    a bitmap without a YAML. `layers` says by which ids, labels or classes a drawing's layers (walls, pillars,
-    furniture, doors, spawn, unknown) are known, where they are not called so, and `floor` which names are floor.
-    `level` is the storey of a file with several. `solid` says whether all that a drawing without layers shows is
-    solid, or its strokes alone, with floor between them; left out, the drawing decides. Closed rooms get doors
-    `doors` wide; left out, they do where a drawing of rooms has none. `border` closes a building that is open to the
-    page's edge; left out, it does where that is needed. What robots cannot enter is ignored, filled or refused, by
-    `pockets`. Solid specks up to `despeckle` are dropped. `spawn` is an area in which robots may start, called
-    `spawn`; where the file has none either, the floor is. What a map does not know is a wall, or a space that does
-    not count.
+    `scale` multiplies the file's metres, or `width` gives its page's width in metres; `resolution` is for a bitmap
+    without a YAML. `layers` gives the ids, labels or classes of a drawing's layers (walls, pillars, furniture,
+    doors, spawn, unknown) with other names, and `floor` those that are floor. `level` is the storey of a file with
+    several. `solid` tells whether all of a drawing without layers is solid, or only its strokes, with floor between
+    them; by default the drawing decides. Closed rooms get doors `doors` wide; by default only where a drawing of
+    rooms has none. `border` closes a building that is open to the page's edge; by default where needed. `pockets`
+    ignores, fills or refuses space that robots cannot enter. Solid specks up to `despeckle` are dropped. `spawn` is
+    a start area called `spawn`; without it, the file's, or the floor. A map's unknown cells are walls, or space
+    that does not count.
     """
 
     file: str = ""
@@ -103,7 +102,7 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
     spawn: tuple[Edges, Edges, Length, Length] | None = None  # x, y of the lower left corner, width, height in m
     unknown: Literal["wall", "space"] = "wall"
     generate: Part[Generator] = NONE
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of what is made
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1  # of the generator
 
     def __post_init__(self) -> None:
         if bool(self.file) == bool(self.generate):
@@ -113,12 +112,12 @@ class World(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_
 
     @property
     def title(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
         return self.file or f"{self.generate.use} {self.seed}"
 
     @property
     def named(self) -> dict[str, Names]:
-        """By which names a drawing's layers are known, of those that the scenario names."""
+        """The names of a drawing's layers, as far as the scenario gives them."""
         return {layer: names for layer, names in msgspec.structs.asdict(self.layers).items() if names is not None}
 
 
@@ -129,23 +128,23 @@ class Grid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Who hears whom, and what arrives."""
+    """Which robot hears which, and which messages arrive."""
 
     topology: Part[Topology]
     channel: Part[NetworkChannel] = Part("channel")
 
 
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What a robot computes from what it senses and hears, and what it does with that."""
+    """A robot's mind: its computation and its strategy."""
 
     computation: Part[AnyComputation] = Part("computation")
     strategy: Part[AnyStrategy] = Part("strategy")
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """When a run ends: with its task or, unfinished, after so many iterations.
+    """When a run ends: with its task or, unfinished, after `iterations`.
 
-    A run that goes on when its task is done ends after `iterations`, and is finished if it was done on the way.
+    A run that continues when its task is done ends after `iterations`, and counts as finished.
     """
 
     when_done: Literal["stop", "continue"] = "stop"
@@ -155,7 +154,7 @@ class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """One run. Its parts (`sensor`, `network.topology`, ...) are typed values, complete once read."""
 
-    title: str = ""  # default: the name of the file; {robots.count} in it is their number
+    title: str = ""  # default: the file's name; {robots.count} in it becomes the number
     world: World
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 1
     period: Annotated[float, Meta(ge=1e-4, le=1e5)] = 1.0  # s, one iteration
@@ -163,7 +162,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     robots: Robots
     physics: Part[Bodies] = Part("physics")
     sensor: Part[Sensor] = Part("sensor")
-    sensors: tuple[Part[Sensor], ...] = ()  # more of them or, without `sensor`, all
+    sensors: tuple[Part[Sensor], ...] = ()  # further ones or, without `sensor`, all
     actuators: tuple[Part[Actuator], ...] = ()
     field: Part[Field] = NONE
     localisation: Part[Localisation] = Part("localisation")
@@ -174,20 +173,20 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     task: Part[AnyTask] = Part("task")
     faults: tuple[Part[Fault], ...] = ()
     probes: tuple[Part[Probe], ...] = ()
-    layers: tuple[Part[Layer], ...] = ()  # what pictures show besides
+    layers: tuple[Part[Layer], ...] = ()  # shown in pictures as well
     stop: Stop = Stop()
-    budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, which to prepare the run, and to do it, may each take
+    budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, limit for preparing the run and for doing it
 
 
 Tables = Table | list[Table]
 Sensors = tuple[tuple[str, Part[Sensor]], ...]  # each with its place in the scenario
 HALVES: Final = ("computation", "strategy")  # of a mind
 
-#: Keys that are not written out where there is nothing at them, or what older scenarios had without a key.
+#: Keys left out of texts where they are empty or have the value implied by older scenarios.
 LATER: Final[Mapping[str, object]] = {
     "actuators": (), "layers": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
 }  # fmt: skip
-#: Keys of older scenarios, with what stands in their place.
+#: Keys of older scenarios, with their replacements.
 MOVED: Final = {
     "behaviour": "mind.computation and mind.strategy",
     "network.sharing": "mind.computation.sharing",
@@ -197,7 +196,7 @@ MOVED: Final = {
 
 
 def parts_of(scenario: Scenario) -> dict[str, Part[object]]:
-    """Every part that a scenario has one of, by seam: a field or a generator only if there is one."""
+    """The parts of seams with one part, by seam; a field or a generator only if there is one."""
     found: dict[str, Part[object]] = {}
     for seam in PLACED.values():
         part = _at(scenario, seam.place) if seam.place and not seam.many else NONE
@@ -207,7 +206,7 @@ def parts_of(scenario: Scenario) -> dict[str, Part[object]]:
 
 
 def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
-    """Every part that a scenario has any number of, with its place: `faults[2]`."""
+    """The parts of seams with any number, with their places: `faults[2]`."""
     return [
         (f"{seam.at}[{i}]", part)
         for seam in PLACED.values()
@@ -217,7 +216,7 @@ def lists(scenario: Scenario) -> list[tuple[str, Part[object]]]:
 
 
 def all_parts(scenario: Scenario) -> list[Part[object]]:
-    """Every part that a scenario names: one a seam, and those of which there are many."""
+    """All parts that a scenario names."""
     minds = minds_of(scenario)
     single: list[Part[object]] = []
     for seam, part in parts_of(scenario).items():
@@ -230,14 +229,14 @@ def all_parts(scenario: Scenario) -> list[Part[object]]:
 
 
 def every_part(scenario: Scenario) -> list[Part[object]]:
-    """Every part that a scenario names, and those in the keys of others."""
+    """All parts that a scenario names, including those in others' keys."""
     return [one for part in all_parts(scenario) for one in part.inside()]
 
 
 def fitted(scenario: Scenario) -> list[Sensors]:
-    """The sensors of each group of robots, with their places in the scenario; one entry if no group has any of its own.
+    """The sensors of each group of robots, with their places in the scenario; one entry if no group has its own.
 
-    `[sensor]` and all of `[[sensors]]`; without either, one sensor. A group that has its own has no others.
+    `[sensor]` and all of `[[sensors]]`; without either, one sensor. A group with its own has no others.
     """
     listed = tuple((f"sensors[{i}]", one) for i, one in enumerate(scenario.sensors))
     all_have: Sensors = (("sensor", scenario.sensor), *listed) if scenario.sensor else listed
@@ -251,17 +250,17 @@ def fitted(scenario: Scenario) -> list[Sensors]:
 
 @dataclass(frozen=True, slots=True)
 class Minded:
-    """The robots that have one mind, and where its halves stand in the scenario."""
+    """The robots with one mind, and where its halves are in the scenario."""
 
     mind: Mind
     places: Mapping[str, str]  # of the halves, by seam
-    groups: tuple[int, ...]  # the numbers of the groups of these robots; none: all robots have it
+    groups: tuple[int, ...]  # the numbers of these robots' groups; empty: all robots
 
 
 def minds_of(scenario: Scenario) -> list[Minded]:
-    """The minds that robots have: groups with equal ones share theirs; one entry if all robots have the same.
+    """The minds of a scenario: groups with equal ones share them; one entry if all robots have the same.
 
-    A half of a mind that a group does not name is the scenario's.
+    A half that a group does not name is the scenario's.
     """
     found: dict[Mind, Minded] = {}
     for number, group in enumerate(scenario.robots.groups):
@@ -278,12 +277,12 @@ def minds_of(scenario: Scenario) -> list[Minded]:
 
 
 def sensors_of(scenario: Scenario) -> Sensors:
-    """All sensors that some robots have, with their places in the scenario."""
+    """All sensors of any robots, with their places in the scenario."""
     return tuple(dict(one for of in fitted(scenario) for one in of).items())
 
 
 def kinematics_of(scenario: Scenario) -> list[tuple[str, Part[Kinematics]]]:
-    """The kinematics of each group of robots, with its place in the scenario; one entry if no group has its own."""
+    """Each group's kinematics, with its place in the scenario; one entry if no group has its own."""
     groups = scenario.robots.groups
     all_have = ("kinematics", scenario.kinematics)
     if all(group.kinematics is UNSET for group in groups):
@@ -295,20 +294,20 @@ def kinematics_of(scenario: Scenario) -> list[tuple[str, Part[Kinematics]]]:
 
 
 def table_of(scenario: Scenario) -> Table:
-    """A scenario as the table that a TOML file holds, complete."""
+    """A scenario as a complete TOML table."""
     table: Table = _without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
     return table
 
 
-def _without_none(value: object) -> Any:  # noqa: ANN401 - of the same kind
-    """The same without what TOML cannot say."""
+def _without_none(value: object) -> Any:  # noqa: ANN401 - same type out as in
+    """The same without None, which TOML lacks."""
     if isinstance(value, dict):
         return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
     return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def without_later(table: Table) -> Table:
-    """A scenario's table as it was before there was what it has none of: recordings and studies hold such texts."""
+    """A scenario's table without the newer keys that it does not use, as older recordings and studies have it."""
 
     def says(key: str, value: object) -> bool:
         found = value.table if isinstance(value, Part) else value
@@ -318,7 +317,7 @@ def without_later(table: Table) -> Table:
 
 
 def _at(whole: Scenario, place: tuple[str, ...]) -> Any:  # noqa: ANN401 - a part, or several
-    """What is at these keys of a scenario."""
+    """The value at these keys of a scenario."""
     return reduce(getattr, place, whole)
 
 
@@ -339,7 +338,7 @@ def load(path: Path, overrides: Iterable[str] = (), changes: Mapping[str, object
 
 
 def files_outside(path: Path, overrides: Iterable[str] = ()) -> list[str]:
-    """A notice for each file that a scenario file reads from outside of its folder; ours may read our own worlds."""
+    """A notice for each file that a scenario reads from outside its folder; ours may read our own worlds."""
     table = read_toml(path, "a scenario file")
     for override in overrides:
         set_key(table, override)
@@ -362,27 +361,27 @@ def spelled_out(table: Table) -> Table:
 
 
 def _with_halves(group: object) -> object:
-    """A group of robots with its mind written out."""
+    """A group of robots, its mind written out."""
     return {**group, "mind": _halves(group["mind"])} if isinstance(group, dict) and "mind" in group else group
 
 
 def _halves(mind: object) -> object:
-    """A mind's table, with both halves where it names one part for both."""
+    """A mind's table, with both halves even where it names one part for both."""
     if isinstance(mind, dict) and "use" in mind and not set(HALVES) & mind.keys():
         return {half: copy.deepcopy(mind) for half in HALVES}
     return mind
 
 
 def _check_halves(mind: object, place: str) -> None:
-    """Raise InputError for a mind that names a part for both halves, and one of them besides."""
+    """Raise InputError for a mind that names both one part for both halves and a half."""
     if isinstance(mind, dict) and "use" in mind and set(HALVES) & mind.keys():
-        raise InputError(f"{place}.use: stands for computation and strategy at once; expected it without those")
+        raise InputError(f"{place}.use sets both computation and strategy; remove those tables")
 
 
 def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
     """The scenario that a table describes; `name` is the file named in messages.
 
-    If `folder` is given, the world's path is resolved from it, and so are those of tables of numbers (a value
+    `folder`, if given, is the base of the world's path, and of the paths of tables of numbers (a value
     {file = "net.csv"} of a part stands for the rows of that file) and of its own parts. Raises InputError.
     """
 
@@ -399,7 +398,7 @@ def decode(table: Table, name: str, folder: Path | None = None) -> Scenario:
 
 
 def shape(table: Table, name: str) -> Scenario:
-    """The scenario in a table whose parts are taken as they stand: none of them is looked for, no code runs.
+    """The scenario in a table with its parts undecoded: none is looked up, no code runs.
 
     Raises InputError, which names the file `name` and the key.
     """
@@ -422,7 +421,7 @@ def _scenario(table: Table, name: str, take: Take) -> Scenario:
             for step in key.split("."):
                 inner = inner.get(step) if isinstance(inner, dict) else None
             if inner is not None:
-                raise InputError(f"{key}: is not called so any more; expected {now}")
+                raise InputError(f"{key}: has been renamed; expected {now}")
         return convert(table, Scenario, take)
     except InputError as problem:
         wrong = str(problem).replace("robots.groups[", "robots[") if listed else problem
@@ -441,7 +440,7 @@ def set_key(table: Table, override: str) -> None:
 
 
 def _value(table: Table, path: str, text: str) -> object:
-    """The TOML value in a text or, where the key takes text, the text itself. Raises InputError."""
+    """The TOML value in a text or, for a text key, the text itself. Raises InputError."""
     kind = _kind(table, path)
     try:
         given = parsed(f"value = {text}")
@@ -460,7 +459,7 @@ def _value(table: Table, path: str, text: str) -> object:
 
 
 def _short(text: str) -> str:
-    """A text of one line and no great length, for messages."""
+    """A short one-line text, for messages."""
     line = " ".join(text.split("\n"))
     return line if len(line) <= 100 else f"{line[:100]}..."
 
@@ -477,12 +476,12 @@ def _takes_text(kind: types.Type) -> bool:
 
 
 def _kind(table: Table, path: str) -> types.Type | None:
-    """What a dotted key of a scenario takes; None if that is not known, as of parts of one's own."""
-    if path.strip() == "world":  # for which the name of its file may stand
+    """The type of a dotted key of a scenario; None if unknown, as for custom parts."""
+    if path.strip() == "world":  # may be just its file's name
         return types.StrType()
     keys, inner = _places(table, path)[0], cast(Tables, spelled_out(table))
     kind: types.Type = types.type_info(Scenario)
-    place: tuple[str, ...] = ()  # in the scenario or, from there on, in a group of robots
+    place: tuple[str, ...] = ()  # in the scenario or, below it, in a group of robots
     for depth, key in enumerate(keys):
         if isinstance(inner, list):
             if keys[:depth] not in (["robots"], ["robots", "groups"]):
@@ -509,8 +508,8 @@ def _kind(table: Table, path: str) -> types.Type | None:
 def assign(table: Table, path: str, value: object) -> None:
     """Set a dotted key of a scenario's table, making the tables on the way.
 
-    In a list of tables the key is a number, from 0, or the name of one: `robots.0.count`, `robots.dogs.count`.
-    `mind.KEY` is a key of both halves of a mind that are one part. Raises InputError where a value is in the way.
+    In a list of tables the key is a table's number, from 0, or its name: `robots.0.count`, `robots.dogs.count`.
+    `mind.KEY` sets a key of both halves of a mind that is one part. Raises InputError where a value is in the way.
     """
     table.update(spelled_out(table))
     for place in _places(table, path):
@@ -527,7 +526,7 @@ def assign(table: Table, path: str, value: object) -> None:
 
 
 def _below(inner: Tables, key: str, place: list[str]) -> Tables:
-    """The table, or list of tables, at a key of what stands at a place; made if there is none. Raises InputError."""
+    """The table, or list of tables, at a key within a place; made if missing. Raises InputError."""
     if isinstance(inner, list):
         return inner[_number(inner, key, ".".join(place))]
     found = inner.setdefault(key, {})
@@ -541,7 +540,7 @@ def _are_tables(value: object) -> TypeGuard[list[Table]]:
 
 
 def _number(tables: list[Table], key: str, place: str) -> int:
-    """Which of a list of tables a key means, by its number or its name. Raises InputError."""
+    """The table that a key means in a list, by number or name. Raises InputError."""
     names = [one.get("name") for one in tables]
     if key in names:
         return names.index(key)
@@ -553,7 +552,7 @@ def _number(tables: list[Table], key: str, place: str) -> int:
 
 
 def _places(table: Table, path: str) -> list[list[str]]:
-    """Where a dotted key of a scenario stands, once short forms are written out. Raises InputError."""
+    """The place of a dotted key of a scenario with short forms written out. Raises InputError."""
     keys = [key.strip() for key in path.split(".")]
     if len(keys) > DEEPEST:
         raise InputError(f"{TOO_DEEP}, as keys do")

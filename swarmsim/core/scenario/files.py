@@ -1,4 +1,4 @@
-"""Files: tables of numbers, pictures and code beside a scenario, and texts that are written whole or not at all."""
+"""Files: tables of numbers, pictures and code beside a scenario, and texts written whole or not at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import msgspec
 
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine, unwritten
 
-LARGEST: Final = 64_000_000  # bytes of a file that is read whole
+LARGEST: Final = 64_000_000  # bytes of a file read whole
 Table = dict[str, object]  # `use` and the keys of the part it names, or a whole scenario
 
 
@@ -39,7 +39,7 @@ def with_files(table: Table, folder: Path, place: str = "") -> Table:
 
 
 def outside(table: Table, folder: Path, ours: Path | None = None) -> list[str]:
-    """A notice for each file that a scenario's table reads from outside of `folder`, its own, and of `ours`."""
+    """A notice for each file that a scenario's table reads from outside its `folder` and `ours`."""
     found: list[Path] = []
 
     def look(value: object) -> None:
@@ -58,7 +58,7 @@ def outside(table: Table, folder: Path, ours: Path | None = None) -> list[str]:
 
 
 def content(path: Path, expected: str) -> bytes:
-    """What is in a plain file of at most LARGEST bytes. Raises InputError: `expected` was ....
+    """The bytes of a plain file of at most LARGEST bytes. Raises InputError, which names what was `expected`.
 
     Raises StorageError for a disk that cannot be read.
     """
@@ -73,9 +73,9 @@ def content(path: Path, expected: str) -> bytes:
 
 
 def check_plain(path: Path, expected: str, most: int | None = LARGEST) -> None:
-    """Raise InputError unless this is a folder or a plain file of 1 to `most` bytes: others may never end.
+    """Raise InputError unless this is a folder or a plain file of 1 to `most` bytes: other files may never end.
 
-    The system's own files, as in /proc, have a length of 0, and some of them wait for ever. Raises OSError.
+    System files, as in /proc, have length 0, and reading some blocks for ever. Raises OSError.
     """
     status = path.stat()
     if stat.S_ISDIR(status.st_mode):
@@ -91,13 +91,13 @@ def check_plain(path: Path, expected: str, most: int | None = LARGEST) -> None:
 def text_lines(path: Path, expected: str) -> list[str]:
     """The lines of a text file. Raises InputError, which names what was `expected`."""
     try:
-        return content(path, expected).decode("utf-8-sig").splitlines()  # as spreadsheets mark UTF-8
+        return content(path, expected).decode("utf-8-sig").splitlines()  # spreadsheets mark UTF-8
     except UnicodeDecodeError as problem:
         raise InputError(f"{path}: not UTF-8 text (byte {problem.start}); expected {expected}") from problem
 
 
 def read_rows(path: Path) -> list[list[int | float]]:
-    """The rows of a CSV file: numbers with commas between them, empty lines left out; of a PNG, its grey levels.
+    """The rows of a CSV file: numbers separated by commas, empty lines left out; for a PNG, its grey levels.
 
     Levels are 0 for black to 1 for white.
 
@@ -119,7 +119,7 @@ def read_rows(path: Path) -> list[list[int | float]]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text file that appears whole, in place of an older one, or not at all.
+    """Write a text file whole, replacing an older one, or not at all.
 
     Raises InputError, and StorageError for a full disk.
     """
@@ -141,7 +141,7 @@ def write_whole(path: Path, text: str) -> None:
 
 
 def _grey_levels(path: Path) -> list[list[int | float]]:
-    from PIL import Image  # takes a while, and few scenarios need it
+    from PIL import Image  # slow to import, and rarely needed
 
     try:
         with Image.open(io.BytesIO(content(path, "a PNG picture"))) as picture:

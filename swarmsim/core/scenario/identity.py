@@ -1,4 +1,4 @@
-"""Which code makes a run, by content: this package's, that of plug-ins, and the user's own."""
+"""The code behind a run, by content: this package's, plug-ins', and the user's."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.file import Scenario, every_part
 
 OURS: Final = "swarmsim"
-UNSEEN: Final = "unseen"  # in the place of a hash, for code without a file
+UNSEEN: Final = "unseen"  # instead of a hash, for code without a file
 
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """All code that makes a run."""
+    """All code behind a run."""
 
-    #: A hash for `swarmsim`, for each distribution that a part is from, and for each file of the user's own.
+    #: A hash for `swarmsim`, for each part's distribution, and for each file of the user's.
     hashes: Mapping[str, str] = field(default_factory=dict)
-    files: Files = field(default_factory=Files)  # the user's own
+    files: Files = field(default_factory=Files)  # the user's
 
 
 def code_of(scenario: Scenario) -> Code:
-    """The code that makes the runs of a scenario, as its parts have it. Raises InputError if no one text did that."""
+    """The code behind a scenario's runs, as its parts loaded it. Raises InputError if files changed meanwhile."""
     hashes, base = {OURS: distributions.ours()}, ""
     texts, names = dict[Path, bytes](), dict[Path, str]()
     for part in every_part(scenario):
@@ -54,7 +54,7 @@ def code_of(scenario: Scenario) -> Code:
 
 
 def known(code: Code, place: str) -> Code:
-    """The same code. Raises InputError, which starts with `place`, if other processes cannot have it for sure."""
+    """The same code. Raises InputError, which starts with `place`, if other processes might not get the same."""
     for name, found in code.hashes.items():
         if found == UNSEEN:
             raise InputError(f"{place}: the code of {name!r} stands in no file; expected a file, which workers can run")
@@ -66,7 +66,7 @@ def known(code: Code, place: str) -> Code:
 
 
 def differences(was: Mapping[str, str], now: Mapping[str, str], here: str = "now") -> str:
-    """In what code differs, in words: `mind.py (1a2b3c4d, now 5e6f7a8b)`; nothing if it is the same."""
+    """Differences of code in words: `mind.py (1a2b3c4d, now 5e6f7a8b)`; empty if there are none."""
     names = [name for name in {**was, **now} if was.get(name) != now.get(name)]
     return ", ".join(f"{name} ({_short(was.get(name))}, {here} {_short(now.get(name))})" for name in names)
 

@@ -1,4 +1,4 @@
-"""A part as a scenario names it: for which seam, which one, and its keys as one typed value."""
+"""A part as a scenario names it: its seam, its name, and its keys as one typed value."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from swarmsim.core.scenario.decoding import Nested, Take, called, convert
 from swarmsim.core.scenario.files import Table, with_files
 from swarmsim.core.seams import SEAMS
 
-P = TypeVar("P", covariant=True)  # what the part is once it is built: a seam's Protocol
+P = TypeVar("P", covariant=True)  # the built part: a seam's Protocol
 T = TypeVar("T")
 
 _EMPTY: Final[Mapping[str, Any]] = {}
 
 
 class Buildable(Protocol[P]):
-    """The parameters that a part is built from."""
+    """A part's parameters."""
 
     def build(self, context: Any, /) -> P:  # noqa: ANN401 - of a run or of a world
         """The part, for a run or, of a building, for a site. Raises InputError, which starts with the key at fault."""
@@ -31,22 +31,22 @@ class Buildable(Protocol[P]):
 
 @final
 class Part(Nested, Generic[P]):
-    """One part by its name, with its parameter struct, which is made from its table once.
+    """One part by name, with its parameter struct, decoded from its table once.
 
-    A part inside another one is a field of this type: `over: Part[Channel] = Part("channel")`. Parts are frozen, and
-    are equal and hashed by their parameters. One that is not installed has no parameters but keeps its table, so that
-    a recording of it can still be looked at.
+    A part inside another one is a field of this type: `over: Part[Channel] = Part("channel")`. Parts are frozen,
+    compared and hashed by their parameters. One that is not installed has no parameters but keeps its table, so that
+    its recordings can still be viewed.
     """
 
     __slots__ = ("_completed", "_given", "_parameters", "_use", "seam")
 
     def __init__(self, seam: str, table: Mapping[str, Any] = _EMPTY) -> None:
-        """`table` is `use` and the part's own keys; they are looked at later."""
+        """`table` is `use` and the part's own keys; they are decoded later."""
         self.seam: Final = seam
         self._given = {key: value for key, value in table.items() if key != "use"}
         self._use: str | None = table.get("use", None)
         self._parameters: msgspec.Struct | None = None
-        self._completed = not table  # whether its table is made of its parameters
+        self._completed = not table  # whether its table comes from its parameters
 
     @classmethod
     def of_table(cls, kind: object, given: Nested | dict[str, Any], take: Take | None) -> Nested:
@@ -80,12 +80,12 @@ class Part(Nested, Generic[P]):
         return Part(self.seam, with_files({**named, **self._given}, folder))
 
     def __bool__(self) -> bool:
-        """Whether there is one: neither named nor, where the scenario names none, the one that is used then."""
+        """Whether there is a part, be it named or the default."""
         return bool(self._use is not None or self._given or self.use)
 
     @property
     def use(self) -> str:
-        """Its name; empty if there is none."""
+        """Its name; empty without a part."""
         return self._name or ""
 
     @property
@@ -101,7 +101,7 @@ class Part(Nested, Generic[P]):
 
     @property
     def table(self) -> Table:
-        """`use`, then its keys as in a scenario: once they are decoded, all of them that have a value."""
+        """`use`, then its keys as in a scenario; once decoded, all that have a value."""
         if not self:
             return {}
         keys: Table = self._given
@@ -110,9 +110,9 @@ class Part(Nested, Generic[P]):
         return {"use": self.use, **{key: value for key, value in keys.items() if value is not None}}
 
     def declares(self, name: str, default: T) -> T:
-        """What the part says of itself to others: an attribute of its parameters, or what holds for those without it.
+        """A property that the part declares to others: an attribute of its parameters, or the default without it.
 
-        Of a part that is not installed nothing is known either.
+        A part that is not installed has the default.
         """
         try:
             found: T = getattr(self.parameters, name, default) if self else default
@@ -121,7 +121,7 @@ class Part(Nested, Generic[P]):
         return found
 
     def inside(self) -> Iterator[Part[Any]]:
-        """The part itself, and those in its keys at any depth."""
+        """The part itself, and the parts in its keys at any depth."""
         yield self
         for name in self.parameters.__struct_fields__:
             value = getattr(self.parameters, name)
@@ -130,7 +130,7 @@ class Part(Nested, Generic[P]):
                     yield from one.inside()
 
     def build(self, context: object, key: str = "") -> P:
-        """The part itself, built for a run or a site; as part of another one it stands at a `key` of that.
+        """The part itself, built for a run or a site; inside another part, `key` is its place there.
 
         Raises InputError, which starts with the key.
         """
@@ -159,7 +159,7 @@ class Part(Nested, Generic[P]):
             hash(parameters)
         except InputError:
             return msgspec.json.encode(self.table, order="deterministic")
-        except TypeError:  # other people's, with lists or tables in it
+        except TypeError:  # third-party, with lists or tables
             return type(parameters), msgspec.json.encode(parameters, enc_hook=plain, order="deterministic")
         return parameters
 
@@ -178,7 +178,7 @@ class Part(Nested, Generic[P]):
         return self
 
     def __reduce__(self) -> str | tuple[object, ...]:
-        """As its table: the class of a part of somebody's own cannot be found by name in another process."""
+        """Pickles its table: another process cannot find a custom part's class by name."""
         return (Part, (self.seam, self.table)) if self else "NONE"
 
     def __repr__(self) -> str:
@@ -200,13 +200,13 @@ def parameters_of(seam: str, use: str | None, keys: Mapping[str, Any]) -> msgspe
 
 
 def seam_of(kind: object) -> str:
-    """The seam of the parts that a field of this type holds, as in Part[Sensor]; empty if that is not known."""
+    """The seam of a field of this type, as in Part[Sensor]; empty if unknown."""
     protocols = [base for one in get_args(kind) for base in getattr(get_origin(one) or one, "__mro__", ())]
     return next((seam.name for seam in SEAMS.values() if seam.protocol in protocols), "")
 
 
 def plain(value: object) -> Table:
-    """What stands for a part in a text; for msgspec, which knows all else. Raises TypeError."""
+    """A part's form in a text, for msgspec, which knows all other types. Raises TypeError."""
     if isinstance(value, Part):
         return value.table
     raise NotImplementedError(type(value).__name__)

@@ -1,4 +1,4 @@
-"""Robots that people have: their numbers, for scenarios that name them."""
+"""Real robots: their numbers, for scenarios that name them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Final
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.files import Table
 
-PLAIN: Final = "paper"  # the robot that stands where none is named
+PLAIN: Final = "paper"  # the default robot
 _EIGHT: Final = [0, 45, 90, 135, 180, -135, -90, -45]
 
-#: What is known of each robot, in SI units; sensors on the rim reach by its radius farther from the middle.
-#: docs/robots.md names the data sheets, and what is assumed.
+#: Each robot's numbers in SI units; a sensor on the rim reaches its radius farther from the centre.
+#: docs/robots.md names the data sheets and the assumptions.
 PLATFORMS: Final[dict[str, Table]] = {
     "paper": {},
     "e-puck": {
@@ -49,10 +49,10 @@ PLATFORMS: Final[dict[str, Table]] = {
 
 
 def with_platforms(table: Table) -> Table:
-    """The table of a scenario with the numbers of the robots that it names, where it gives none of its own.
+    """The table of a scenario with the numbers of the robots that it names, where it gives none itself.
 
-    A list of `[[robots]]`, or `robots.groups`, becomes one table with groups. A platform's sensor stands where the
-    scenario has no sensor, or one that does not say which. Raises InputError, which starts with the key.
+    A list of `[[robots]]`, or `robots.groups`, becomes one table with groups. A platform's sensor is used
+    where the scenario has no sensor, or one without `use`. Raises InputError, which starts with the key.
     """
     robots = table.get("robots")
     if isinstance(robots, dict) and isinstance(robots.get("groups"), list) and robots["groups"]:
@@ -89,7 +89,7 @@ def _filled(robots: Table, place: str) -> tuple[Table, Table]:
 def _mixed(groups: list[object], has_sensor: bool) -> Table:
     """One table for groups of robots; each has its platform's sensor unless it, or the scenario, has another.
 
-    Their number is in it if every group says its own.
+    It has their number if every group gives its own.
     """
     found, spawns = [], []
     for number, group in enumerate(groups):

@@ -1,4 +1,4 @@
-"""Finds parts by name: ours and other people's in the same way."""
+"""Finds parts by name, ours and third-party ones alike."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OWN_CODE: ContextVar[bool] = ContextVar("own code", default=False)
 
 @contextmanager
 def own_code(allowed: bool) -> Iterator[None]:
-    """Whether a scenario may name code of its own within this context: `./file.py:Name` or `module:Name`."""
+    """Whether a scenario may name its own code within this context: `./file.py:Name` or `module:Name`."""
     token = _OWN_CODE.set(allowed)
     try:
         yield
@@ -31,7 +31,7 @@ def own_code(allowed: bool) -> Iterator[None]:
 
 
 def own_code_is_allowed() -> bool:
-    """Whether the present context lets scenarios name code of their own."""
+    """Whether the present context lets scenarios name their own code."""
     return _OWN_CODE.get()
 
 
@@ -48,13 +48,13 @@ def known(seam: str) -> dict[str, type[msgspec.Struct]]:
 def find(seam: str, use: str) -> type[msgspec.Struct]:
     """The parameter struct of the part called `use`.
 
-    That is an entry point's name or, where own code is allowed, "./file.py:Name" or "module:Name". Its `build` makes
-    the part. Raises InputError if there is none of that name.
+    That is an entry point's name or, where own code is allowed, "./file.py:Name" or "module:Name". Raises InputError
+    for an unknown name.
     """
     if ":" in use:
         if not own_code_is_allowed():
             raise InputError(
-                f"use: {use!r} is code of the scenario's own, which runs only if you say so; expected --allow-code "
+                f"use: {use!r} is the scenario's own code, which runs only with permission; expected --allow-code "
                 "(in Python allow_code=True) if you trust it, or the name of an installed part"
             )
         return _own(snapshot.present(), seam, use)
@@ -74,7 +74,7 @@ def _own(code: Snapshot, seam: str, use: str) -> type[msgspec.Struct]:
     try:
         module = code.load(place)
         found = getattr(module, name, None)
-    except BaseException as problem:  # whatever a file of somebody's own does while it is read
+    except BaseException as problem:  # user code may raise anything on import
         if not is_failure(problem):
             raise
         why = told(problem) if not isinstance(problem, OSError) else problem
@@ -90,7 +90,7 @@ def _own(code: Snapshot, seam: str, use: str) -> type[msgspec.Struct]:
 
 
 def _part(seam: str, use: str, found: object) -> type[msgspec.Struct]:
-    """The parameter struct behind whatever `use` names; a part of a simpler form is adapted to its seam."""
+    """The parameter struct behind what `use` names; a simpler form is adapted to its seam."""
     if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
         return found
     simpler = adapted(found, SEAMS[seam].function, SEAMS[seam].mind)
@@ -103,15 +103,15 @@ def _part(seam: str, use: str, found: object) -> type[msgspec.Struct]:
 
 
 def author_of(part: object) -> type:
-    """The class, or the function, that somebody wrote to make this part or parameter struct."""
+    """The class or function that the author of this part or parameter struct wrote."""
     return part if isinstance(part, type) else getattr(part, "written_by", type(part))
 
 
 def is_ours(part: object) -> bool:
-    """Whether a part, or a parameter struct, belongs to this package; all others are held to their contracts."""
+    """Whether a part, or a parameter struct, belongs to this package; others are checked against their contracts."""
     return str(author_of(part).__module__).split(".")[0] == "swarmsim"
 
 
 def is_own(kind: object) -> bool:
-    """Whether a class or function stands in a file that a scenario names."""
+    """Whether a class or function is in a file that a scenario names."""
     return str(kind.__module__).startswith(snapshot.PREFIX)

@@ -1,4 +1,4 @@
-"""The robots of a scenario: how many, where they start, what they are made of."""
+"""The robots of a scenario: their number, starts and bodies."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Count = Annotated[int, Meta(ge=1, le=100_000)]
 
 
 class GroupMind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """The mind of a group of robots; a half that it does not name is the scenario's."""
+    """The mind of a group of robots; a missing half is the scenario's."""
 
     computation: Part[AnyComputation] = NONE
     strategy: Part[AnyStrategy] = NONE
@@ -30,25 +30,25 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots of one kind in a mixed swarm."""
 
     count: Count
-    name: Called | UnsetType = UNSET  # by which other parts can speak of the group; default: its number, from 0
+    name: Called | UnsetType = UNSET  # of the group, for other parts; default: its number, from 0
     use: str = PLAIN
-    sensor: Part[Sensor] = NONE  # the kind's own; none: the scenario's
-    sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # more of its own
-    kinematics: Part[Kinematics] | UnsetType = UNSET  # the kind's own; left out: the scenario's
-    mind: GroupMind | UnsetType = UNSET  # the group's own; none: the scenario's
+    sensor: Part[Sensor] = NONE  # default: the scenario's
+    sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # further ones
+    kinematics: Part[Kinematics] | UnsetType = UNSET  # default: the scenario's
+    mind: GroupMind | UnsetType = UNSET  # default: the scenario's
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
-    """How many robots there are, where they start and what they are made of.
+    """The number of robots, their starts and their bodies.
 
-    `use` names a robot that people have, whose numbers stand where none are given; its sensor is that of a scenario
-    without one. Of a swarm of several `[[robots]]` groups, radius and speed are those of the largest and the fastest.
+    `use` names a real robot, whose numbers replace missing ones, and whose sensor a scenario without one gets. In a
+    swarm of several `[[robots]]` groups, radius and speed are those of the largest and the fastest.
     """
 
     count: Count
     use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
-    spawn: str = ""  # the spawn area's name; without, the one called spawn, or else the largest
-    groups: tuple[Group, ...] = ()  # of a mixed swarm, in the order of its robots
+    spawn: str = ""  # the spawn area's name; default: the one called spawn, or the largest
+    groups: tuple[Group, ...] = ()  # of a mixed swarm, in robot order
 
     def __post_init__(self) -> None:
         if len(set(self.names)) < len(self.names):
@@ -56,7 +56,7 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What the groups are called, in their order: their names or, without, their numbers."""
+        """The groups' names, in order: their `name` or, without one, their number."""
         return tuple(str(i) if one.name is UNSET else one.name for i, one in enumerate(self.groups))
 
     def each(self, key: str) -> NDArray[np.float64]:

@@ -48,13 +48,13 @@ def schema() -> dict[str, Any]:
 
 
 def _components(kind: type[msgspec.Struct]) -> dict[str, Any]:
-    """The schemas of a struct and of those in it, by name."""
+    """The schemas of a struct and of the structs in it, by name."""
     _, found = msgspec.json.schema_components([_shown(kind)], ref_template="#/$defs/{name}")
     return found
 
 
 def _shown(kind: object) -> object:
-    """A type, with tables that a seam's schema describes in the place of parts."""
+    """A type, with parts replaced by tables that their seam's schema describes."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         fields = [(one.encode_name, _shown(one.type), *_default(one)) for one in msgspec.structs.fields(kind)]
         config = kind.__struct_config__
@@ -76,7 +76,7 @@ def _shown(kind: object) -> object:
 
 
 def _default(field: msgspec.structs.FieldInfo) -> list[Any]:
-    """What stands for a key that is left out, if anything may."""
+    """The default of an omitted key, if it has one."""
     if field.required:
         return []
     if field.default_factory is not msgspec.NODEFAULT:

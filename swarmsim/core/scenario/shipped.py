@@ -1,4 +1,4 @@
-"""The scenarios and worlds that come with swarmsim, in a checkout as well as from an installed package."""
+"""The scenarios and worlds that come with swarmsim, in a checkout or an installed package."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def examples() -> dict[str, str]:
 def example(name: str) -> Path:
     """The file of a shipped scenario, for `run`: `swarmsim examples run`.
 
-    Raises InputError for a name that is not among `examples`.
+    Raises InputError for a name not in `examples`.
     """
     known = examples()
     if name not in known:
@@ -44,10 +44,10 @@ def example(name: str) -> Path:
 
 
 def copy(name: str, folder: str | Path) -> list[Path]:
-    """Copy a shipped scenario with all files that it names, and give the copies: `swarmsim examples copy`.
+    """Copy a shipped scenario with all files that it names, and return the copies: `swarmsim examples copy`.
 
-    They lie in `scenarios` and `worlds` of the folder as they do here, and run there; the scenario comes first. Raises
-    InputError for a name that is not among them and for files that exist already.
+    They are put into `scenarios` and `worlds` of the folder, as here, and run there; the scenario comes first. Raises
+    InputError for an unknown name and for files that exist already.
     """
     return _copied(example(name), root(), Path(folder), [])
 

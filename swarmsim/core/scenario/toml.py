@@ -1,4 +1,4 @@
-"""Tables in TOML texts, whatever stands in them."""
+"""Reads tables from TOML texts, even hostile ones."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.budget import begin, reading
 from swarmsim.core.scenario.files import Table, content
 
-DEEPEST: Final = 20  # tables and lists within each other, and names in a dotted key
-TOO_DEEP: Final = f"tables or lists stand more than {DEEPEST} deep in each other"
+DEEPEST: Final = 20  # nested tables and lists, and names in a dotted key
+TOO_DEEP: Final = f"tables or lists are nested more than {DEEPEST} deep"
 _NAME: Final = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
 _DOTTED: Final = re.compile(rf"(?<![\w-])(?:{_NAME}\.[ \t]*){{{DEEPEST}}}")
 
@@ -30,7 +30,7 @@ def read_toml(path: Path, expected: str) -> Table:
 
 
 def parsed(text: str) -> Table:
-    """The table in a TOML text. Raises ValueError for what tomllib cannot read, or would take ages to."""
+    """The table in a TOML text. Raises ValueError for text that tomllib cannot read, or not in reasonable time."""
     begin(reading(len(text)))
     for number, line in enumerate(text.splitlines(), 1):
         if line.count(".") > DEEPEST and _DOTTED.search(line):
@@ -39,7 +39,7 @@ def parsed(text: str) -> Table:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         raise
-    except ValueError as problem:  # of Python's, which does not read any integer
+    except ValueError as problem:  # from Python's limit on integers
         raise ValueError("a number in it has thousands of digits") from problem
     except RecursionError as problem:
         raise ValueError(TOO_DEEP) from problem
