@@ -20,6 +20,7 @@ Pixel = tuple[float, float]
 Reals = NDArray[np.float64]
 READABLE: Final = 6.0  # pixels, the least radius of a disc that bears a text
 ROUND: Final = 1.3  # pixels of the edge around a disc
+BORDER: Final = 0.85  # of its width: how far the edge of a solid area reaches, since it is drawn with smooth edges
 SMALLEST: Final = 2.0  # lines: the least radius of a disc in metres
 DASHES: Final = {"dashed": 6.0, "dotted": 2.0}  # lines' widths that a dash is long
 
@@ -148,7 +149,7 @@ class Painter:
             pygame.draw.aacircle(surface, ink, at, radius, width)
 
     def _corners(self, mark: Polygons, radii: Reals, grown: float = 0.0) -> list[list[Pixel]]:
-        """The corners of each area in pixels; of one around a place, moved outwards from this by some more."""
+        """The corners of each area in pixels, with its sides moved outwards by some more."""
         scale = self.camera.scale
         return _split(self.camera.pixels(placed(mark, radii / scale, grown / scale)), mark.ends)
 
@@ -163,19 +164,22 @@ class Painter:
         inks: Sequence[Colour | None] = [None] * count if mark.ink is None else self._all(mark.ink, count)
         edges: Sequence[Colour | None] = [None] * count if mark.edge is None else self._all(mark.edge, count)
         through = mark.opacity != (1.0, 1.0) or mark.ink is None
-        if mark.edge is not None and mark.at is not None and not through:
-            for ring, edge in zip(self._corners(mark, radii, 1.2 * mark.width * self.unit), edges, strict=True):
-                polygon(surface, edge or (0, 0, 0), ring)
+        outer = corners if through else self._corners(mark, radii, BORDER * mark.width * self.unit)
+        if mark.at is not None and not through:
+            for ring, edge in zip(outer, edges, strict=True):
+                if edge is not None:
+                    polygon(surface, edge, ring)
             edges = [None] * count
-        # Of a solid area the inner half of the edge will be covered.
-        width = self._thick(mark.width) if through else round(2.0 * mark.width * self.unit) + 1
-        for ring, ink, edge in zip(corners, inks, edges, strict=True):
+        width = self._thick(mark.width)
+        for ring, around, ink, edge in zip(corners, outer, inks, edges, strict=True):
             if mark.opacity != (1.0, 1.0):
                 self._veil(surface, ring, ink, edge, mark.opacity, width)
                 continue
-            if edge is not None:
+            if edge is not None and ink is None:
                 for start, end in pairwise([*ring, ring[0]]):
                     pygame.draw.aaline(surface, edge, start, end, width)
+            elif edge is not None:
+                polygon(surface, edge, around)
             if ink is not None:
                 polygon(surface, ink, ring)
 
