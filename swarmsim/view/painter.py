@@ -222,9 +222,11 @@ class Painter:
             if mark.dash != "whole":
                 pieces = [dash for piece in pieces for dash in _dashes(*piece, DASHES[mark.dash] * width)]
             for colour, broad in ((casing, width + 2), (ink, width)):
-                if colour is not None:
-                    for start, end in pieces:
-                        pygame.draw.aaline(surface, colour, start, end, broad)
+                for start, end in pieces if colour is not None else ():
+                    if mark.dash == "whole":
+                        pygame.draw.aaline(surface, colour or ink, start, end, broad)
+                    else:  # a short line has to end at right angles
+                        polygon(surface, colour or ink, _bar(start, end, 0.5 * broad - 0.75))
             if mark.arrow and len(points) > 1:
                 _head(surface, points[-2], points[-1], gap, width, ((1.5, casing), (0.0, ink)))
 
@@ -276,6 +278,14 @@ def _dashes(start: Pixel, end: Pixel, dash: float) -> list[tuple[Pixel, Pixel]]:
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     cuts = [(2.0 * dash * k, min(2.0 * dash * k + dash, length)) for k in range(math.ceil(length / (2.0 * dash)))]
     return [((start[0] + a * ux, start[1] + a * uy), (start[0] + b * ux, start[1] + b * uy)) for a, b in cuts]
+
+
+def _bar(start: Pixel, end: Pixel, aside: float) -> list[Pixel]:
+    """The corners of a line that reaches so far aside."""
+    share = aside / max(math.dist(start, end), 1e-9)
+    (ax, ay), (bx, by) = start, end
+    x, y = share * (ay - by), share * (bx - ax)
+    return [(ax + x, ay + y), (bx + x, by + y), (bx - x, by - y), (ax - x, ay - y)]
 
 
 def _head(

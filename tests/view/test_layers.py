@@ -210,6 +210,20 @@ def test_the_edge_of_a_thin_area_runs_along_both_of_its_sides(turned: float, on_
             assert sheet.get_at((round(x), round(y)))[:3] == ink
 
 
+@pytest.mark.parametrize("turned", [0.2, 0.8, 1.3, 2.5])
+def test_dashes_end_at_right_angles(turned: float) -> None:
+    painter = Painter(THEMES["dark"], Camera(1.0, 10.0, 190.0), 1.0, Lettering())
+    middle, along = np.array([90.0, 90.0]), np.array([np.cos(turned), np.sin(turned)])
+    aside, width = np.array([-along[1], along[0]]), 10.0
+    sheet = pygame.Surface((200, 200))
+    line = Lines(middle + np.array([[-80.0], [70.0]]) * along, ENDS, "#ff00ff", None, width, dash="dashed")
+    painter.paint(sheet, line, np.empty(0))
+    for ahead, ink in ((4.0, ODD), (56.0, ODD), (64.0, (0, 0, 0)), (116.0, (0, 0, 0)), (124.0, ODD)):
+        for side in (-3.0, 3.0):
+            x, y = painter.camera.pixels(middle + (ahead - 80.0) * along + side * aside)
+            assert sheet.get_at((round(x), round(y)))[:3] == ink
+
+
 def test_a_part_brings_layers_along(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     class Lamp:
         name = "lamp"
