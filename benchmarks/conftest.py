@@ -1,4 +1,4 @@
-"""Keeps what benchmarks find: in a dated file, and as the table of docs/performance.md."""
+"""Keeps benchmarks' figures in a dated file and in the table of docs/performance.md."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Figure:
     name: str
     value: float
     unit: str
-    asked: str = ""  # what was asked for, in words
+    asked: str = ""  # the target, in words
 
 
 @dataclass
@@ -33,7 +33,7 @@ class Figures:
     rows: list[Figure] = field(default_factory=list)
 
     def add(self, group: str, name: str, value: float, unit: str = "", asked: str = "") -> float:
-        """Keep and print a figure; gives its value."""
+        """Store and print a figure; gives its value."""
         self.rows.append(Figure(group, name, float(value), unit, asked))
         print(f"{group}: {name}: {worded(value)} {unit}{f' (asked: {asked})' if asked else ''}")
         return value

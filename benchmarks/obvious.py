@@ -1,4 +1,4 @@
-"""W(N) as one writes it at first: pymunk's attributes robot by robot, and a query of the space for every beam."""
+"""W(N) as a first attempt: pymunk's attributes robot by robot, and a query of the space for every beam."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Swarm:
             self.own.append(disc.filter)
 
     def step(self) -> None:
-        """Everybody looks around, then everybody moves for a period."""
+        """All robots sense, then all move for a period."""
         wanted = []
         for body, own in zip(self.bodies, self.own, strict=True):
             ahead, aside = 1.0, 0.0
@@ -61,7 +61,7 @@ class Swarm:
 
 
 def rate(robots: int, steps: int) -> float:
-    """Robot-steps per second of CPU time. Raises AssertionError if the robots do not get about."""
+    """Robot-steps per second of CPU time. Raises AssertionError if the robots hardly move."""
     swarm = Swarm(robots)
     begin = [body.position for body in swarm.bodies]
     begun = time.process_time()

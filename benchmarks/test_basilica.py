@@ -1,4 +1,4 @@
-"""How fast the main job runs, and where its time goes: 15 robots map the basilica."""
+"""Speed and time shares of the main job: 15 robots map the basilica."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from swarmsim.engine.build import BuiltRun, build
 SCENARIO = ROOT / "scenarios" / "basilica.toml"
 TURNS = 5
 GROUP = "The basilica, 15 robots, to 100 %"
-#: The calls of an iteration, by what they are for.
+#: The calls of an iteration, by purpose.
 CALLS = {
     "physics and wheels": ("bodies.drive", "bodies.state", "motion.follow"),
     "beams": ("sensor.sense", "localisation.locate"),
@@ -84,7 +84,7 @@ def test_where_the_time_goes(figures: Figures) -> None:
 
 
 class Asked:
-    """A motion as somebody else's: asked at every sub-step, so that each is a call that can be timed."""
+    """A motion like a third-party one: called at every sub-step, so that each call can be timed."""
 
     def __init__(self, inner: Any) -> None:
         self.follow, self.command = inner.follow, inner.command

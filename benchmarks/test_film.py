@@ -1,4 +1,4 @@
-"""What a film costs beside the encoding of the same frames, ready made, in turns in one process."""
+"""The time of a film against encoding the same ready frames, in turns in one process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What it costs to hold parts to their contracts in every iteration of the basilica."""
+"""The cost of checking parts' contracts in every iteration of the basilica."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swarmsim.engine.build import BuiltRun, build
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
 PAIRS = 15
-#: Not the motion: bodies ask one of ours in a shorter way, if it is not guarded.
+#: Without the motion: bodies call a built-in, unguarded one in a shorter way.
 SEAMS = ("sensor", "localisation", "topology", "channel", "computation", "strategy", "task")
 MIND = """
 class Wanderer:
@@ -44,13 +44,13 @@ def seconds(run: BuiltRun) -> float:
 
 
 def bare(parts: Parts) -> Parts:
-    """The same parts without their guards."""
+    """The parts without their guards."""
     changed = {seam: getattr(parts, seam) for seam in SEAMS}
     return replace(parts, **{seam: getattr(part, "_part", part) for seam, part in changed.items()})
 
 
 def ratios(what: str, overrides: tuple[str, ...], seams: tuple[str, ...]) -> None:
-    """Print how much longer runs take whose parts of some seams are held as those of others are."""
+    """Print the slowdown of runs whose parts of some seams are guarded like third-party ones."""
     found = []
     for pair in range(PAIRS + 1):
         plain, checked = opened(*overrides), opened(*overrides)
@@ -61,7 +61,7 @@ def ratios(what: str, overrides: tuple[str, ...], seams: tuple[str, ...]) -> Non
         one, other = (seconds(plain), seconds(checked)) if pair % 2 else (seconds(checked), seconds(plain))[::-1]
         found.append(other / one)
         assert np.array_equal(plain.simulation.state.pose, checked.simulation.state.pose)
-    low, median, high = np.quantile(found[1:], (0.25, 0.5, 0.75))  # without the first, in which kernels are compiled
+    low, median, high = np.quantile(found[1:], (0.25, 0.5, 0.75))  # without the first, which compiles kernels
     print(f"{what:44s} {median:.3f} (quartiles {low:.3f} to {high:.3f}, {PAIRS} pairs)")
 
 
@@ -71,8 +71,8 @@ def test_checking_costs_little(tmp_path: Path) -> None:
     (tmp_path / "wanderer.py").write_text(MIND)
     mine = (f"mind={{use='{tmp_path / 'wanderer.py'}:Wanderer'}}", "task={use='gathered'}")
     assert not any(isinstance(getattr(opened().simulation.parts, seam), guard.Guard) for seam in SEAMS)
-    print("\nparts of our own: no guards")
-    ratios("a mind of one's own, a class", mine, ())
+    print("\nbuilt-in parts: no guards")
+    ratios("a custom mind, a class", mine, ())
     for seam in SEAMS:
-        ratios(f"our {seam}, held as somebody else's", (), (seam,))
-    ratios("all of ours, held as somebody else's", (), SEAMS)
+        ratios(f"our {seam}, guarded as third-party", (), (seam,))
+    ratios("all of ours, guarded as third-party", (), SEAMS)

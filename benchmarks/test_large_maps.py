@@ -1,4 +1,4 @@
-"""How long a large map takes to check, and how much memory, from a file of ROS to a swarm that starts in it."""
+"""Time and memory for a large map, from a ROS file to a swarm that starts in it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIDE, ROOMS = 4000, 12  # pixels, rooms along a side
 
 
 def scanned() -> np.ndarray:
-    """Grey levels of a building that lies aslant, with doors and specks, as a robot's laser leaves it."""
+    """Grey levels of a rotated building with doors and specks, as from a robot's laser."""
     picture = Image.new("L", (SIDE, SIDE), 205)
     pen = ImageDraw.Draw(picture)
     cos, sin = np.cos(0.3), np.sin(0.3)

@@ -1,4 +1,4 @@
-"""Many robots in large buildings: seconds, memory and the size of what is recorded."""
+"""Many robots in large buildings: time, memory and size of recordings."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ k = 3
 [stop]
 iterations = 20000
 """
-#: Runs the command line, and prints the most memory that it ever had, in MiB.
+#: Runs the command line, and prints its peak memory in MiB.
 MEASURED = (
     "import resource, subprocess, sys; "
     "code = subprocess.run([sys.executable, '-m', 'swarmsim', *sys.argv[1:]], stdout=subprocess.DEVNULL).returncode; "

@@ -1,4 +1,4 @@
-"""How long one waits before anything happens."""
+"""Start-up times."""
 
 from __future__ import annotations
 

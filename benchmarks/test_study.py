@@ -1,4 +1,4 @@
-"""How well a study uses two cores."""
+"""Parallel efficiency of a study on two cores."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_two_workers_do_at_least_1_7_times_the_work_of_one(tmp_path: Path) -> No
     seconds, digests = {}, {}
     for workers in (1, 2):
         rows = execute(tasks, workers)
-        found = [next(rows)]  # the cluster stands and its kernels are loaded
+        found = [next(rows)]  # the cluster is up, with kernels loaded
         begun = time.perf_counter()
         found.extend(rows)
         seconds[workers] = time.perf_counter() - begun

@@ -1,4 +1,4 @@
-"""What one call of each topology costs, for 15, 100 and 1 000 robots spread over the basilica."""
+"""The cost of one call of each topology, for 15, 100 and 1 000 robots spread over the basilica."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from swarmsim.engine.build import build
 
 SCENARIO = Path(__file__).parent.parent / "scenarios" / "basilica.toml"
 SIZES = (15, 100, 1000)
-CASES = [  # the topology, and how many links it has among 1 000 robots, at most
+CASES = [  # the topology, and its most links among 1 000 robots
     ({"use": "none"}, 0),
     ({"use": "knn", "k": 2}, 2_000),
     ({"use": "knn", "k": 10}, 10_000),
@@ -67,7 +67,7 @@ def test_links_are_quick() -> None:
 
 
 def _seconds(net: Topology, state: State) -> float:
-    """The processor's time for one call, which other programs beside do not count to; over a hundredth of a second."""
+    """CPU time per call, without other programs' share; measured for more than a hundredth of a second."""
     calls, spent = 1, 0.0
     while spent < 0.01:
         calls *= 4

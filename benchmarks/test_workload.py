@@ -1,4 +1,4 @@
-"""W(N) through the product's own tick, beside the loop that one writes at first and beside other simulators."""
+"""W(N) through swarmsim's own tick, beside an obvious first loop and other simulators."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def opened(folder: Path, robots: int, mapping: bool, steps: int) -> BuiltRun:
 
 
 def rates(run: BuiltRun, steps: int) -> list[float]:
-    """Robot-steps per second of CPU time, round by round; the first round is not counted."""
+    """Robot-steps per second of CPU time in each round but the first."""
     found = []
     simulation, count = run.simulation, run.scenario.robots.count
     for _ in range(ROUNDS + 1):
@@ -121,7 +121,7 @@ def test_opening_is_linear_in_cells(tmp_path: Path, figures: Figures) -> None:
 @pytest.mark.bench
 @pytest.mark.parametrize("name", list(PEERS))
 def test_beside_other_simulators(name: str, tmp_path: Path, figures: Figures) -> None:
-    """On the same work, as near as they allow; benchmarks/peers/README.md names the differences."""
+    """The same work, as far as they allow; benchmarks/peers/README.md names the differences."""
     python = ROOT / f".venv-{PEERS[name]}" / "bin" / "python"
     if not python.exists():
         pytest.skip(f"no {python.parent.parent.name}: make bench-peers makes it")

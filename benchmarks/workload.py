@@ -1,4 +1,4 @@
-"""W(N): N robots of 0.05 m radius wander among pillars at one robot a square metre, sensing with 24 beams of 0.5 m."""
+"""W(N): N robots of 0.05 m radius wander among pillars, one robot per square metre, with 24 beams of 0.5 m."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ RADIUS, SPEED, REACH, BEAMS, PERIOD = 0.05, 0.15, 0.5, 24, 0.1  # m, m/s, m, 1, 
 
 
 def pillars(robots: int, area: float = 1.0) -> tuple[float, list[tuple[float, float, float, float]]]:
-    """The side (m) of the arena for so many robots, and its pillars: left, lower, right, upper edges in m.
+    """The side (m) of the arena for this many robots, and its pillars: left, lower, right, upper edges in m.
 
     There are `area` m^2 for each robot.
     """
@@ -38,7 +38,7 @@ def segments(robots: int) -> np.ndarray:
 
 
 def written(folder: Path, robots: int, mapping: bool, iterations: int, area: float = 1.0) -> Path:
-    """A scenario file with W(N), for swarmsim; mapping robots share tiles with their two nearest."""
+    """A swarmsim scenario file for W(N); mapping robots share tiles with their two nearest."""
     side, squares = pillars(robots, area)
     thick = 0.2
 

@@ -1,4 +1,4 @@
-"""Buildings made for tests, in the styles in which programs and people draw them, each with its floor's area."""
+"""Test buildings in the drawing styles of programs and people, each with its floor's area."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ CELL = 0.1  # m
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """A file and what is true of the building in it."""
+    """A file and the facts about its building."""
 
     name: str
-    content: str | bytes | Callable[[Path], None]  # of the file, or what writes it
+    content: str | bytes | Callable[[Path], None]  # of the file, or its writer
     area: float  # m2 of floor
-    inside: tuple[Place, ...]  # places that are floor
-    outside: tuple[Place, ...]  # places that are none: in walls, in furniture, out of the building
+    inside: tuple[Place, ...]  # places on the floor
+    outside: tuple[Place, ...]  # places off it: in walls, in furniture, outside the building
     keys: Mapping[str, object] = field(default_factory=dict)  # of `[world]`
     says: tuple[str, ...] = ()  # words of its notices
     more: Mapping[str, bytes] = field(default_factory=dict)  # files beside it
     slack: float = 0.0  # m2, beyond 1 % of the area
 
     def world(self, folder: Path, **keys: object) -> World:
-        """The world in the file, which is written."""
+        """Write the file; gives its world."""
         path = folder / self.name
         for name, content in self.more.items():
             (folder / name).write_bytes(content)
@@ -78,7 +78,7 @@ def svg(body: str, box: str = "0 0 8 6", more: str = "") -> str:
 
 
 def lines(*data: str, colour: str = "#000", width: float = WALL) -> str:
-    """Strokes, each an element of its own."""
+    """Strokes, each as its own element."""
     return "".join(f'<path d="{one}" fill="none" stroke="{colour}" stroke-width="{width}"/>' for one in data)
 
 
@@ -96,7 +96,7 @@ TWO = "M0 0H8V6H0ZM.2 .2H5V2.5H5.2V.2H7.8V5.8H5.2V3.4H5V5.8H.2Z"  # both sides o
 
 
 def arc(hinge: Place, closed: Place, degrees: float, parts: int = 1) -> tuple[str, str]:
-    """A door: the leaf, opened by so many degrees, and the arc to where it is closed, as two paths."""
+    """A door: the leaf, opened by `degrees`, and the arc to its closed position, as two paths."""
     (x, y), (end, low) = hinge, closed
     radius, start = math.hypot(end - x, low - y), math.atan2(low - y, end - x)
     open_ = start + math.radians(degrees)
@@ -106,7 +106,7 @@ def arc(hinge: Place, closed: Place, degrees: float, parts: int = 1) -> tuple[st
 
 
 def cubic(hinge: Place, closed: Place, degrees: float) -> str:
-    """A door as one path, whose arc is a cubic curve, as most programs write it."""
+    """A door as one path with a cubic curve for its arc, as most programs write it."""
     (x, y), (end, low) = hinge, closed
     radius, start = math.hypot(end - x, low - y), math.atan2(low - y, end - x)
     turn = math.radians(degrees)
@@ -126,7 +126,7 @@ def door(degrees: float) -> str:
 
 
 def stroked(degrees: float) -> float:
-    """m2 that the parts of a door symbol would take of the floor, were it a wall."""
+    """The floor area in m2 that a door symbol would cover if it were a wall."""
     return PEN * 0.9 * (1.0 + math.radians(degrees))
 
 
@@ -410,7 +410,7 @@ SVGS = _svgs()
 
 
 def _hard() -> list[Made]:
-    """Drawings with what is easily taken for something else."""
+    """Drawings with ambiguous shapes."""
     house, closed = lines(AXES, GAP), lines(AXES, WHOLE)
     thin = {"width": 0.03}
     window = rect(2, -0.02, 1.5, 0.24, 'fill="#fff" stroke="#000" stroke-width=".03"') + lines("M2 .1H3.5", **thin)
@@ -625,7 +625,7 @@ HARD = _hard()
 
 
 def _furnished() -> list[Made]:
-    """Plans with hollow walls, furniture, and what CAD programs draw beside the walls."""
+    """Plans with hollow walls, furniture, and other elements of CAD programs."""
     house, slack = lines(AXES, GAP), 0.4
     hollow = lines("M0 0H8V6H0ZM.2 .2H5V5.8H.2ZM5.2 .2H7.8V5.8H5.2Z", width=0.02)
     faces = [lines(*arc((x, 3.4), (x, 2.5), degrees), width=0.02) for x, degrees in ((5.1, 60), (5.0, 90))]
@@ -665,7 +665,7 @@ def yaml(image: str, **keys: object) -> str:
 
 
 def pgm(pixels: NDArray[np.uint8]) -> bytes:
-    """An image of grey levels, whose first row lies at the bottom."""
+    """An image of grey levels with its first row at the bottom."""
     rows, columns = pixels.shape
     return f"P5\n{columns} {rows}\n255\n".encode() + pixels[::-1].tobytes()
 
@@ -768,7 +768,7 @@ MAPS = _maps()
 
 
 def cad(draw: Callable[[object, float], None], unit: int = 4, metre: float = 0.001) -> Callable[[Path], None]:
-    """Writes what `draw` puts into a document, to whose units it divides metres by."""
+    """Writes a document by `draw`; metres are divided by the document's unit."""
 
     def write(path: Path) -> None:
         import ezdxf
@@ -824,7 +824,7 @@ def _dxfs() -> list[Made]:
 
         return draw
 
-    thin = 0.01 * 4 * 12  # m2 that pens of 0.02 m take at most
+    thin = 0.01 * 4 * 12  # m2 that pens of 0.02 m cover at most
     return [
         Made("mm.dxf", cad(sides), HOUSE, IN, OUT, slack=thin),
         Made("inches.dxf", cad(sides, 1, 0.0254), HOUSE, IN, OUT, slack=thin),
@@ -851,7 +851,7 @@ STYLES = ("gaps", "arcs", "bars", "classes")
 
 @dataclass(frozen=True, slots=True)
 class Rooms:
-    """A building of rooms in a grid, each with hollow furniture, joined by doors that form a tree."""
+    """A building of rooms in a grid, each with hollow furniture, joined by a tree of doors."""
 
     xs: tuple[float, ...]  # m, the axes of the walls across
     ys: tuple[float, ...]
@@ -892,18 +892,18 @@ class Rooms:
 
     @property
     def furniture(self) -> list[shapely.Polygon]:
-        """What tables cover, y up, as `box` has it for doors."""
+        """The tables' boxes, y up, as `box` gives doors."""
         return [
             shapely.box(x - 0.32, self.size[1] - y - 0.32, x + 0.32, self.size[1] - y + 0.32) for x, y in self.tables
         ]
 
     @property
     def tables(self) -> list[Place]:
-        """The middle of each room, where a table of 0.6 m x 0.6 m stands, y down."""
+        """The middle of each room, y down, with a table of 0.6 m x 0.6 m."""
         return [((a + b) / 2, (c + d) / 2) for a, b in pairwise(self.xs) for c, d in pairwise(self.ys)]
 
     def drawn(self, style: str) -> list[str]:
-        """The elements of a drawing, whose y is down."""
+        """The elements of a drawing, y down."""
         walls = [((x, self.ys[0]), (x, self.ys[-1])) for x in self.xs]
         walls += [((self.xs[0], y), (self.xs[-1], y)) for y in self.ys]
         cap = "butt" if style == "gaps" else "square"

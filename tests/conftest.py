@@ -25,7 +25,7 @@ from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
 
 ROOT = Path(__file__).parent.parent
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # or a busy one
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # even a busy one
 settings.load_profile("any machine")
 
 
@@ -38,7 +38,7 @@ NOTHING = np.zeros((0, 0), bool)
 
 
 def building(walls=(), explorable=NOTHING, occupied=NOTHING) -> Building:
-    """These walls (s, 4), of which so much can be explored."""
+    """These walls (s, 4), with this explorable area."""
     found = Survey(np.asarray(walls, float).reshape(-1, 4), occupied, np.zeros((0, 2)), lambda: explorable)
     return Building(found, lambda boxes: found)
 
@@ -46,7 +46,7 @@ def building(walls=(), explorable=NOTHING, occupied=NOTHING) -> Building:
 def setting_of(
     count=1, shape=(16, 16), seed=5, cell=0.15, period=1.0, walls=(), start=None, tile=(6, 7), **robots
 ) -> BuildContext:
-    """What parts are built for: so many robots on a lattice of this shape, in a building of these walls alone."""
+    """The setting for parts: this many robots on a lattice of this shape, in a building of these walls alone."""
     start = np.zeros((count, 3)) if start is None else np.asarray(start, float)
     of = Robots(count=count, spawn="anywhere", **robots)
     lattice = Lattice(0.0, 0.0, cell, *shape)
@@ -61,7 +61,7 @@ def made(*overrides: str, scenario: str = "room") -> BuiltRun:
 
 
 def moments_of(run: BuiltRun) -> list[Moment]:
-    """Every moment of a run, done to its end."""
+    """Every moment of a whole run."""
     moments: list[Moment] = []
 
     class Keep:
@@ -107,7 +107,7 @@ def worded_of(moments, run: BuiltRun) -> list[Worded]:
 
 
 def readings_of(tiles: Tiles | None = None) -> Readings:
-    """What robots measure that have tiles, or no sensor."""
+    """The readings of robots with tiles, or without sensor."""
     if tiles is None:
         return Readings()
     said = () if tiles.evidence is None else (tiles.evidence,)
@@ -115,12 +115,12 @@ def readings_of(tiles: Tiles | None = None) -> Readings:
 
 
 def seen_as(iteration, pose, alive, tiles) -> Senses:
-    """What robots know that sense tiles."""
+    """The knowledge of robots that sense tiles."""
     return Senses(iteration, pose, np.zeros_like(pose), alive, readings_of(tiles))
 
 
 def called(*words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """What the command line says and ends with, called in this process: to start another takes a second."""
+    """The command line's exit code and output, called in this process: starting another takes a second."""
     told, complained = io.StringIO(), io.StringIO()
     handlers = {one: signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)}
     code: int | str | None = 0

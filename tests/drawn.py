@@ -1,4 +1,4 @@
-"""Floor plans of drawings in a test's own text."""
+"""Floor plans from drawings written in tests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def read_floor_plan(
     layers: Mapping[str, Sequence[str]] | None = None,
     **keys: object,
 ) -> FloorPlan:
-    """What of an SVG text is solid, before its floor is chosen."""
+    """The solids of an SVG text, before its floor is chosen."""
     more = {"layers": {layer: list(names) for layer, names in layers.items()}} if layers else {}
     size = {"width": across} if across is not None else {} if scale == 1.0 else {"scale": scale}
     world = convert({"file": name, **size, **more, **keys}, World)

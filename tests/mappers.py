@@ -14,19 +14,19 @@ from swarmsim.operations.mapping.maps import TileItems
 
 
 def inbox_of(receivers, senders, values, origins, iteration: int = 0) -> Inbox[TileItems]:
-    """Messages of one tile each, which its sender has just sensed."""
+    """Messages of one tile each, just sensed by its sender."""
     receivers, senders = np.asarray(receivers, np.int32), np.asarray(senders, np.int32)
     sent = np.full(len(senders), iteration, np.int32)
     return Inbox(receivers, senders, sent, TileItems(values, origins, senders, sent), iteration)
 
 
 def items(receivers, senders, values, origins, sources, sensed) -> Inbox[TileItems]:
-    """An inbox of tiles, each said when it was sensed."""
+    """An inbox of tiles, each sent when it was sensed."""
     return Inbox(receivers, senders, sensed, TileItems(values, origins, sources, sensed))
 
 
 class Grids(OccupancyGrids):
-    """Grids of which all that is known is news, for sharing policies that are asked without a computation."""
+    """Grids whose known cells are all new, for sharing policies called without a computation."""
 
     @property
     def changes(self) -> np.ndarray:
@@ -36,7 +36,7 @@ class Grids(OccupancyGrids):
 
 
 class Mapper:
-    """The two halves of a mind that maps; parameters go to the half that has them."""
+    """The two halves of a mapping mind; parameters go to the half that has them."""
 
     def __init__(self, **parameters) -> None:
         fields = NearestFrontier.__struct_fields__
@@ -48,7 +48,7 @@ class Mapper:
 
 
 class Mapping:
-    """A mind that maps."""
+    """A mapping mind."""
 
     def __init__(self, computation, strategy) -> None:
         self.computation, self.strategy = computation, strategy

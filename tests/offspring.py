@@ -1,4 +1,4 @@
-"""Commands in forks of one process that has imported what they need: each begins and ends as it always does, sooner."""
+"""Commands in forks of one process with their imports done: each runs as usual, but starts sooner."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from threading import Thread
 from types import TracebackType
 from typing import BinaryIO
 
-#: What most commands import; libraries that start threads are left to them.
+#: Imports of most commands, without libraries that start threads.
 IMPORTED = ("swarmsim.cli", "swarmsim.engine.build", "swarmsim.view.video", "swarmsim.view.plots", "swarmsim.api.runs")
 
 
 class Offspring:
-    """Runs commands, one after the other: the command line's words, or a script and its arguments."""
+    """Runs commands one by one: the command line's words, or a script and its arguments."""
 
     def __enter__(self) -> Offspring:
         self._parent = subprocess.Popen(
@@ -35,7 +35,7 @@ class Offspring:
         self._parent.stdout.close()
 
     def ended(self, words: Sequence[str], folder: Path, limit: int | None = None) -> subprocess.CompletedProcess[str]:
-        """What becomes of a command in a folder whose files may have so many bytes at most."""
+        """The result of a command in a folder, with a limit on the bytes of its files."""
         self._parent.stdin.write(json.dumps([list(map(str, words)), str(folder), limit]) + "\n")
         self._parent.stdin.flush()
         code, out, err = json.loads(self._parent.stdout.readline())
@@ -48,7 +48,7 @@ def _told(lines: BinaryIO, into: dict[str, str], name: str) -> None:
 
 
 def _become(words: list[str], folder: str, limit: int | None, out: int, err: int) -> None:
-    """Be the command; this process ends with it."""
+    """Run the command; this process ends with it."""
     nothing = os.open(os.devnull, os.O_RDONLY)
     for given, place in ((nothing, 0), (out, 1), (err, 2)):
         os.dup2(given, place)

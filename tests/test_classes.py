@@ -1,4 +1,4 @@
-"""Classes are abstract or final, and each name of a class stands for one thing."""
+"""Classes are abstract or final, and each class name stands for one thing."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def trees() -> dict[Path, ast.Module]:
 
 @cache
 def classes() -> set[type]:
-    """All classes that the package's files define at their top."""
+    """All top-level classes of the package."""
     names = [one.name for one in pkgutil.walk_packages(swarmsim.__path__, "swarmsim.") if "__main__" not in one.name]
     found = [kind for name in names for kind in vars(import_module(name)).values() if inspect.isclass(kind)]
     return {kind for kind in found if kind.__module__ in names}
 
 
 def called(node: ast.Call, file: Path) -> object:
-    """What a call calls, if the file knows it by a name; else the text of it."""
+    """The called name, if the file binds it; else its text."""
     text = ast.unparse(node.func).partition("[")[0]
     parts = file.relative_to(ROOT).with_suffix("").parts
     found: object = import_module(".".join(parts if parts[-1] != "__init__" else parts[:-1]))
@@ -43,7 +43,7 @@ def called(node: ast.Call, file: Path) -> object:
 
 @cache
 def made() -> set[object]:
-    """All that the package's code calls, or registers as a part."""
+    """Everything that the package's code calls or registers as a part."""
     files = [(file, tree) for file, tree in trees().items() if file.name != "__main__.py"]
     calls = {called(one, file) for file, tree in files for one in ast.walk(tree) if isinstance(one, ast.Call)}
     return calls | {entry.load() for parts in distributions.parts().values() for entry in parts.values()}
@@ -52,9 +52,9 @@ def made() -> set[object]:
 def why_concrete(base: type, is_made: bool) -> str | None:
     """Why a class may have no subclasses, or None.
 
-    What is subclassed says so: it is a Protocol, has ABC among its own bases, or is an exception, whose kinds are told
-    apart by `except`. A struct of parameters cannot be an ABC: it is one by being no part itself, and gives its keys
-    to those that are. None of these is ever made.
+    A class with subclasses must be a Protocol, have ABC among its own bases, or be an exception, since `except` tells
+    its kinds apart. A struct of parameters cannot be an ABC: it is abstract if it is no part itself and gives its
+    keys to parts. None of these is ever instantiated.
     """
     if issubclass(base, BaseException) or getattr(base, "_is_protocol", False):
         return None
@@ -88,8 +88,8 @@ def test_the_rule_finds_concrete_classes() -> None:
     assert why_concrete(Keys, False) is None
 
 
-#: Kernels' tuple of arrays of maps, beside the knowledge of robots that map: numba's files on a user's disk name the
-#: types of arguments, and numba raises an error for one that is gone.
+#: Kernels' tuple of maps' arrays, beside the knowledge of mapping robots: numba's files on a user's disk name the types
+#: of arguments, and numba raises an error for a missing one.
 TWICE = {"Maps"}
 
 

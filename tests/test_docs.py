@@ -103,7 +103,7 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
             assert f"\n{words[1]}:" in (ROOT / "Makefile").read_text()
         return
     if page == "CONTRIBUTING.md" and ".venv/bin/" in line:
-        return  # those are run by a test of their own
+        return  # another test runs those
     if words[:2] == ["pip", "install"]:
         project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
         name, _, extra = words[2].rstrip("]").partition("[")
@@ -119,7 +119,7 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
 
 
 def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
-    """In a copy of what they need; make, which does whole jobs, has its targets."""
+    """In a copy of the needed files; for make, only its targets are checked."""
     for name in ("docs", "scenarios", "swarmsim", "template", "tests", "worlds", "pyproject.toml"):
         (tmp_path / name).symlink_to(ROOT / name)
     (tmp_path / ".venv").symlink_to(sys.prefix)
@@ -132,7 +132,7 @@ def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
         assert done.returncode == int(unfinished), f"{line}\n{done.stdout}{done.stderr}"
 
 
-#: Pages whose listings are files that belong together, with tests of their own.
+#: Pages whose listings are files that belong together, with their own tests.
 TOLD = ("docs/minds.md", "docs/own.md", "docs/papers.md")
 ROOM = {**tomllib.loads((ROOT / "scenarios" / "basilica.toml").read_text()), "world": "worlds/basilica.svg"}
 FRAGMENTS = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "toml")]
@@ -142,7 +142,7 @@ FRAGMENTS = [(page, text) for page in PAGES if page not in TOLD for text in bloc
 def test_every_listing_of_a_scenario_or_study_can_be_read(page: str, text: str, tmp_path: Path) -> None:
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:  # a key a line, to choose from
+    except tomllib.TOMLDecodeError:  # one key per line, to choose from
         for line in text.splitlines():
             decode({**ROOM, **tomllib.loads(line)}, page, ROOT)
         return

@@ -1,7 +1,7 @@
-"""Every shipped scenario repeats itself to the last bit, and asks for what it asked for.
+"""Every shipped scenario repeats to the last bit, and its request is unchanged.
 
-Digests are those of one machine. Some are the same wherever the versions are: no function in them depends on the
-processor. The others are compared where the processor is alike.
+Digests are from one machine. Some depend on the versions only, since no function in them depends on the processor. The
+others are compared on equal processors.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ SCENARIOS = sorted(
     for path in (ROOT / "scenarios" / folder).glob("*.toml")
 )
 STUDIES = sorted((ROOT / "scenarios" / "studies").rglob("*.toml"))
-GOLDEN = Path(__file__).parent / "golden.json"  # iterations and digest of each; made anew by make golden
-TEXTS = Path(__file__).parent / "golden_texts.json"  # what recordings and studies keep of scenarios
+GOLDEN = Path(__file__).parent / "golden.json"  # iterations and digest of each; rewritten by make golden
+TEXTS = Path(__file__).parent / "golden_texts.json"  # scenarios as recordings and studies keep them
 
 
 def machine() -> dict[str, str]:
-    """What digests depend on: versions, and the processors that numpy and its linear algebra choose functions for."""
+    """What digests depend on: versions, and the processor types for which numpy and BLAS choose functions."""
     simd = " ".join(np.show_config(mode="dicts")["SIMD Extensions"]["found"])
     cores = [f"{one['internal_api']} {one.get('architecture', '')}" for one in threadpoolctl.threadpool_info()]
     return {**versions(), "simd": simd, "algebra": ", ".join(sorted(set(cores)))}
 
 
 def is_comparable(name: str, golden: dict[str, Any]) -> bool:
-    """Whether the digest of a scenario has to be the same here."""
+    """Whether a scenario's digest must be the same here."""
     here, there = machine(), golden["machine"]
     if name not in golden["processor"]:
         here |= {key: there[key] for key in ("simd", "algebra")}
@@ -58,7 +58,7 @@ def text_of_scenario(name: str) -> str:
 
 
 def asked_by(path: Path) -> str:
-    """A hash of what all conditions of a study ask for."""
+    """A hash of the requests of a study's conditions."""
     study = convert(read_toml(path, "a study"), Study)
     base = path.parent / study.scenario
     table, asks = read_toml(base, "a scenario"), hashlib.blake2b(digest_size=16)
@@ -81,7 +81,7 @@ def verified(folder: Path) -> tuple[int, str]:
 
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_verify_passes_and_runs_are_what_they_were(name: str, tmp_path: Path) -> None:
-    """Where digests differ because of the processor, runs take about as long."""
+    """Where processors make digests differ, runs take about as many iterations."""
     recording = recorded(name, tmp_path)
     code, told = verified(tmp_path)
     assert code == 0, told
@@ -104,14 +104,14 @@ def test_recordings_keep_the_same_text_of_a_scenario(name: str) -> None:
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_studies_ask_for_what_they_asked_for(path: Path) -> None:
-    """Otherwise no store holds the rows of a study any more."""
+    """Otherwise stores would lose a study's rows."""
     assert asked_by(path) == json.loads(TEXTS.read_text())["studies"][str(path.relative_to(ROOT))]
 
 
 def test_random_numbers_that_depend_on_the_order_of_parts_are_caught(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One stream for everybody, in the order in which parts ask for theirs: one more asks, and all draws shift."""
+    """One stream for all parts, in the order of their requests: one more request shifts all draws."""
     count = 0
 
     def in_order(self: Streams, purpose: str, robot: int = -1) -> np.random.Generator:
@@ -138,7 +138,7 @@ def test_who_looks_on_changes_nothing(tmp_path: Path) -> None:
 
 
 def main() -> None:
-    """Write down what runs are now, and what scenarios and studies ask for."""
+    """Record the current runs, and the requests of scenarios and studies."""
     runs = {}
     for name in SCENARIOS:
         run, digests = made(scenario=name), Digests()

@@ -1,4 +1,4 @@
-"""The contracts of imports hold for folders that are not written yet."""
+"""The import contracts hold for future folders too."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LINT = Path(sys.executable).with_name("lint-imports")
 
 
 def broken(folder: Path) -> set[str]:
-    """The contracts that a copy of the package breaks."""
+    """The contracts broken by a copy of the package."""
     done = subprocess.run([LINT, "--no-cache"], cwd=folder, capture_output=True, text=True, check=False)
     found = dict(re.findall(r"^(\w[\w ]+) (KEPT|BROKEN)", done.stdout, re.MULTILINE))
     assert len(found) == 8, done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""The packages that are installed are the ones that are listed, file by file."""
+"""The installed packages are the listed ones, file by file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BENEATH = {"run": (), "test": ("run",), "browser": ("run", "test"), "docs": ("ru
 
 
 def listed(name: str) -> dict[str, Requirement]:
-    """What a list and those it adds to pin, by name."""
+    """The pins of a list and of the lists that it extends, by name."""
     lines = [line for part in (*BENEATH[name], name) for line in (ROOT / f"locks/{part}.txt").read_text().splitlines()]
     pins = [Requirement(line.removesuffix(" \\")) for line in lines if line and not line.startswith((" ", "#"))]
     return {canonicalize_name(pin.name): pin for pin in pins}
@@ -52,7 +52,7 @@ def test_lists_agree_on_versions() -> None:
 
 
 def test_make_installs_nothing_that_is_not_listed() -> None:
-    """But for the package itself, of which the lists have what it needs, and other people's simulators."""
+    """Except the package itself, whose needs are listed, and third-party simulators."""
     lines = (ROOT / "Makefile").read_text().splitlines()
     installs = [line for line in lines if "pip install" in line and ".venv-" not in line]
     assert len(installs) == 3

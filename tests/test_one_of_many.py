@@ -1,4 +1,4 @@
-"""Mapping is one operation of many: no room that serves all of them knows it by name."""
+"""Mapping is one operation of many: no shared folder knows it by name."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import pytest
 from conftest import ROOT
 
 PACKAGE = ROOT / "swarmsim"
-#: The home of operations; what people ask for, see and read, which may be maps; and what a building is drawn as.
+#: The operations themselves; commands, pictures and texts, which may be maps; and drawings of buildings.
 SPECIAL = {"operations", "cli", "api", "view", "studies", "kernels", "world"}
 ROOMS = sorted(path.name for path in PACKAGE.iterdir() if (path / "__init__.py").is_file() and path.name not in SPECIAL)
 WORD = re.compile(
     r"maps|mapping|sharing|coverage|covered|frontiers?|occupancy-?grids?|nearest-frontier|tileitems", re.IGNORECASE
 )
-#: Where such a word stands all the same, and why.
+#: Exceptions, with reasons.
 EXCEPT = {
-    "core/renamed.py": "old names are told the new ones",
-    "core/scenario/file.py": "keys of older scenarios are told where they have gone",
+    "core/renamed.py": "old names lead to the new ones",
+    "core/scenario/file.py": "keys of older scenarios lead to the new ones",
     "core/seams.py": "scenarios that name no mind and no task map",
-    "faults/people.py": "the kernel that plans ways calls what it plans on so",
+    "faults/people.py": "the path-planning kernel names its argument so",
     "recording/layout.py": "tables that pictures use as indices have bounds",
 }
 
 
 def named(tree: ast.Module) -> Iterator[str]:
-    """All names and texts of a file, but for what explains it to people."""
+    """All names and texts of a file, without comments and docstrings."""
     kinds = ast.Module | ast.ClassDef | ast.FunctionDef
     first = [node.body[0] for node in ast.walk(tree) if isinstance(node, kinds) and node.body]
     told = {id(node.value) for node in first if isinstance(node, ast.Expr)}
@@ -42,7 +42,7 @@ def named(tree: ast.Module) -> Iterator[str]:
 
 
 def words(path: Path) -> set[str]:
-    """The words of mapping that a file uses."""
+    """The mapping words that a file uses."""
     found = (piece for name in named(ast.parse(path.read_text())) for piece in re.findall("[A-Za-z-]+", name))
     return {piece for piece in found if WORD.fullmatch(piece)}
 

@@ -1,4 +1,4 @@
-"""Functions and files are short. The counts of those that are not may only fall."""
+"""Functions and files are short. The counts of long ones may only fall."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ CODE = {file: file.read_text(encoding="utf-8") for file in sorted((ROOT / "swarm
 
 
 def long_functions(code: str) -> list[tuple[str, int]]:
-    """The functions with more lines than FUNCTION, each with how many it has."""
+    """The functions with more lines than FUNCTION, each with its count."""
     defined = [one for one in ast.walk(ast.parse(code)) if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
     sizes = [(one.name, (one.end_lineno or 0) - one.lineno + 1) for one in defined]
     return [(name, lines) for name, lines in sizes if lines > FUNCTION]

@@ -1,4 +1,4 @@
-"""What files of strangers might try, line by line of docs/threats.md."""
+"""Attacks by untrusted files, line by line of docs/threats.md."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Mine = OccupancyGrid
 
 
 def done(*words: object) -> str:
-    """What a command prints; raises what it raises."""
+    """A command's output; raises its exception."""
     result = CliRunner().invoke(app, [str(word) for word in words])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -52,7 +52,7 @@ def scenario(folder: Path, world: str = str(ROOM), more: str = "", topology: str
 
 @pytest.fixture
 def foreign(tmp_path: Path) -> tuple[Path, Path]:
-    """A scenario with code of its own, and a file that is there once that has run."""
+    """A scenario with its own code, and a file that exists once that has run."""
     ran = tmp_path / "ran"
     (tmp_path / "mine.py").write_text(PART.format(ran=str(ran)))
     return scenario(tmp_path, more='mind = {computation = {use = "./mine.py:Mine"}}'), ran
@@ -118,7 +118,7 @@ def test_files_outside_are_named_and_not_repeated(tmp_path: Path) -> None:
         assert "sesame" not in str(refused.value)
 
 
-ENDLESS = ("/proc/kmsg", "/proc/kpagemap")  # the system says that they are plain, and of no length
+ENDLESS = ("/proc/kmsg", "/proc/kpagemap")  # the system reports them as plain files of length 0
 
 
 def test_devices_and_pipes_are_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How well the package is typed, and that its files import one another in one direction."""
+"""The package is well typed, and its files import one another in one direction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import networkx as nx
 from conftest import ROOT
 
 PACKAGE = ROOT / "swarmsim"
-MOST_ANY = 90  # in annotations and code; what these stand for, mypy does not check
+MOST_ANY = 90  # in annotations and code; mypy does not check them
 MOST_ASSERTS = 2  # `assert x is not None`: a better type needs none
 
 
@@ -29,7 +29,7 @@ def test_few_values_have_to_be_asserted_to_be_there() -> None:
 
 
 def test_no_file_imports_one_that_imports_it() -> None:
-    """Directly or through others, at the top or within a function, or for types alone."""
+    """Directly or through others, at the top, in a function, or for types alone."""
     found = grimp.build_graph("swarmsim", cache_dir=None)
     imported = {one: found.find_modules_directly_imported_by(one) for one in found.modules}
     assert [sorted(one) for one in nx.strongly_connected_components(nx.DiGraph(imported)) if len(one) > 1] == []

@@ -1,4 +1,4 @@
-"""A swarm that does not map, as somebody else might write it: every robot tells its heading and drives along it."""
+"""A third-party swarm that does not map: every robot sends its heading and drives along it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Teller:
 
 
 class Drive(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A strategy; it breaks down in an iteration, if one is given."""
+    """A strategy; it fails in a given iteration, if any."""
 
     speed: float = 0.1
     breaks_at: int = -1
@@ -71,7 +71,7 @@ class Driver:
 
 
 class Roam(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A task: to be so far from the start, in m, on the mean."""
+    """A task: to be this far from the start, in m, on average."""
 
     far: float = 0.5
 

@@ -1,7 +1,7 @@
-"""What others have published on rules of exploration, with their worlds drawn anew and our numbers beside theirs.
+"""Published results on exploration rules, with their worlds rebuilt and our numbers beside theirs.
 
-Their robots are points that step from square to square of a grid; ours are discs with two wheels that have to turn,
-push and fit through. What is compared first is by how much one rule, or hearing others, is faster than another.
+Their robots are points that step from square to square of a grid; ours are two-wheeled discs that must turn, push and
+fit through. The main comparison is how much faster one rule, or hearing others, is.
 Run: `make external`.
 """
 
@@ -21,14 +21,14 @@ from swarmsim.engine.build import build
 
 HERE = Path(__file__).parent
 SHARES = {"T90": 0.9, "T100": 1.0}
-SQUARES = {"obstacles": 2.0, "rooms": 1.0}  # iterations that a robot takes to drive the length of a square
+SQUARES = {"obstacles": 2.0, "rooms": 1.0}  # iterations that a robot needs to drive one square
 NOBODY = {"network.topology": {"use": "none"}}
-EVERY = {"replan": "every-iteration"}  # their robots of the first table think again in every step
+EVERY = {"replan": "every-iteration"}  # robots of the first table replan in every step
 
 
 @dataclass(frozen=True)
 class Condition:
-    """One row of a published table, and what it is with us."""
+    """One row of a published table, and our equivalent."""
 
     source: str
     robots: int
@@ -37,7 +37,7 @@ class Condition:
     changes: dict[str, Any]
 
 
-UTILITY = {"use": "utility-frontier", "weight": 1.0}  # what there is to see plus how near it is, both from 0 to 1
+UTILITY = {"use": "utility-frontier", "weight": 1.0}  # expected view plus nearness, both from 0 to 1
 OBSTACLES = {"greedy": {"use": "nearest-frontier"}, "utility": UTILITY}
 ROOMS = {"closest": {"use": "nearest-frontier"}, "random": {"use": "random-frontier"}}
 CONDITIONS = [
@@ -50,17 +50,17 @@ CONDITIONS = [
     for rule, ours in ROOMS.items()
 ]
 
-#: What is compared: by how much the first takes longer than the second.
+#: Comparisons: how much longer the first takes than the second.
 RATIOS = [
-    ("obstacles", "hearing nobody instead of those in sight, greedy", (3, "greedy", "nobody"), (3, "greedy", "near")),
+    ("obstacles", "hearing no one instead of those in sight, greedy", (3, "greedy", "nobody"), (3, "greedy", "near")),
     (
         "obstacles",
-        "hearing nobody instead of those in sight, utility",
+        "hearing no one instead of those in sight, utility",
         (3, "utility", "nobody"),
         (3, "utility", "near"),
     ),
     ("obstacles", "utility instead of greedy, in sight", (3, "utility", "near"), (3, "greedy", "near")),
-    ("obstacles", "utility instead of greedy, nobody", (3, "utility", "nobody"), (3, "greedy", "nobody")),
+    ("obstacles", "utility instead of greedy, hearing no one", (3, "utility", "nobody"), (3, "greedy", "nobody")),
     ("rooms", "random instead of closest, 4 robots", (4, "random", "all"), (4, "closest", "all")),
     ("rooms", "random instead of closest, 12 robots", (12, "random", "all"), (12, "closest", "all")),
     ("rooms", "4 robots instead of 12, closest", (4, "closest", "all"), (12, "closest", "all")),
@@ -69,7 +69,7 @@ RATIOS = [
 
 
 def run(asked: tuple[Condition, int]) -> dict[str, float]:
-    """The iterations after which shares of the floor were known; the limit where they never were."""
+    """The iterations until shares of the floor were known, or the limit."""
     condition, seed = asked
     changes = {**condition.changes, "world.seed": seed, "seed": seed}
     made = build(load(HERE / f"{condition.source}.toml", changes=changes), condition.source)
@@ -88,14 +88,14 @@ def run(asked: tuple[Condition, int]) -> dict[str, float]:
 
 
 def mean_ratio(first: np.ndarray, second: np.ndarray, random: np.random.Generator) -> tuple[float, float, float]:
-    """The ratio of two means, and its 95 % interval by resampling the worlds, which both have in common."""
+    """The ratio of two means, with its 95 % interval from resampling their common worlds."""
     rows = random.integers(len(first), size=(5000, len(first)))
     low, high = np.quantile(first[rows].mean(axis=1) / second[rows].mean(axis=1), (0.025, 0.975))
     return float(first.mean() / second.mean()), float(low), float(high)
 
 
 def published_ratio(one: dict[str, str], other: dict[str, str]) -> tuple[float, float, float]:
-    """The same of published means, with the interval that their deviations give (delta method)."""
+    """The same for published means, with an interval from their deviations (delta method)."""
     ratio = float(one["mean"]) / float(other["mean"])
     error = np.sqrt(sum((float(row["sd"]) / float(row["mean"])) ** 2 / int(row["runs"]) for row in (one, other)))
     return ratio, float(ratio * np.exp(-1.96 * error)), float(ratio * np.exp(1.96 * error))

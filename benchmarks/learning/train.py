@@ -1,8 +1,8 @@
-"""Trains a small policy that explores rooms nobody has seen, and draws its learning curve beside random exploration.
+"""Trains a small policy to explore unseen rooms, and draws its learning curve beside random exploration.
 
-The policy is 16 numbers: how eight features of what a robot senses and hears turn into a speed and a turn. CMA-ES
-(Hansen 2016, by the library pycma) looks for those with which six robots together have seen most after 150 iterations.
-It is trained in some generated buildings and judged in others. Run it with `make learning`; it takes about ten minutes.
+The policy has 16 weights, from eight features of a robot's readings and messages to a speed and a turn. CMA-ES (Hansen
+2016, by the library pycma) maximises the area that six robots have seen after 150 iterations. Some generated buildings
+are for training, others for judging. Run it with `make learning`; it takes about ten minutes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FEATURES = 8
 
 
 def keys(world: int) -> dict:
-    """What the scenario is changed to."""
+    """The scenario's changes."""
     return {
         "world.seed": world, "robots.count": ROBOTS, "stop.iterations": ITERATIONS, "stop.when_done": "continue",
         "mind.computation.sharing": {"use": "current-tile"},
@@ -75,7 +75,7 @@ class Policy:
 
 
 class Random:
-    """Random exploration: a twist drawn at random, kept for ten iterations."""
+    """Random exploration: a random twist, kept for ten iterations."""
 
     def __init__(self, seed: int = 0) -> None:
         self.random, self.kept, self.asked = np.random.default_rng(seed), {}, 0
@@ -92,7 +92,7 @@ _environments: dict[int, SwarmEnv] = {}
 
 
 def coverage(policy: Policy | Random, world: int, seed: int) -> float:
-    """What the swarm has seen at the end of an episode, 0 to 1."""
+    """The share that the swarm has seen at the end of an episode, 0 to 1."""
     if world not in _environments:
         _environments[world] = SwarmEnv(SCENARIO, keys(world))
     env = _environments[world]
@@ -105,7 +105,7 @@ def coverage(policy: Policy | Random, world: int, seed: int) -> float:
 
 
 def trained(seed: int) -> list[dict]:
-    """The generations of one training run: environment steps so far, and how good the best guess is."""
+    """The generations of one training run: environment steps so far, and the best guess's score."""
     search = cma.CMAEvolutionStrategy(
         np.zeros(2 * FEATURES), 0.7, {"popsize": POPULATION, "seed": seed, "verbose": -9, "maxiter": GENERATIONS}
     )
@@ -130,7 +130,7 @@ def trained(seed: int) -> list[dict]:
 
 
 def frontier(world: int, strategy: str) -> float:
-    """What a strategy of frontiers has seen by then."""
+    """The share that a frontier strategy has seen by then."""
     run = build(load(SCENARIO, changes={**keys(world), "mind.strategy": {"use": strategy}, "seed": 7}), "x")
     last = 0.0
     while not run.simulation.over:
@@ -140,7 +140,7 @@ def frontier(world: int, strategy: str) -> float:
 
 @styled
 def curve(histories: list[list[dict]], levels: dict[str, float]) -> Figure:
-    """The learning curve of every seed and their mean, beside what others reach."""
+    """The learning curve of every seed and their mean, beside other strategies."""
     figure = sheet(8.0, 4.6, "Learning to explore: 6 robots, buildings that were not trained in")
     axes = figure.subplots()
     for history in histories:

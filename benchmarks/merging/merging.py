@@ -1,8 +1,8 @@
-"""How often maps of robots that know nothing of each other's places are put together rightly, wrongly or not at all.
+"""How often maps of robots that do not know each other's places are merged correctly, wrongly or not at all.
 
 Two robots have each mapped a part of a generated building; the parts overlap by a share of the smaller one. The other
-robot's map comes turned and shifted at random, and, with noise, with cells that are wrong. Then whole runs, in which
-robots start without knowing each other's places. Run: `make merging`.
+robot's map is rotated and shifted at random and, with noise, has wrong cells. Then come whole runs of robots that do
+not know each other's places at the start. Run: `make merging`.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ KINDS = {
     "maze": {"use": "maze", "width": 7.65, "height": 5.4},
     "cave": {"use": "cave", "width": 12.0, "height": 9.0},
 }
-WITHIN = 7.0  # cells that robots which meet are apart at most: about 1 m
-FALSE = 5.0  # cells by which some place of the building is off where a frame was mistaken for another one
-RIGHT = 2.0  # cells by which no cell of the overlap may lie beside its place
+WITHIN = 7.0  # cells: the greatest distance of robots that meet, about 1 m
+FALSE = 5.0  # cells: the error of some place in the building at which a frame counts as mistaken
+RIGHT = 2.0  # cells: the error that no cell of the overlap may reach
 
 
 def building(kind: str, seed: int) -> np.ndarray:
-    """The map that is complete and right."""
+    """The complete and correct map."""
     run = build(load(SCENARIO, changes={"world.generate": KINDS[kind], "world.seed": seed}), kind)
     return np.where(run.explorable, np.where(run.arena.occupied, OCCUPIED, FREE), UNKNOWN).astype(np.uint8)
 
 
 def part(truth: np.ndarray, share: float, start: tuple[int, int]) -> np.ndarray:
-    """What a robot has mapped that started there: the cells nearest to it by the way."""
+    """The map of a robot that started there: the cells nearest to it along paths."""
     wanted, seen, queue = int(share * np.count_nonzero(truth)), np.zeros(truth.shape, bool), deque([start])
     found = np.zeros_like(truth)
     seen[start] = True
@@ -59,11 +59,11 @@ def part(truth: np.ndarray, share: float, start: tuple[int, int]) -> np.ndarray:
 
 
 def trial(asked: tuple[str, int, float | None, float]) -> tuple[float, bool, bool, float, float] | None:
-    """One pair: its overlap, whether it was merged, whether rightly, and the errors in cells and rad."""
+    """One pair: its overlap, whether it was merged, whether correctly, and the errors in cells and rad."""
     kind, seed, wanted, noise = asked
     random = np.random.default_rng([seed, int(100 * (wanted or 0)), int(1000 * noise)])
     truth = building(kind, 5000 + seed % 10)
-    if wanted is None:  # robots that only believe to meet: they are in two different buildings
+    if wanted is None:  # a false meeting: the robots are in two different buildings
         others = building(kind, 6000 + seed % 10)
         first, second = (part(one, 0.5, some(one, random)) for one in (truth, others))
         both, overlap = np.ones(truth.shape, bool), 0.0
@@ -90,7 +90,7 @@ def trial(asked: tuple[str, int, float | None, float]) -> tuple[float, bool, boo
         return overlap, False, False, np.nan, np.nan
     if wanted is None:
         return overlap, True, False, np.nan, np.nan
-    places = np.argwhere(both).astype(float)  # where they are, and where the answer puts them
+    places = np.argwhere(both).astype(float)  # true and estimated places
     turned = (places - middle) @ matrix + centre
     apart = match.transform.apply(turned + 0.5) - 0.5 - places
     wrong = (match.transform.turn + turn + np.pi) % (2.0 * np.pi) - np.pi
@@ -107,7 +107,7 @@ def some(truth: np.ndarray, random: np.random.Generator) -> tuple[int, int]:
 def meet(
     both: np.ndarray, random: np.random.Generator, apart: bool, free: tuple[np.ndarray, np.ndarray]
 ) -> tuple | None:
-    """Two places less than a metre apart that both have mapped; any place of each if they only believe to meet."""
+    """Two places less than a metre apart that both have mapped; any place of each in a false meeting."""
     first, second = (np.argwhere(one & both) for one in free)
     if not len(first) or not len(second):
         return None
@@ -125,7 +125,7 @@ def disturbed(cells: np.ndarray, noise: float, random: np.random.Generator) -> n
 
 
 def whole_run(asked: tuple[str, int]) -> dict[str, float | None]:
-    """What a swarm that starts without knowing each other's places has found out when it believes all to be known."""
+    """The result of a swarm that starts without known places, when it takes all frames for known."""
     kind, seed = asked
     changes = {"world.generate": KINDS[kind], "world.seed": 7000 + seed, "seed": seed}
     run = build(load(MERGING, changes=changes), kind)

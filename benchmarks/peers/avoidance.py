@@ -1,4 +1,4 @@
-"""The avoidance of W(N) in numpy, for simulators that leave it to their user: that of `wander`, without bends."""
+"""The avoidance of W(N) in numpy, for simulators without their own: that of `wander`, without bends."""
 
 import numpy as np
 

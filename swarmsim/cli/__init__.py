@@ -1,4 +1,4 @@
-"""The command line: verbs only, which parse, call and print."""
+"""The command line: verbs that parse, call and print."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from swarmsim.cli.waiting import told_how_long
 from swarmsim.core.errors import InputError, PartError, StorageError, is_of_the_machine
 
 BAD_INPUT, PART_FAILED, NO_ROOM = 2, 3, 4  # exit codes
-CLOSED = 141  # as shells give it for SIGPIPE
+CLOSED = 141  # a shell's exit code for SIGPIPE
 
 app = typer.Typer(
     help="Simulate robot swarms: a scenario in, a recording, a summary and a film out.\n\n"
@@ -65,9 +65,9 @@ app.add_typer(examples.app, name="examples")
 def main() -> None:
     """Run the command line.
 
-    Bad input ends with its message and exit code 2, a part that is not ours with 3, a disk that is full with 4, also
-    where it is standard output that cannot be written. A reader that closes the pipe ends it quietly. The end that
-    SIGTERM asks for is that of Ctrl-C, with exit code 143 instead of 130.
+    Bad input ends with a message and exit code 2, a failing third-party part with 3, a full disk or unwritable
+    standard output with 4. A closed pipe ends it quietly. SIGTERM ends it like Ctrl-C, with exit code 143 instead
+    of 130.
     """
     end_upon_signals()
     with printed():
@@ -77,14 +77,14 @@ def main() -> None:
 
 
 def _code() -> int | str | None:
-    """Do what was typed, and say how it ended."""
+    """Run the command and return its exit code."""
     try:
         with told_if_interrupted():
             try:
                 app()
             finally:
-                end_if_asked()  # typer keeps to itself what it was ended by
-                sys.stdout.flush()  # here, where it can be told if that fails
+                end_if_asked()  # typer swallows the exception that ended it
+                sys.stdout.flush()  # here, where a failure can be reported
     except typer.Exit as end:
         return end.exit_code
     except SystemExit as end:
@@ -97,7 +97,7 @@ def _code() -> int | str | None:
         return _said(problem, PART_FAILED)
     except StorageError as problem:
         return _said(problem, NO_ROOM)
-    except OSError as problem:  # what the system says of files that parts of ours have not looked at first
+    except OSError as problem:  # errors about files that no code of ours checked first
         if is_of_the_machine(problem):
             return _said(f"{problem.filename or 'a file'}: {problem.strerror}", NO_ROOM)
         if problem.filename is None:
@@ -107,7 +107,7 @@ def _code() -> int | str | None:
 
 
 def _said(problem: object, code: int) -> int:
-    with suppress(OSError, StorageError):  # a disk may be too full for that too
+    with suppress(OSError, StorageError):  # the disk may be too full for this too
         print(f"swarmsim: {problem}", file=sys.stderr)
     return code
 

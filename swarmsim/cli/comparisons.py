@@ -1,4 +1,4 @@
-"""The verb that puts runs side by side."""
+"""The verb `compare`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from swarmsim.cli.tables import print_table
 
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Folders of runs, the reference first.")],
-    plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without ending.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without suffix.")] = None,
 ) -> None:
-    """Print what faults cost: each run beside the first, and plot what their task is about.
+    """Print what faults cost: compare each run with the first, and plot the task's measure.
 
     Example: swarmsim compare runs/sound runs/faulty --plot runs/cost
     """

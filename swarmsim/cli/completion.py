@@ -1,4 +1,4 @@
-"""What a shell offers to complete: keys and parts for --set, faults for --fault, shipped examples."""
+"""Shell completions: keys and parts for --set, faults for --fault, shipped examples."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ if TYPE_CHECKING:
 
 
 def set_keys(incomplete: str) -> list[str]:
-    """Keys of scenarios with `=`, and the parts that stand for one: network.topology={use="knn"}."""
+    """Keys of scenarios with `=`, and the parts for a key: network.topology={use="knn"}."""
     return [text for text in _settings() if text.startswith(incomplete)]
 
 
 def fault_words(incomplete: str) -> list[str]:
-    """Kinds of faults, then their failures, then keys with `=`, each after the words that are there."""
+    """Kinds of faults, then their failures, then keys with `=`, each after the words typed so far."""
     import typing
 
     import msgspec

@@ -1,4 +1,4 @@
-"""The console of tables and progress bars: rich's, through which text from files cannot steer the terminal."""
+"""The console of tables and progress bars: rich's, safe from control characters in text from files."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from swarmsim.cli.printed import Printed, visible
 
 
 class VisibleConsole(Console):
-    """A console that shows the text it is given without control characters; those of its own it writes."""
+    """A console that strips control characters from text, but writes its own."""
 
     def __init__(self, quiet: bool = False, width: int | None = None) -> None:
         super().__init__(quiet=quiet, width=width)
 
     @property
     def file(self) -> IO[str]:
-        """Where it writes: standard output, whatever that is at the time."""
+        """Its output: the current standard output."""
         found = super().file
         return cast(IO[str], found.unchanged()) if isinstance(found, Printed) else found
 
@@ -28,6 +28,6 @@ class VisibleConsole(Console):
         raise AttributeError("a console writes to standard output")
 
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
-        """The segments of what is to be shown."""
+        """The visible segments of a renderable."""
         for segment in super().render(renderable, options):
             yield segment if segment.control else segment._replace(text=visible(segment.text))

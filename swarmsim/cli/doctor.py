@@ -1,4 +1,4 @@
-"""The verb that looks whether everything works here, and says what to do where it does not."""
+"""The verb that checks the installation, and says how to fix it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BROKEN = 1  # exit code
 def doctor() -> None:
     """Check the installation: versions, simulation, film, letters, compiled code, folders, display.
 
-    Exit code 0: all that is needed works; 1: something does not, and what to do is told.
+    Exit code 0: everything needed works; 1: something does not, and the table says what to do.
 
     Example: swarmsim doctor
     """

@@ -1,4 +1,4 @@
-"""The verbs of what is shipped: list it, run it, copy it."""
+"""The verbs of shipped scenarios: list, run, copy."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def run(
 @app.command()
 def copy(
     name: Name,
-    folder: Annotated[Path, typer.Argument(help="Where to put it; made if it is not there.")],
+    folder: Annotated[Path, typer.Argument(help="Folder for the copy; created if missing.")],
 ) -> None:
     """Copy a scenario with its world, to change it.
 

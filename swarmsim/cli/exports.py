@@ -1,4 +1,4 @@
-"""The verb that gives recordings to other programs."""
+"""The verb that exports recordings to other programs."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def export(
     mcap: Annotated[Path | None, typer.Option(metavar="OUT.mcap", help="The run for Foxglove and Lichtblick.")] = None,
     rerun: Annotated[Path | None, typer.Option(metavar="OUT.rrd", help="The run for the Rerun viewer.")] = None,
     robot: Annotated[
-        int | None, typer.Option(metavar="I", help="The robot whose map it is; by default the union of all.")
+        int | None, typer.Option(metavar="I", help="The map's robot; by default the union of all.")
     ] = None,
     at: Annotated[int | None, typer.Option(metavar="N", help="The map's iteration; by default the last.")] = None,
     allow_code: AllowCode = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Write a run for other programs: what was mapped for ROS, or all of it for a robotics viewer.
+    """Write a run for other programs: its map for ROS, or the whole run for a robotics viewer.
 
     Example: swarmsim export runs/basilica-1 --map basilica.yaml --robot 3 --at 100
 

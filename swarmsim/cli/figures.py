@@ -32,7 +32,7 @@ def local_maps(
     at: Annotated[int, typer.Option(metavar="N", help="The iteration.")],
     out: Stem = None,
 ) -> None:
-    """Draw the maps that single robots have at the end of an iteration, side by side (the paper's Fig. 3).
+    """Draw single robots' maps at the end of an iteration, side by side (the paper's Fig. 3).
 
     Example: swarmsim figure local-maps runs/basilica-1 --robots 1,2,3 --at 100
     """
@@ -49,7 +49,7 @@ def network(
     and_: Annotated[int, typer.Option("--and", metavar="M", help="The iteration on the right.")],
     out: Stem = None,
 ) -> None:
-    """Draw who hears whom at two iterations, and whose neighbours differ (the paper's Fig. 5).
+    """Draw who hears whom at two iterations, and the robots whose neighbours differ (the paper's Fig. 5).
 
     Example: swarmsim figure network runs/basilica-1 --at 100 --and 110
     """
@@ -66,7 +66,7 @@ def provenance(
     out: Stem = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Draw who sensed what a robot knows, over how many links it came and how old it is; the run is simulated again.
+    """Draw where a robot's knowledge comes from: its sensing robots, links and age. The run is simulated again.
 
     Example: swarmsim figure provenance runs/basilica-1 --robot 3 --at 200
     """

@@ -30,9 +30,9 @@ def video(
     size: Annotated[str, typer.Option(help="Width x height in pixels.")] = "1280x720",
     theme: Annotated[str, typer.Option(help="Colours: dark or light.")] = "dark",
     show: Annotated[
-        str | None, typer.Option(metavar="LAYER,...", help=f"What is drawn; by default {','.join(DRAWN)}.")
+        str | None, typer.Option(metavar="LAYER,...", help=f"Layers to draw; by default {','.join(DRAWN)}.")
     ] = None,
-    hide: Annotated[str | None, typer.Option(metavar="LAYER,...", help="What is not drawn.")] = None,
+    hide: Annotated[str | None, typer.Option(metavar="LAYER,...", help="Layers not to draw.")] = None,
     focus: Annotated[int | None, typer.Option(metavar="I", help="Show the map of one robot, and magnify it.")] = None,
     robots: Annotated[
         str | None, typer.Option(metavar="I,J,...", help="Show tiles, beams and ways of these robots alone.")
@@ -69,7 +69,7 @@ def video(
 def film(
     run: Run, out: Path, progress: Progress, how: Film | None = None, beside: Run | None = None, frames: bool = False
 ) -> None:
-    """Write a film with a progress bar, and say where it is."""
+    """Write a film with a progress bar, and print its path."""
     from swarmsim.api.films import filmed
     from swarmsim.view.layers.own import left_out
     from swarmsim.view.video import Film

@@ -1,4 +1,4 @@
-"""The verb `world import`: asks on the terminal what a floor plan does not say."""
+"""The verb `world import`: asks on the terminal for what a floor plan does not say."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Terminal:
         return bool(typer.confirm(question, default=default))
 
     def length(self, question: str, key: str) -> float:
-        """A number of metres above 0, asked for until it is one."""
+        """A number of metres above 0; asks until it gets one."""
         while True:
             text = self.text(question, key).removesuffix("m").replace(",", ".").strip()
             try:
@@ -25,7 +25,7 @@ class Terminal:
                 value = 0.0
             if 0.0 < value < 1e4:
                 return value
-            print(f"{text!r} is no number of metres; expected such as 24.5")
+            print(f"{text!r} is not a number of metres; expected for example 24.5")
 
     def text(self, question: str, key: str) -> str:
         """A name."""
@@ -39,16 +39,16 @@ class Terminal:
 def import_(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A drawing, a map, a building model, an indoor map ...")],
     out: Annotated[
-        Path | None, typer.Option(metavar="OUT.toml", help="Scenario to write; by default beside you, named as FILE.")
+        Path | None, typer.Option(metavar="OUT.toml", help="Scenario to write; by default here, named after FILE.")
     ] = None,
-    width: Annotated[float | None, typer.Option(metavar="METRES", help="How wide the page is.")] = None,
+    width: Annotated[float | None, typer.Option(metavar="METRES", help="Width of the page.")] = None,
     level: Annotated[str, typer.Option(metavar="NAME", help="The storey, of a file with several.")] = "",
     yes: Annotated[bool, typer.Option("--yes", help="Take every default, and ask nothing.")] = False,
 ) -> None:
-    """Make a scenario of somebody's floor plan, one question at a time.
+    """Make a scenario from a floor plan, one question at a time.
 
-    Each answer is one key of [world] in the scenario that is written, with a picture of what was read beside it. A
-    width that the file does not say is never guessed.
+    Each answer becomes a key of [world] in the written scenario; a picture beside it shows the result. A width that
+    the file does not give is never guessed.
 
     Example: swarmsim world import plan.svg --width 24 --yes
     """

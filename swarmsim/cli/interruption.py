@@ -1,4 +1,4 @@
-"""What is said when somebody stops a command: what has been kept, and how to go on."""
+"""The message when a command is stopped: what was kept, and how to go on."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ INTERRUPTED, TERMINATED = 130, 143  # exit codes, as shells give them for Ctrl-C
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM asked for the end."""
+    """SIGTERM arrived."""
 
 
 class Ending:
-    """Raises what ends a command, and keeps it: what is raised inside some library's callback gets lost."""
+    """Raises the exception that ends a command, and keeps it: libraries' callbacks swallow exceptions."""
 
     def __init__(self) -> None:
         self.asked: type[KeyboardInterrupt] | None = None
@@ -29,7 +29,7 @@ class Ending:
 
 
 def end_upon_signals() -> None:
-    """From now on SIGTERM ends this process as Ctrl-C does, if that is not ignored."""
+    """From now on SIGTERM ends this process like Ctrl-C, unless Ctrl-C is ignored."""
     ending = Ending()
     signal.signal(signal.SIGTERM, ending)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -43,7 +43,7 @@ def _answer() -> None:
 
 
 def end_if_asked() -> None:
-    """Raise what has been raised already, and must have been lost, since work goes on."""
+    """Raise an earlier exception again: it was swallowed, since work goes on."""
     ending = signal.getsignal(signal.SIGTERM)
     if isinstance(ending, Ending) and ending.asked is not None:
         raise ending.asked
@@ -51,7 +51,7 @@ def end_if_asked() -> None:
 
 @contextmanager
 def told_if_interrupted(kept: Callable[[], str] | None = None) -> Iterator[None]:
-    """Upon Ctrl-C or SIGTERM print a sentence that ends with `kept`, to standard error even if quiet, and exit."""
+    """On Ctrl-C or SIGTERM, print a sentence ending with `kept` to standard error, even if quiet, and exit."""
     try:
         yield
     except KeyboardInterrupt as end:

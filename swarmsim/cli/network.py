@@ -1,4 +1,4 @@
-"""The verb of networks: what the graph of a run did, in tables and figures."""
+"""The verb of networks: a run's graphs, in tables and figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def network(
     plots: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw figures (PNG and SVG) there.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Measure the network of a recorded run: who is linked, who was heard, how that changes, what was lost.
+    """Measure the network of a recorded run: links, heard messages, changes and losses.
 
     Example: swarmsim network runs/basilica-1 --from 50 --to 250 --plots runs/basilica-1/network
     """
@@ -75,7 +75,7 @@ def _print_tables(found: NetworkNumbers) -> None:
         [name, f"{fate['messages']}", f"{fate['messages'] / total:.1%}", f"{fate['bytes']}"]
         for name, fate in found["messages"].items()
     ]
-    print_table("messages", ("what became of them", "messages", "share", "bytes"), fates)
+    print_table("messages", ("outcome", "messages", "share", "bytes"), fates)
     busiest = [list(map(str, link.values())) for link in found["busiest links"]]
     print_table("busiest links", ("receiver", "sender", "heard", "bytes"), busiest)
 

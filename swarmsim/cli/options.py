@@ -1,4 +1,4 @@
-"""Options that several verbs have."""
+"""Options shared by several verbs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swarmsim.cli.waiting import told_how_long
 
 
 def _let_code_run(context: typer.Context, allowed: bool) -> bool:
-    """For as long as the verb runs, whether scenarios may name code of their own."""
+    """Set whether scenarios may name their own code while the verb runs."""
     from swarmsim.core.scenario import registry
 
     context.with_resource(registry.own_code(allowed))
@@ -30,12 +30,10 @@ AllowCode = Annotated[
     typer.Option(
         "--allow-code",
         callback=_let_code_run,
-        help="Let the scenario run code of its own: parts named as ./file.py:Name or module:Name.",
+        help="Let the scenario run its own code: parts named as ./file.py:Name or module:Name.",
     ),
 ]
-KeepOld = Annotated[
-    bool, typer.Option("--keep-old", help="Let runs that other code has made count where there are no others.")
-]
+KeepOld = Annotated[bool, typer.Option("--keep-old", help="Count runs of other code where there are no others.")]
 
 Overrides = Annotated[
     list[str] | None,
@@ -49,7 +47,7 @@ Overrides = Annotated[
 Faults = Annotated[
     list[str] | None,
     typer.Option(
-        "--fault", metavar="'KIND KEY=VALUE ...'", autocompletion=fault_words, help="One more fault, in words."
+        "--fault", metavar="'KIND KEY=VALUE ...'", autocompletion=fault_words, help="An additional fault, in words."
     ),
 ]
 Seed = Annotated[int | None, typer.Option(help="Seed, instead of the scenario's.")]

@@ -1,4 +1,4 @@
-"""The verbs of parts: what there is, and a start for one's own."""
+"""The verbs of parts: list them, and start a new one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def parts(
     which: Annotated[str | None, typer.Argument(metavar="[SEAM[.NAME]]", help="A seam, or one part of it.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """List the parts that scenarios can name, ours and those of other distributions, with their keys.
+    """List the parts that scenarios can name, built-in and third-party, with their keys.
 
     Example: swarmsim parts topology.knn
     """
@@ -80,7 +80,7 @@ def new(
     name: Annotated[str, typer.Argument(help="A word such as my_rule; the part is called MyRule.")],
     to: Annotated[Path, typer.Option(help="Folder, such as that of your scenario.")] = Path(),
 ) -> None:
-    """Write a part of your own to start from, and its test, which passes.
+    """Write a custom part to start from, with a passing test.
 
     Example: swarmsim new mind explorer --to .
     """

@@ -1,4 +1,4 @@
-"""What is printed: text from files never steers the terminal, and output that cannot be written ends the command."""
+"""Printing: text from files never steers the terminal, and unwritable output ends the command."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from typing import Final, TextIO
 
 from swarmsim.core.errors import StorageError
 
-#: Control characters, C0 and C1, by which text could move a cursor, hide lines or send a terminal's answers.
+#: Control characters, C0 and C1, with which text could move a cursor, hide lines or make a terminal answer.
 STEERING: Final = {code: None for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
 
 
 def visible(text: str) -> str:
-    """A text without control characters."""
+    """The text without control characters."""
     return text.translate(STEERING)
 
 
 class Printed(io.TextIOBase):
-    """A stream that gets what is printed, changed by `shown`, and says in a StorageError what cannot be written."""
+    """A stream that applies `shown` to printed text, and raises StorageError if it cannot be written."""
 
     def __init__(self, stream: TextIO, shown: Callable[[str], str] = visible) -> None:
         self._stream, self._shown = stream, shown
 
     def unchanged(self) -> Printed:
-        """The same for those who have made their text visible themselves, and steer the terminal."""
+        """The stream for callers that strip text themselves and steer the terminal."""
         return Printed(self._stream, str)
 
     def write(self, text: str) -> int:
@@ -35,21 +35,21 @@ class Printed(io.TextIOBase):
             return self._stream.write(self._shown(text))
 
     def flush(self) -> None:
-        """Print what was held back."""
+        """Print buffered text."""
         with _told():
             self._stream.flush()
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """That of the stream."""
+        """The stream's encoding."""
         return self._stream.encoding
 
     def isatty(self) -> bool:
-        """Whether it is a terminal."""
+        """Whether the stream is a terminal."""
         return self._stream.isatty()
 
     def fileno(self) -> int:
-        """The number of the file that is written."""
+        """The stream's file number."""
         return self._stream.fileno()
 
     def writable(self) -> bool:
@@ -61,7 +61,7 @@ class Printed(io.TextIOBase):
 def _told() -> Iterator[None]:
     try:
         yield
-    except BrokenPipeError:  # the reader has seen enough, which is no fault
+    except BrokenPipeError:  # the reader has seen enough, which is no error
         raise
     except OSError as problem:
         raise StorageError(f"standard output: cannot be written ({problem.strerror})") from problem
@@ -69,13 +69,13 @@ def _told() -> Iterator[None]:
 
 @contextmanager
 def printed() -> Iterator[None]:
-    """Meanwhile all that is printed is made visible."""
+    """Strip control characters from printed text in this context."""
     with redirect_stdout(Printed(sys.stdout)), redirect_stderr(Printed(sys.stderr)):
         yield
 
 
 def drop_unwritten() -> None:
-    """Drop what could not be printed, lest the interpreter tries it again when it ends, and complains."""
+    """Drop unprinted text, so that the interpreter does not try again at exit and complain."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

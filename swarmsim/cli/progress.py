@@ -1,4 +1,4 @@
-"""Progress bars: of a run by its task, of a study by its runs."""
+"""Progress bars: for a run by its task, for a study by its runs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def progress_bar(quiet: bool) -> Progress:
-    """A bar of rich's with a text of ours behind it."""
+    """A bar of rich's followed by our text."""
     from rich.progress import BarColumn, Progress, TextColumn
 
     from swarmsim.cli.console import VisibleConsole
@@ -32,12 +32,12 @@ def progress_bar(quiet: bool) -> Progress:
     return Progress(*columns, console=VisibleConsole(quiet))
 
 
-KERNELS = 53  # as many are compiled by the first run of a swarm that maps
+KERNELS = 53  # compiled by the first run of a mapping swarm
 
 
 @contextmanager
 def compiling(progress: Progress) -> Iterator[None]:
-    """While kernels are compiled, which the first run on a machine has to wait for, a bar says so."""
+    """Show a bar while the first run on a machine compiles its kernels."""
     from swarmsim.kernels.compiling import makeshift, watched
 
     task, names = None, 0
@@ -45,11 +45,11 @@ def compiling(progress: Progress) -> Iterator[None]:
     def told(name: str) -> None:
         nonlocal task, names
         if task is None:
-            progress.console.print("the first run on a machine compiles its kernels, for about a quarter of a minute")
+            progress.console.print("the first run on a machine compiles its kernels, which takes about 15 s")
             if (folder := makeshift()) is not None:
                 progress.console.print(
-                    f"notice: compiled kernels are kept in {folder}, for neither the package's folder nor the home can "
-                    "be written; NUMBA_CACHE_DIR names a lasting one",
+                    f"notice: compiled kernels are kept in {folder}: neither the package's folder nor the home can "
+                    "be written; set NUMBA_CACHE_DIR to a permanent folder",
                     markup=False,
                     highlight=False,
                 )
@@ -64,13 +64,13 @@ def compiling(progress: Progress) -> Iterator[None]:
 
 
 class Counted:
-    """Moves a bar by what is done of how much there is, and begins another one where the count begins anew."""
+    """Moves a bar by the work done out of the total, and begins a new bar when the count restarts."""
 
     def __init__(self, progress: Progress, doing: str, words: str = "") -> None:
-        """`words` are behind the bar, with {} for what is done and another one for how much there is."""
+        """`words` follow the bar, with {} for the work done and another {} for the total."""
         self._progress, self._doing, self._words = progress, doing, words
         self._task: TaskID | None = None
-        #: How much is done.
+        #: The work done.
         self.done = 0
 
     def __call__(self, done: int, of: int) -> None:
@@ -84,7 +84,7 @@ class Counted:
 class RunBar:
     """An observer that moves the progress bar, every tenth iteration and at the end.
 
-    Its clock starts with the first iteration done, which on a new machine includes compiling.
+    Its clock starts after the first iteration, which on a new machine includes compiling.
     """
 
     def __init__(self, progress: Progress, task: TaskID, made: BuiltRun) -> None:
@@ -108,18 +108,18 @@ class RunBar:
 
 
 class StudyBar:
-    """A bar of rate, time left and failures for each batch of runs; what counts them calls it."""
+    """A bar with rate, time left and failures for each batch of runs; the counter of runs calls it."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
         self._progress: Progress | None = None
         self._begun = 0.0
         self._done = self._of = 0
-        #: Of all batches, how many runs were done.
+        #: Runs done in all batches.
         self.jobs = 0
 
     def __call__(self, done: int, of: int, failed: int) -> None:
-        """Move the bar. Without any run done, another one begins."""
+        """Move the bar; a new one begins when no run is done."""
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         from swarmsim.cli.console import VisibleConsole
@@ -142,19 +142,19 @@ class StudyBar:
             self.stop()
 
     def stop(self) -> None:
-        """End the bar of the present batch."""
+        """End the current batch's bar."""
         if self._progress is not None:
             self._progress.stop()
         self._progress = None
 
     def kept(self) -> str:
-        """What an interruption leaves."""
+        """What is kept after an interruption."""
         return f"{self._done} of {self._of} runs are kept; the same command goes on from there"
 
 
 @contextmanager
 def study_bar(quiet: bool) -> Iterator[StudyBar]:
-    """While runs of a study are done, a bar for each batch of them; an interruption says how many are kept."""
+    """A bar for each batch of a study's runs; on interruption, print how many are kept."""
     bar = StudyBar(quiet)
     try:
         with told_if_interrupted(bar.kept):
@@ -164,7 +164,7 @@ def study_bar(quiet: bool) -> Iterator[StudyBar]:
 
 
 def perform_all(tasks: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, quiet: bool) -> None:
-    """Do all tasks and keep each row as it comes, with a bar."""
+    """Do all tasks with a bar, and store each row as it comes."""
     from swarmsim.api.studies import run_jobs
 
     with study_bar(quiet) as bar:

@@ -1,4 +1,4 @@
-"""The verb that makes pages."""
+"""The verb that writes pages."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def report(
     beside: Annotated[Path | None, typer.Option(metavar="RUN_B", help="A second run to replay in step.")] = None,
     store: Annotated[Path | None, typer.Option(help="A study's results; default: runs/studies/STUDY.sqlite.")] = None,
     replays: Annotated[
-        bool, typer.Option(help="Of a study: simulate the median run of each condition again, as a page of its own.")
+        bool, typer.Option(help="For a study: simulate each condition's median run again, as a separate page.")
     ] = True,
     keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
-    """Write a page that replays a run in any browser, or one that shows a study; it needs no server and no network.
+    """Write a page that replays a run or shows a study in any browser, without a server or network.
 
     Example: swarmsim report runs/basilica-1 -o basilica.html
 
@@ -42,7 +42,7 @@ def report(
         print(f"{page}: {page.stat().st_size / 1e6:.1f} MB; open it in any browser")
         return
     if beside is not None:
-        raise InputError(f"--beside {beside}: a study is no run; expected --beside with a run's folder")
+        raise InputError(f"--beside {beside}: a study is not a run; expected --beside with a run's folder")
     study = open_study(what, store=store, keep_old=keep_old, allow_code=allow_code)
     for notice in study.of_other_code():
         print(f"notice: {notice}")

@@ -1,4 +1,4 @@
-"""The verb that does a paper's experiments again."""
+"""The verb that repeats a paper's experiments."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def reproduce(
     paper: Annotated[str, typer.Argument(metavar="PAPER", help="Folder of a paper, or kit2018 or shang2014.")],
     seeds: Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the studies'.", min=2)] = None,
     reading: Annotated[
-        list[str] | None, typer.Option(help="How the paper is read, as in letter; repeatable; default: all ways.")
+        list[str] | None, typer.Option(help="A reading of the paper, such as letter; repeatable; default: all.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the report; default: runs/PAPER.")] = None,
     workers: Workers = None,
@@ -34,7 +34,7 @@ def reproduce(
         bool, typer.Option("--calibrate", help="Instead, rank all candidates of the readings' calibrations.")
     ] = False,
 ) -> None:
-    """Do the experiments of a paper and print its numbers beside ours, for each way to read it.
+    """Repeat a paper's experiments and print its numbers beside ours, for each reading.
 
     Exit code 0: every claim holds in every reading; 1: some claim does not; 2: bad input.
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from swarmsim.recording.reader import Recording
 
 FINISHED, NOT_FINISHED = 0, 1  # exit codes
-EVENT_LINES = 12  # shown of a summary's events
+EVENT_LINES = 12  # events shown of a summary
 
 
 def run(
@@ -35,14 +35,14 @@ def run(
 ) -> None:
     """Simulate a scenario until its task is done or the limit is reached.
 
-    Exit code 0: finished; 1: not finished at the limit; 2: bad input; 3: a part of somebody else's
-    failed while the run went on.
+    Exit code 0: finished; 1: not finished at the limit; 2: bad input; 3: a third-party part failed
+    during the run.
 
     Example: swarmsim run scenarios/basilica.toml --seed 7 --set robots.count=20 --out runs/twenty
 
-    A table replaces the whole table: --set 'network.topology={use="ring"}'
+    Setting a table replaces it entirely: --set 'network.topology={use="ring"}'
 
-    Faults come on top of the scenario's: --fault "remove at=50 count=5" --fault "motor off at=20 fraction=0.2"
+    --fault adds to the scenario's faults: --fault "remove at=50 count=5" --fault "motor off at=20 fraction=0.2"
     """
     from swarmsim.api.runs import new_folder, prepared, record
     from swarmsim.core.scenario.file import files_outside
@@ -92,8 +92,8 @@ def verify(
 ) -> None:
     """Simulate a recording again and compare every field of every iteration.
 
-    Exit code 0: equal; 1: different, naming the first iteration and field; 2: bad input; 3: a part of somebody
-    else's failed.
+    Exit code 0: equal; 1: different, naming the first iteration and field; 2: bad input; 3: a third-party part
+    failed.
 
     Example: swarmsim verify runs/basilica-1
     """
@@ -108,13 +108,13 @@ def verify(
         if not quiet:
             print(f"{recording}: equal in all {found.iterations} iterations, digest {found.digest}")
             if found.code:
-                print(f"  though the code is other: {found.code}")
+                print(f"  though the code differs: {found.code}")
         raise typer.Exit(FINISHED)
     print(f"{recording}: different: {found.difference}")
     for name, (was, now) in found.libraries.items():
         print(f"  recorded with {name} {was}, verified with {now}")
     if found.code:
-        print(f"  the code is other: {found.code}")
+        print(f"  the code differs: {found.code}")
     raise typer.Exit(NOT_FINISHED)
 
 
@@ -154,7 +154,7 @@ def _table(run: Run) -> Table:
 
 
 def _measures(values: dict[str, float], recording: Recording) -> dict[str, str]:
-    """What was measured last, in words; what the task is about has its unit."""
+    """The last measures in words; the task's measure has its unit."""
     curve = recording.curve
     worded = {name: f"{value:.4g}" for name, value in values.items()}
     if curve.name in values:

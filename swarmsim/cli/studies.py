@@ -1,4 +1,4 @@
-"""The verbs of studies: many runs, what they say, and the paper beside them."""
+"""The verbs of studies: many runs and their results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from swarmsim.studies.store import Store
 
 app = typer.Typer(
-    help="Run a scenario many times, varied, and tell what the runs say.\n\n"
+    help="Run many variations of a scenario and evaluate the runs.\n\n"
     "Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -43,7 +43,7 @@ def plan(
     keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
-    """List the conditions of a study, its number of runs, and the time they will take.
+    """List a study's conditions, its number of runs, and the time they will take.
 
     Example: swarmsim study plan scenarios/studies/kit2018/network.toml
     """
@@ -70,11 +70,11 @@ def run(
     allow_code: AllowCode = False,
     quiet: Quiet = False,
 ) -> None:
-    """Do the runs of a study that are still missing; each is kept as it ends.
+    """Do a study's missing runs; each is stored as it ends.
 
-    Runs that were made by other code are done again; the older ones stay in the store. With --keep-old they count.
+    Runs of other code are done again; the old ones stay in the store, and count with --keep-old.
 
-    Exit code 0: all there; 1: some failed; 2: bad input.
+    Exit code 0: all done; 1: some failed; 2: bad input.
 
     Example: swarmsim study run scenarios/studies/kit2018/network.toml --seeds 30 --workers 2
     """
@@ -99,7 +99,7 @@ def status(
     keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
-    """Tell how far a study has come.
+    """Print the progress of a study.
 
     Example: swarmsim study status scenarios/studies/kit2018/network.toml
     """
@@ -141,7 +141,7 @@ def plot(
     keep_old: KeepOld = False,
     allow_code: AllowCode = False,
 ) -> None:
-    """Draw curves, the distribution of iterations, the course along an axis and the table of a study.
+    """Draw a study's curves, its distribution of iterations, its trend along an axis and its table.
 
     Example: swarmsim study plot scenarios/studies/kit2018/network.toml runs/figures
     """
@@ -152,7 +152,7 @@ def plot(
 @app.command()
 def export(
     study: StudyFile,
-    csv: Annotated[Path | None, typer.Option(help="CSV file to write, one line a run.")] = None,
+    csv: Annotated[Path | None, typer.Option(help="CSV file to write, one line per run.")] = None,
     parquet: Annotated[Path | None, typer.Option(help="Parquet file to write.")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
@@ -173,8 +173,8 @@ def export(
 @app.command()
 def rank(
     study: StudyFile,
-    method: Annotated[str, typer.Option(help="What the axes of the methods have as 'together'.")] = "method",
-    within: Annotated[str | None, typer.Option(help="Key of an axis whose values are kept apart.")] = None,
+    method: Annotated[str, typer.Option(help="The 'together' of the methods' axes.")] = "method",
+    within: Annotated[str | None, typer.Option(help="Key of an axis whose values are compared separately.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for figures of ratios and profiles (PNG and SVG).")] = None,
     seeds: Seeds = None,
     store: StoreFile = None,
@@ -199,9 +199,9 @@ def rank(
 @app.command()
 def best(
     study: StudyFile,
-    confidence: Annotated[float, typer.Option(help="That no other value is better.", min=0.5, max=0.999)] = 0.95,
+    confidence: Annotated[float, typer.Option(help="Confidence in the answer.", min=0.5, max=0.999)] = 0.95,
     budget: Annotated[int, typer.Option(help="Runs to spend at most.", min=2)] = 2000,
-    tolerance: Annotated[float, typer.Option(help="A difference that does not matter, as a share.", min=0.0)] = 0.03,
+    tolerance: Annotated[float, typer.Option(help="Negligible difference, as a share.", min=0.0)] = 0.03,
     store: StoreFile = None,
     keep_old: KeepOld = False,
     workers: Workers = None,
@@ -237,17 +237,17 @@ def worst(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
     out: Annotated[Path, typer.Option(help="Scenario file to write, with the smallest timeline of faults.")],
     set_: Overrides = None,
-    budget: Annotated[int, typer.Option(help="Timelines to try; more where shrinking needs them.", min=1)] = 300,
-    entries: Annotated[int, typer.Option(help="Faults of a timeline at most.", min=1, max=10)] = 3,
-    factor: Annotated[float, typer.Option(help="Times the sound run's iterations that are a failure.", min=1.0)] = 2.0,
-    seeds: Annotated[int, typer.Option(help="Seeds with each of which it has to fail.", min=1)] = 3,
-    seed: Annotated[int, typer.Option(help="Of the search.", min=0)] = 1,
+    budget: Annotated[int, typer.Option(help="Timelines to try; shrinking may take more.", min=1)] = 300,
+    entries: Annotated[int, typer.Option(help="Most faults in a timeline.", min=1, max=10)] = 3,
+    factor: Annotated[float, typer.Option(help="Limit, as a multiple of the fault-free iterations.", min=1.0)] = 2.0,
+    seeds: Annotated[int, typer.Option(help="Number of seeds that must all fail.", min=1)] = 3,
+    seed: Annotated[int, typer.Option(help="Seed of the search.", min=0)] = 1,
     workers: Workers = None,
     scheduler: Scheduler = None,
     allow_code: AllowCode = False,
     quiet: Quiet = False,
 ) -> None:
-    """Look for the smallest timeline of faults that makes the swarm fail: not done in twice the time.
+    """Search for the smallest timeline of faults that makes the swarm fail: not done in twice the time.
 
     Exit code 0: found and written; 1: none found; 2: bad input.
 
@@ -290,7 +290,7 @@ def worst(
 
 
 def _opened(study: Path, seeds: int | None, store: Path | None, keep_old: bool, allow_code: bool) -> StudyRun:
-    """Open a study, and say which of its runs other code has made."""
+    """Open a study, and print which of its runs were made by other code."""
     from swarmsim.api.studies import open_study
 
     opened = open_study(study, seeds=seeds, store=store, keep_old=keep_old, allow_code=allow_code)
@@ -308,7 +308,7 @@ def _print(table: StudyTable) -> None:
 
 
 def opened_store(asked: Path | None, study: Path) -> Store:
-    """The store that was asked for, or the one of that study."""
+    """The requested store, or the study's default one."""
     from swarmsim.studies.store import Store
 
     return Store(asked or Path("runs") / "studies" / f"{study.stem}.sqlite")

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-WIDE: Final = 160  # columns of a table where there is no terminal
+WIDE: Final = 160  # columns of a table without a terminal
 
 
 def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table whose first column holds names and whose others hold numbers."""
+    """Print a table with names in its first column and numbers in the others."""
     from rich.table import Table
 
     from swarmsim.cli.console import VisibleConsole
 
     console = VisibleConsole()
     if not console.is_terminal:
-        console = VisibleConsole(width=WIDE)  # files and pipes have no width to keep to
+        console = VisibleConsole(width=WIDE)  # files and pipes have no width
     shown = Table(title=title, title_justify="left")
     for number, name in enumerate(head):
         shown.add_column(name, justify="left" if number == 0 else "right", overflow="fold")

@@ -23,7 +23,7 @@ def view(
 ) -> None:
     """Open a window on a run: watch it, go back in time, kill, blind, mute or push robots, close doors.
 
-    What you do is recorded as faults of the scenario, so that `swarmsim verify` repeats it. Press h for the keys.
+    Your actions are recorded as faults of the scenario, so that `swarmsim verify` repeats them. Press h for the keys.
 
     Example: swarmsim view scenarios/basilica.toml
 

@@ -1,4 +1,4 @@
-"""Tells people on stderr how long they may have to wait, and how far it is."""
+"""Prints estimates and progress of long work on stderr."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from swarmsim.core.scenario.budget import Work
 
-EVERY: Final = 10.0  # s between two lines of one piece of work
+EVERY: Final = 10.0  # s between lines
 
 
 def told_how_long(quiet: bool) -> AbstractContextManager[None]:
-    """While this lasts, people are told of work that takes long, if they have not asked for quiet."""
+    """In this context, print notices of long work unless quiet."""
     from swarmsim.core.scenario.budget import told_to
 
     return told_to(None if quiet else _Waiting())
 
 
 class _Waiting:
-    """Prints a line before long work, and others while it goes on."""
+    """Prints a line before long work, and more during it."""
 
     def __init__(self) -> None:
         self._last = 0.0

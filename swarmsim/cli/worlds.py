@@ -1,4 +1,4 @@
-"""The verbs of buildings: check, look at, convert, make."""
+"""The verbs of buildings: check, preview, convert, generate."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def check(
     door: Door = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Tell what a building is like for a swarm, and whether all of it can be mapped.
+    """Describe a building for a swarm, and check whether all of it can be mapped.
 
-    Exit code 0: it can; 2: it cannot, with the reason and the place.
+    Exit code 0: it can; 2: it cannot; the output names reason and place.
 
     Example: swarmsim world check plan.svg --set world.width=24 --set robots.radius=0.1
     """
@@ -91,7 +91,7 @@ def preview(
     set_: Set = None,
     door: Door = None,
 ) -> None:
-    """Draw a building as a swarm finds it: grid, domain, spawn areas, doors, and what is wrong with it.
+    """Draw a building for a swarm: grid, domain, spawn areas, doors, and problems.
 
     Example: swarmsim world preview worlds/basilica.svg basilica.png
     """
@@ -124,17 +124,17 @@ def convert(
 
 @app.command()
 def generate(
-    kind: Annotated[str, typer.Argument(help="What to make: rooms, office, maze, cave, or a generator of yours.")],
+    kind: Annotated[str, typer.Argument(help="Generator: rooms, office, maze, cave, or a custom one.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="File to write: .svg or .geojson.")],
     seed: Annotated[int, typer.Option(help="Another seed makes another building.")] = 1,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="A key of the generator, as in width=20.")
     ] = None,
-    cell: Annotated[float, typer.Option(metavar="METRES", help="Side of the cells it is made of.")] = CELL,
+    cell: Annotated[float, typer.Option(metavar="METRES", help="Side of its cells.")] = CELL,
 ) -> None:
     """Make a building.
 
-    A scenario can make it by itself: world = {generate = {use = "rooms"}, seed = 1}.
+    A scenario can generate it itself: world = {generate = {use = "rooms"}, seed = 1}.
 
     Example: swarmsim world generate office office.svg --seed 3 --set width=24
     """
@@ -168,7 +168,7 @@ def _lines(found: Inspection) -> list[list[str]]:
 
 
 def _plain(found: Inspection) -> dict[str, object]:
-    """What was found, for JSON."""
+    """The findings, for JSON."""
     from swarmsim.engine.inspection import free_area
 
     plan, lattice = found.arena.plan, found.arena.lattice

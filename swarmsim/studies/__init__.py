@@ -1,1 +1,1 @@
-"""Many runs: what they say together."""
+"""Many runs and their statistics."""

@@ -1,4 +1,4 @@
-"""The calibration of a reproduction: of all candidates, the one nearest to the published numbers it is held to."""
+"""The calibration of a reproduction: the candidate nearest to the published numbers that are its targets."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from swarmsim.studies.store import Store
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One choice of what the paper leaves open, and how it fares."""
+    """One choice of the settings that the paper leaves open, with its results."""
 
     choice: dict[str, object]  # dotted key: value
-    means: dict[str, float | None]  # by the published number's row; None if a run did not finish
+    means: dict[str, float | None]  # by published row; None if a run did not finish
     published: Mapping[str, float]
 
     def log_ratio(self, row: str) -> float:
@@ -33,31 +33,31 @@ class Candidate:
         return math.log(mean / self.published[row]) if mean else math.inf
 
     def error(self, without: str | None = None) -> float:
-        """Root mean square of the logarithms of its ratios, of all rows or of all but one."""
+        """Root mean square of its log-ratios, over all rows or all but one."""
         logs = [self.log_ratio(row) for row in self.means if row != without]
         return math.sqrt(sum(log * log for log in logs) / len(logs))
 
 
 class Targets(NamedTuple):
-    """Which published number each condition of a calibration is held to."""
+    """The published number that is the target of each condition of a calibration."""
 
-    row_of: Mapping[str, str]  # by the condition's name
+    row_of: Mapping[str, str]  # by condition
     published: Mapping[str, float]
-    measure: str  # that they are of
-    keys: tuple[str, ...]  # of a scenario, that say which number it is
+    measure: str  # of the published numbers
+    keys: tuple[str, ...]  # of a scenario; their values identify its number
 
 
 def opened(paper: Paper, reading: Reading) -> Plan:
-    """The study in which a reading's open choices were made. Raises InputError if it has none."""
+    """The study that calibrated a reading's open choices. Raises InputError if there is none."""
     if reading.calibration is None:
         raise InputError(f"{paper.folder}: the reading {reading.name!r} has no calibration")
     return open_study(paper.folder / reading.calibration)
 
 
 def held(paper: Paper, reading: Reading, plan: Plan) -> Targets:
-    """The published numbers of a reading whose conditions are alike in the paper's `rows`.
+    """Matches a calibration's conditions to a reading's published numbers by the paper's `rows`.
 
-    Raises InputError for a condition of the calibration that is like none of them.
+    Raises InputError for a condition that matches none.
     """
     keys = paper.readings.rows
     studies = {name: {one.name: one for one in of.conditions} for name, of in paper.plans(reading, 1).items()}
@@ -76,7 +76,7 @@ def held(paper: Paper, reading: Reading, plan: Plan) -> Targets:
 
 
 def _values(condition: Condition, keys: Sequence[str]) -> bytes:
-    """What a scenario says at dotted keys, to be compared."""
+    """A scenario's values at dotted keys, for comparison."""
     found = []
     for key in keys:
         value = msgspec.to_builtins(condition.scenario, enc_hook=plain)
@@ -101,7 +101,7 @@ def candidates(plan: Plan, store: Store, numbers: Targets) -> list[Candidate]:
 
 
 class LeftOut(NamedTuple):
-    """A published number, and what the candidate says of it that is best by all the others."""
+    """A published number, and its prediction by the candidate that fits all others best."""
 
     row: str
     published: float
@@ -110,7 +110,7 @@ class LeftOut(NamedTuple):
 
 
 def left_out(found: list[Candidate]) -> list[LeftOut]:
-    """Each number left out in turn, and predicted by the best candidate without it."""
+    """Leaves out each number in turn, predicted by the best candidate without it."""
     lines = []
     for row in found[0].means:
         best = min(found, key=lambda candidate: candidate.error(row))
@@ -119,7 +119,7 @@ def left_out(found: list[Candidate]) -> list[LeftOut]:
 
 
 def prediction_error(lines: list[LeftOut]) -> float:
-    """Root mean square of the logarithms of predicted over published numbers."""
+    """Root mean square log-ratio of predicted to published numbers."""
     logs = [math.log(line.predicted / line.published) if line.predicted else math.inf for line in lines]
     return math.sqrt(sum(log * log for log in logs) / len(logs))
 
@@ -128,7 +128,7 @@ LEFT_OUT: Final = ("number left out", "published", "predicted", "ratio", "by")
 
 
 def left_out_lines(found: list[LeftOut]) -> list[tuple[str, ...]]:
-    """One line for each number, under LEFT_OUT."""
+    """One line per number, under LEFT_OUT."""
     return [
         (
             line.row,
@@ -142,7 +142,7 @@ def left_out_lines(found: list[LeftOut]) -> list[tuple[str, ...]]:
 
 
 def lines(found: list[Candidate]) -> list[tuple[str, ...]]:
-    """One line for each candidate: its choice, its means, its error."""
+    """One line per candidate: its choice, its means, its error."""
     return [
         (
             ", ".join(str(value) for value in candidate.choice.values()),

@@ -1,4 +1,4 @@
-"""What a paper claims, as tests of the runs that do its experiments again: each holds, fails or is left open."""
+"""A paper's claims, as tests on runs that repeat its experiments: each holds, fails or stays undecided."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swarmsim.studies.statistics import RESAMPLES, Description, compare, describ
 
 ALPHA: Final = 0.05
 Reals = NDArray[np.float64]
-#: For each kind of test: conditions at least and at most, and the key of its limit.
+#: For each kind of test: the least and most conditions, and the key of its limit.
 TAKES: Final[Mapping[str, tuple[int, float, str]]] = {
     "trend": (2, math.inf, ""), "less-gain": (3, 3, "limit"), "ratio-above": (2, 2, "limit"),
     "ratio-within": (2, 2, "limit"), "faster": (2, math.inf, ""), "same": (2, 2, "after"), "behind": (2, 2, "after"),
@@ -26,7 +26,7 @@ TAKES: Final[Mapping[str, tuple[int, float, str]]] = {
 
 
 class ClaimTest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One test. A claim may have several: it holds if all do, and fails if one does."""
+    """One test. A claim may have several: it holds if all hold, and fails if one fails."""
 
     kind: Literal["trend", "less-gain", "ratio-above", "ratio-within", "faster", "same", "behind", "finished"]
     study: str
@@ -34,10 +34,10 @@ class ClaimTest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     measure: str = "iterations"  # of a trend and ratios; see `Runs.values`
     limit: Annotated[float, Meta(gt=0.0)] | None = None
     after: Annotated[int, Meta(ge=1)] | None = None  # iterations
-    rises: bool = False  # whether a trend has to, instead of falling
+    rises: bool = False  # whether the trend must rise instead of fall
     but: tuple[str, ...] = ()  # conditions that need not be faster
-    label: str = ""  # what the words call that which is compared
-    note: str = ""  # what they say after the numbers
+    label: str = ""  # what is compared, in words
+    note: str = ""  # text after the numbers
 
     def __post_init__(self) -> None:
         least, most, key = TAKES[self.kind]
@@ -50,7 +50,7 @@ class ClaimTest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Judged(NamedTuple):
-    """Whether runs show what a test asks for, or the contrary; neither if they are too few to tell."""
+    """Whether runs confirm or contradict a test; neither if they are too few to tell."""
 
     holds: bool
     fails: bool
@@ -59,19 +59,19 @@ class Judged(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Runs:
-    """The runs of one study by condition, under the names that the paper has for them."""
+    """The runs of one study by condition, under the paper's names."""
 
     results: Mapping[str, Result]
-    names: Mapping[str, str]  # of the study's conditions, where the paper's name is another
+    names: Mapping[str, str]  # of the study's conditions, where the paper's names differ
 
     def of(self, name: str) -> Result:
         """The runs of a condition."""
         return self.results[self.names.get(name, name)]
 
     def values(self, name: str, measure: str) -> Reals:
-        """`iterations` of each run (n,), `speed`, which is one over them, or another measure.
+        """`iterations` of each run (n,), `speed` (1 / iterations), or another measure.
 
-        Iterations are infinite and the speed is 0 where a run did not finish. Raises InputError for an unknown
+        For an unfinished run, iterations are infinite and the speed is 0. Raises InputError for an unknown
         measure, and for one that is not defined in every run.
         """
         result = self.of(name)
@@ -88,12 +88,12 @@ class Runs:
         return self.of(name).describe() if measure == "iterations" else describe(self.values(name, measure))
 
     def curve(self, name: str, iteration: int) -> Reals:
-        """What the task of each run measured after an iteration (n,), or at its end if that came before."""
+        """The task's measure of each run after an iteration (n,), or at its end if that came earlier."""
         return np.array([curve[min(iteration, len(curve)) - 1] for curve in self.of(name).curves])
 
 
 def judge(check: ClaimTest, runs: Runs) -> Judged:
-    """Put runs to a test. Raises InputError as `Runs.values`, and for runs whose curves are not kept."""
+    """Test the runs. Raises InputError as `Runs.values`, and for runs without kept curves."""
     if check.after is not None:
         if not all(len(runs.of(name).curves) for name in check.conditions):
             raise InputError(f"the study {check.study!r} keeps no curves, which {check.kind!r} compares")
@@ -113,7 +113,7 @@ def judge(check: ClaimTest, runs: Runs) -> Judged:
 
 
 def _trend(check: ClaimTest, samples: Mapping[str, Reals]) -> Judged:
-    """By Jonckheere and Terpstra, along the conditions in their order."""
+    """The Jonckheere-Terpstra test along the conditions in their order."""
     found = trend(list(samples.values()))
     along, shown = found.statistic if check.rises else -found.statistic, found.p < ALPHA
     label = check.label or " to ".join([next(iter(samples)), list(samples)[-1]])
@@ -122,9 +122,9 @@ def _trend(check: ClaimTest, samples: Mapping[str, Reals]) -> Judged:
 
 
 def _less_gain(check: ClaimTest, samples: Mapping[str, Reals], limit: float) -> Judged:
-    """Whether the step to the third condition gains less than that to the second.
+    """Whether the step to the third condition gains less than the step to the second.
 
-    It fails if the gain does not fall by as much as matters, a share `limit` of the second condition's mean.
+    It fails if the gain falls by less than the share `limit` of the second condition's mean.
     """
 
     def fall(first: Reals, second: Reals, third: Reals) -> float:
@@ -138,7 +138,7 @@ def _less_gain(check: ClaimTest, samples: Mapping[str, Reals], limit: float) -> 
 
 
 def _ratio(check: ClaimTest, samples: Mapping[str, Reals], limit: float) -> Judged:
-    """Whether the first condition's mean over the second's is above a limit, or within its inverse and itself."""
+    """Whether the ratio of the first mean to the second is above a limit, or between its inverse and itself."""
     low, high = bootstrap(lambda first, second: float(first.mean() / second.mean()), *samples.values())
     words = f"bootstrap of the ratio of {check.label or ' to '.join(samples)}: 95 % {low:.2f} to {high:.2f}"
     if check.kind == "ratio-within":
@@ -149,7 +149,7 @@ def _ratio(check: ClaimTest, samples: Mapping[str, Reals], limit: float) -> Judg
 
 
 def _faster(check: ClaimTest, samples: Mapping[str, Reals], but: set[str]) -> Judged:
-    """Whether all conditions need fewer iterations than the first; it fails if one needs more."""
+    """Whether all conditions need fewer iterations than the first; fails if one needs more."""
     against, *others = samples
     told = [found for found in compare(samples, against) if found.adjusted < ALPHA]
     faster, slower = ([found.first for found in told if (found.a12 < 0.5) == less] for less in (True, False))
@@ -161,7 +161,7 @@ def _faster(check: ClaimTest, samples: Mapping[str, Reals], but: set[str]) -> Ju
 
 
 def _at(check: ClaimTest, runs: Runs, after: int) -> Judged:
-    """Whether two conditions measured the same, or the first one less, after some iterations."""
+    """Whether two conditions measure the same, or the first one less, after some iterations."""
     first, second = (runs.curve(name, after) for name in check.conditions)
     if check.kind == "same":
         same = np.array_equal(first, second)

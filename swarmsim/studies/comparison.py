@@ -1,4 +1,4 @@
-"""What it cost: recorded runs side by side, each against the first."""
+"""Cost of faults: recorded runs side by side, each against the first."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Cost:
     """One run against a reference; None where a number is not defined."""
 
     name: str
-    values: NDArray[np.float64]  # (t,): the measure that the task is about, after each iteration
+    values: NDArray[np.float64]  # (t,): the task's measure after each iteration
     finished: bool
-    faults: tuple[int, ...]  # the iterations in which something began or ended
+    faults: tuple[int, ...]  # the iterations in which a fault began or ended
     slowdown: float | None  # its iterations over the reference's, T_f / T_0, where both finished
     mean: float | None  # of that measure, over the longest of the runs compared
-    ratio: float | None  # of that to the reference's
-    lag: int | None  # iterations that it is behind at half of what the reference still had to do at its first fault
-    recovery: int | None  # iterations from the first fault until it is back where it was; None for never
+    ratio: float | None  # of that mean to the reference's
+    lag: int | None  # iterations behind at half of what the reference had left to do at its first fault
+    recovery: int | None  # iterations from the first fault until its measure is back; None for never
     quality: Quality  # of the union's occupied cells in the domain, at the end
     messages: int
     lost: int
@@ -40,21 +40,21 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Runs beside the first of them."""
+    """Runs compared with the first."""
 
     costs: tuple[Cost, ...]  # in the order of the runs, the first among them
-    curve: Curve  # what their task is about
-    notices: tuple[str, ...]  # in what they differ that makes their numbers tell little of each other
-    figures: tuple[Path, ...] = ()  # the files drawn, if any were asked for
+    curve: Curve  # their task's measure
+    notices: tuple[str, ...]  # differences that make their numbers hard to compare
+    figures: tuple[Path, ...] = ()  # files drawn, if requested
 
 
 def compared(runs: Sequence[Path], plot: Path | None = None) -> Comparison:
-    """Each recorded run beside the first; `plot` is a figure to draw, without its ending.
+    """Compare each recorded run with the first; `plot` is a figure to draw, without its suffix.
 
-    Raises InputError for fewer than two runs, for one without iterations, and unless all are about one measure.
+    Raises InputError for fewer than two runs, a run without iterations, or tasks with different measures.
     """
     if len(runs) < 2:
-        raise InputError(f"compare: {len(runs)} run given; expected the reference and one more at least")
+        raise InputError(f"compare: {len(runs)} run given; expected the reference and at least one more")
     opened = [Recording(run) for run in runs]
     for run, recording in zip(runs, opened, strict=True):
         if not recording.iterations:
@@ -66,7 +66,7 @@ def compared(runs: Sequence[Path], plot: Path | None = None) -> Comparison:
 
 
 def _names(runs: Sequence[Path]) -> list[str]:
-    """The last folders of each run's path, as many as tell all runs apart."""
+    """The shortest endings of the runs' paths that tell all runs apart."""
     paths = [run.absolute().parent if run.suffix == ".h5" else run.absolute() for run in runs]
     for parts in range(1, max(len(path.parts) for path in paths) + 1):
         names = ["/".join(path.parts[-parts:]) for path in paths]
@@ -76,17 +76,15 @@ def _names(runs: Sequence[Path]) -> list[str]:
 
 
 def costs(named: Mapping[str, Recording]) -> list[Cost]:
-    """What distinguishes each run from the first; what they measure is averaged over the longest of all runs.
+    """Each run's cost against the first; measures are averaged over the longest run.
 
-    Raises InputError unless all are about one measure.
+    Raises InputError unless all tasks have one measure.
     """
     reference = next(iter(named.values()))
     for name, run in named.items():
         mine, theirs = (f"{one.curve.name!r} ({one.curve.label})" for one in (run, reference))
         if mine != theirs:
-            raise InputError(
-                f"{name}: its task is about {mine}, that of the first run about {theirs}; expected runs of one task"
-            )
+            raise InputError(f"{name}: its task measures {mine}, the first run's {theirs}; expected runs of one task")
     horizon = max(run.iterations for run in named.values())
     return [_cost(name, run, reference, horizon) for name, run in named.items()]
 
@@ -115,7 +113,7 @@ def _cost(name: str, run: Recording, reference: Recording, horizon: int) -> Cost
 
 
 def _lag(mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequence[int]) -> int | None:
-    """How much later than the reference it had done half of what was left at the first fault."""
+    """How much later than the reference it had done half of the rest at the first fault."""
     if not faults or faults[0] >= min(len(mine), len(theirs)):
         return None
     half = (1.0 + theirs[max(faults[0] - 1, 0)]) / 2.0
@@ -124,7 +122,7 @@ def _lag(mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequenc
 
 
 def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
-    """Iterations from the first fault until the run is, for good, where it was before it; 0 if it never fell."""
+    """Iterations from the first fault until the run stays at or above its value before it; 0 if it never fell."""
     if not faults or not 0 < faults[0] < len(mine):
         return None
     below: NDArray[np.int64] = np.flatnonzero(mine[faults[0] :] < mine[faults[0] - 1])
@@ -134,7 +132,7 @@ def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
 
 
 def head(curve: Curve) -> tuple[str, ...]:
-    """The columns of the table of runs whose tasks are about a curve."""
+    """The columns of the table of runs with this curve."""
     return (
         "run", "iterations", "slowdown", f"mean {curve.name}", "ratio", "lag", "recovery", "precision", "recall", "IoU",
         "messages", "lost", "faults at",
@@ -142,7 +140,7 @@ def head(curve: Curve) -> tuple[str, ...]:
 
 
 def lines(found: Sequence[Cost]) -> list[tuple[str, ...]]:
-    """One line for each run, under `head`."""
+    """One line per run, under `head`."""
     return [
         (
             one.name,
@@ -168,7 +166,7 @@ def _shown(value: object, how: str) -> str:
 
 
 def draw(found: Sequence[Cost], curve: Curve, path: Path) -> tuple[Path, Path]:
-    """Draw what the runs' tasks are about, with marks at their faults, as PNG and SVG; gives the files."""
+    """Draw the runs' curves, with marks at their faults, as PNG and SVG; gives the files."""
     name = curve.label.partition(",")[0]
     figure = plots.curves(
         {one.name: [one.values] for one in found},

@@ -1,4 +1,4 @@
-"""Runs by the hundred: Dask spreads them over processes or machines and hands each back as it ends."""
+"""Runs by the hundred: Dask spreads them over processes or machines and returns each as it ends."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.measures import RunMeasures
 from swarmsim.studies.store import Row
 
-ANSWER = 20.0  # s, in which a scheduler of the user's own has to answer
-AHEAD = 4  # runs handed out for each core: enough to keep all busy, few enough to lose little
+ANSWER = 20.0  # s within which a user's scheduler must answer
+AHEAD = 4  # runs in hand per core: enough to keep all busy, few enough to lose little
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run to be done, wherever."""
+    """One run to be done, on any machine."""
 
     identity: str
     condition: str
     seed: int
     scenario: Scenario
     world: str  # the floor plan's text
-    curves: bool  # keep the curve of the measure that the task is about
+    curves: bool  # keep the curve of the task's measure
     recording: Path | None  # file to record the run in
-    command: str  # repeats this run
-    allow_code: bool = False  # whether the scenario may run code of its own
-    asks: str = ""  # a hash of what is asked for
-    code: Code = field(default_factory=Code)  # that has to make it; the user's own is sent along
+    command: str  # that repeats this run
+    allow_code: bool = False  # whether the scenario may run its own code
+    asks: str = ""  # a hash of the request
+    code: Code = field(default_factory=Code)  # that must make it; the user's own is sent along
 
 
 class CurveKeeper:
@@ -58,14 +58,14 @@ class CurveKeeper:
         self.values: list[float] = []
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Take note of one iteration."""
+        """Record one iteration."""
         self.values.append(moment.measured.values[self._name])
 
 
 def run_job(task: Job) -> Row:
-    """Simulate one run here; what goes wrong in it becomes a failed row, so that the others go on.
+    """Simulate one run here; an error becomes a failed row, so that the others go on.
 
-    Raises StorageError for a full disk, which is no result of a run.
+    Raises StorageError for a full disk, which is no run's result.
     """
     begun = time.perf_counter()
     try:
@@ -73,7 +73,7 @@ def run_job(task: Job) -> Row:
             row = _simulate(task)
     except StorageError:
         raise
-    except Exception as problem:  # a study outlives whatever one of its runs does
+    except Exception as problem:  # a study outlives any error of one run
         text = f"{type(problem).__name__}: {problem}; to repeat: {task.command}"
         row = _failed(task, text)
     return replace(row, seconds=time.perf_counter() - begun)
@@ -90,13 +90,13 @@ def _check(task: Job, found: Mapping[str, str]) -> None:
 
 
 def _refusal(task: Job, found: Mapping[str, str]) -> str | None:
-    """Why what this code makes is no result of the task, or None."""
+    """Why this code's results are refused for the task, or None."""
     others = differences(task.code.hashes, found, "there")
-    return f"refused: a worker has other code: {others}; start workers, and the study, again" if others else None
+    return f"refused: a worker has other code: {others}; restart the workers and the study" if others else None
 
 
 def _simulate(task: Job) -> Row:
-    _check(task, {**task.code.hashes, OURS: distributions.ours()})  # before code runs that was not meant to
+    _check(task, {**task.code.hashes, OURS: distributions.ours()})  # before any unexpected code runs
     made = build(task.scenario, task.condition, task.world)
     _check(task, made.code.hashes)
     simulation, digests = made.simulation, Digests()
@@ -107,7 +107,7 @@ def _simulate(task: Job) -> Row:
     with ExitStack() as stack:
         if task.recording is not None:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
-            task.recording.unlink(missing_ok=True)  # of a try that was killed
+            task.recording.unlink(missing_ok=True)  # left by a killed attempt
             observers.append(stack.enter_context(made.recorder(task.recording)))
         finished = made.simulate(observers)
     return Row(
@@ -129,9 +129,9 @@ def _simulate(task: Job) -> Row:
 
 @contextmanager
 def worker_pool(workers: int, scheduler: str | None = None) -> Iterator[Callable[[Sequence[Job]], Iterator[Row]]]:
-    """Workers that perform tasks, as often as they are called, and give each row as its run ends, in no fixed order.
+    """A reusable function that performs tasks on workers and gives each row as its run ends, in no fixed order.
 
-    A cluster of `workers` processes is started here unless the address of a `scheduler` is given. Raises
+    It starts a cluster of `workers` processes here unless the address of a `scheduler` is given. Raises
     InputError if that does not answer.
     """
     with ExitStack() as stack:
@@ -140,7 +140,7 @@ def worker_pool(workers: int, scheduler: str | None = None) -> Iterator[Callable
 
 
 def execute(tasks: Sequence[Job], workers: int, scheduler: str | None = None) -> Iterator[Row]:
-    """Perform all tasks once, as a `crew` does."""
+    """Perform all tasks once, as `worker_pool` does."""
     with worker_pool(workers, scheduler) as perform_all:
         yield from perform_all(tasks)
 
@@ -170,8 +170,8 @@ def _performed(client: Client, tasks: Sequence[Job]) -> Iterator[Row]:
 
 
 def accepted(task: Job, row: Row) -> Row:
-    """The row that a worker has given, or a failed one if other code than the task's has made it."""
-    refusal = _refusal(task, getattr(row, "code", {}))  # rows of old workers have none
+    """A worker's row, or a failed one if other code than the task's made it."""
+    refusal = _refusal(task, getattr(row, "code", {}))  # rows of old workers lack it
     return row if refusal is None else _failed(task, refusal)
 
 
@@ -188,10 +188,10 @@ def _client(stack: ExitStack, workers: int, scheduler: str | None) -> Client:
 
 
 def _started(workers: int) -> LocalCluster:
-    """Processes that have started.
+    """A cluster of started processes.
 
-    They start behind a thread of their own: an interruption here, in the main one, waits until all are there, so that
-    they can be ended in order, and Dask is never stopped half way.
+    They start in a separate thread: an interruption in the main thread waits until all have started, so that they
+    can be ended in order and Dask is never stopped half way.
     """
     with ThreadPoolExecutor(1) as apart:
         starting = apart.submit(_start, workers)
@@ -203,13 +203,13 @@ def _started(workers: int) -> LocalCluster:
 
 
 def _start(workers: int) -> LocalCluster:
-    if sys.platform != "win32":  # Ctrl-C goes to all processes of a terminal; these are ended by the one that has them
-        resource_tracker.ensure_running()  # which lets signals through again, so before they are held back
+    if sys.platform != "win32":  # Ctrl-C goes to all processes of a terminal; the parent ends these
+        resource_tracker.ensure_running()  # it unblocks signals, so start it before blocking them
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     return LocalCluster(
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
         dashboard_address="127.0.0.1:0",  # any free port, so that studies can run side by side
-        silence_logs="CRITICAL",  # what fails is told by us; Dask complains of connections that end with the study
+        silence_logs="CRITICAL",  # we report failures; Dask complains of connections that end with the study
     )

@@ -1,4 +1,4 @@
-"""In what runs that are put side by side differ that makes their numbers tell little of each other."""
+"""Differences between compared runs that make their numbers hard to compare."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Side:
     name: str
     scenario: Scenario
     world: str
-    code: Mapping[str, str] = field(default_factory=dict)  # a hash of each piece of code; none if it is not known
+    code: Mapping[str, str] = field(default_factory=dict)  # a hash of each piece of code; empty if unknown
 
 
 def notices(sides: Sequence[Side]) -> list[str]:
-    """A sentence for each thing that should be alike and is not: building, task, cells, period; with values and names.
+    """A sentence for each unwanted difference in building, task, cells or period, with values and names.
 
-    Networks, minds, robots, faults and seeds are what runs are compared for.
+    Networks, minds, robots, faults and seeds may differ: comparisons are about them.
     """
     worlds = _worlds(sides)
     rows = [
@@ -47,12 +47,12 @@ def notices(sides: Sequence[Side]) -> list[str]:
             groups.setdefault(_shown(row.get(key)), []).append(side.name)
         if len(groups) > 1:
             values = _listed((f"{value} ({_listed(names)})" for value, names in groups.items()), "; ")
-            told.append(f"these differ in {key}, so that their numbers tell little of each other: {values}")
+            told.append(f"these differ in {key}, so their numbers are hard to compare: {values}")
     return [*told, *_code(sides)]
 
 
 def _code(sides: Sequence[Side]) -> Iterator[str]:
-    """A sentence for each piece of code of which not all have the same, though all have one."""
+    """A sentence for each piece of code that all have but in different versions."""
     for name in dict.fromkeys(name for side in sides for name in side.code):
         groups: dict[str, list[str]] = {}
         for side in sides:
@@ -64,7 +64,7 @@ def _code(sides: Sequence[Side]) -> Iterator[str]:
 
 
 def _worlds(sides: Sequence[Side]) -> list[str]:
-    """What each side's building is called, alike for equal ones; different ones that are called alike get a hash."""
+    """The name of each side's building; different buildings with the same name get a hash."""
     hashes = []
     for side in sides:
         described = {**msgspec.structs.asdict(side.scenario.world), "file": "", "text": side.world}

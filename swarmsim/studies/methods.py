@@ -1,7 +1,7 @@
-"""Methods compared over many tasks: ratios, performance profiles and the probability that one is better than another.
+"""Methods compared over many tasks: ratios, performance profiles and probabilities of improvement.
 
-A study's axes that step together under one name are its methods; all other axes make its tasks, one world each or one
-world and network. Runs of different methods in one task are independent; tasks count alike.
+A study's axes that step together under one name are its methods; all other axes make its tasks, such as a world or a
+world and network. Runs of different methods in one task are independent; tasks have equal weight.
 """
 
 from __future__ import annotations
@@ -27,34 +27,34 @@ TAUS: Final = np.geomspace(0.25, 4.0, 97)  # ratios at which profiles are taken
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How one method fares beside the first one, over all tasks of a group."""
+    """One method against the first, over all tasks of a group."""
 
     method: str
     runs: int
     finished: int
-    ratio: float  # geometric mean over tasks of its mean iterations over those of the first method
-    interval: Interval  # 95 %, of runs drawn anew in every task
-    across: Interval | None  # 95 %, of tasks drawn anew as well: what other tasks of the kind would give; None for one
-    better: float  # probability of improvement on the first method, of a run in a task drawn at random
+    ratio: float  # geometric mean over tasks of its mean iterations relative to the first method's
+    interval: Interval  # 95 %, from runs resampled in every task
+    across: Interval | None  # 95 %, from tasks resampled as well: for other tasks of the kind; None for one task
+    better: float  # probability that a run in a random task improves on the first method
     better_interval: Interval
-    profile: NDArray[np.float64]  # (len(TAUS),): share of runs within tau times the first method's mean of their task
+    profile: NDArray[np.float64]  # (len(TAUS),): share of runs within tau times the first method's mean in their task
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """All methods beside the first one, for each value of what groups are told apart by."""
+    """All methods against the first, for each group."""
 
     methods: tuple[str, ...]
     groups: dict[str, tuple[Standing, ...]]
     tasks: int  # in each group
-    figures: tuple[Path, ...] = ()  # the files drawn, if any were asked for
+    figures: tuple[Path, ...] = ()  # files drawn, if requested
 
 
 def compare(plan: Plan, results: Mapping[str, Result], method: str = "method", within: str | None = None) -> Compared:
-    """Compare the methods of a study, those axes whose `together` is called so, separately for each value of a key.
+    """Compare a study's methods, the axes with this `together`, separately for each value of a key.
 
-    An unfinished run counts with the iterations after which it was stopped, which flatters its method: `lines` says of
-    which ratios that makes bounds. Raises InputError if there is no such axis, or runs are missing.
+    An unfinished run counts with the iterations at its stop, which flatters its method: `lines` marks such ratios as
+    bounds. Raises InputError if there is no such axis, or runs are missing.
     """
     keys = [axis.key for axis in plan.study.vary if axis.together == method]
     if not keys:
@@ -109,7 +109,7 @@ def _standing(name: str, ours: Mapping[str, Result], theirs: Mapping[str, Result
 
 
 def _wins(mine: Result, base: Result) -> NDArray[np.float64]:
-    """Whether each run of the one (n,) was faster than each of the other (m,): 1, as fast: 1/2, or slower: 0.
+    """Compares each run of one (n,) with each of the other (m,): 1 if faster, 1/2 if as fast, 0 if slower.
 
     Its mean is the probability of improvement of Agarwal et al., "Deep Reinforcement Learning at the Edge of the
     Statistical Precipice", NeurIPS (2021), in one task.
@@ -119,7 +119,7 @@ def _wins(mine: Result, base: Result) -> NDArray[np.float64]:
 
 
 def _counts(generator: np.random.Generator, runs: int) -> NDArray[np.float64]:
-    """How often each of so many runs (RESAMPLES, runs) is drawn in each resample."""
+    """How often each run is drawn in each resample (RESAMPLES, runs)."""
     return generator.multinomial(runs, np.full(runs, 1.0 / runs), RESAMPLES).astype(np.float64)
 
 
@@ -134,7 +134,7 @@ HEAD = (
 
 
 def lines(standings: tuple[Standing, ...]) -> list[tuple[str, ...]]:
-    """One line for each method, under HEAD; ratios that unfinished runs make bounds say so, or are left out."""
+    """One line per method, under HEAD; ratios with unfinished runs are marked as bounds or left out."""
     return [
         (
             one.method,

@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 NOWHERE = (np.nan, np.nan)
-FILES = ("report.md", "report.html")  #: that are written beside the figures
+FILES = ("report.md", "report.html")  #: written beside the figures
 
 
 def write(found: Sequence[Reproduction], folder: Path) -> None:
-    """Write figures, report.md and report.html, with the readings one after the other."""
+    """Write figures, report.md and report.html, one reading after the other."""
     figures = {name: caption for one in found for name, caption in _figures(one, folder).items()}
     text = _text(found, figures)
     markdown, html = (folder / name for name in FILES)
     write_whole(markdown, text)
     body = MarkdownIt("commonmark").enable("table").render(text)
-    for name in figures:  # so that the page is one file, to be mailed
+    for name in figures:  # so that the page is one file that can be mailed
         data = b64encode((folder / f"{name}.png").read_bytes()).decode()
         body = body.replace(f'src="{name}.png"', f'src="data:image/png;base64,{data}"')
     write_whole(html, page(_title(found), body))
@@ -129,7 +129,7 @@ def _text(found: Sequence[Reproduction], figures: dict[str, str]) -> str:
     runs = " or ".join(f"`swarmsim run {one} --seed N --set ...`" for one in _scenarios(first))
     studies = " and ".join(dict.fromkeys(f"`{_shown(plan.path.parent)}/`" for plan in first.plans.values()))
     parts += ["## Provenance", _table(("what", "value"), provenance)]
-    parts.append(f"Each run is repeated by {runs}; the studies stand in {studies}.")
+    parts.append(f"Each run is repeated by {runs}; the studies are in {studies}.")
     return "\n\n".join(parts) + "\n"
 
 
@@ -150,7 +150,7 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
         ]
     if reading.calibrated:
         parts.append(
-            "`calibrated` marks the numbers by which the choices that the paper leaves open were made, with other "
+            "`calibrated` marks the numbers that the choices left open by the paper were fitted to, with other "
             "seeds than these; the others are predicted."
         )
     if name in figures:
@@ -172,13 +172,13 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
 
 
 def _scenarios(found: Reproduction) -> list[str]:
-    """The scenarios that the studies vary."""
+    """The studies' scenarios."""
     files = [plan.path.parent / plan.study.scenario for plan in found.plans.values()]
     return list(dict.fromkeys(_shown(file) for file in files))
 
 
 def _shown(path: Path) -> str:
-    """A path from where the shipped scenarios are, if it is there; else as it was given."""
+    """A path relative to the shipped scenarios if it is among them; else unchanged."""
     home = shipped.root()
     whole = Path(os.path.normpath(Path.cwd() / path))
     return (whole.relative_to(home) if whole.is_relative_to(home) else Path(os.path.normpath(path))).as_posix()

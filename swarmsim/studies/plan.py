@@ -1,4 +1,4 @@
-"""A study file: one scenario, what is varied, with how many seeds."""
+"""A study file: one scenario, its variations, and the number of seeds."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from swarmsim.world.source import read_world
 
 MOST_RUNS = 1_000_000
 TRIED = 100  # iterations of each condition that are timed
-USUAL = 700  # iterations that a run takes, unless its limit is lower
+USUAL = 700  # typical iterations of a run, unless its limit is lower
 
 
 class Axis(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -40,55 +40,55 @@ class Axis(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     key: str
     values: Annotated[list[Any], Meta(min_length=1)]
-    together: str | None = None  # axes of one name step together; all others are crossed
+    together: str | None = None  # axes with the same name step together; all others are crossed
 
 
 class Named(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A condition of its own, where a grid does not fit."""
+    """A single condition outside the grid."""
 
     name: str
     set: dict[str, object]  # dotted key: value
-    x: float | None = None  # where it stands on the study's axis; without, it is a line across the plot
-    series: str = ""  # the line of the plot that it belongs to
+    x: float | None = None  # its place on the study's axis; without one, it is a line across the plot
+    series: str = ""  # its line in the plot
 
 
 class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the file says."""
+    """The file's contents."""
 
     title: str
-    scenario: str  # found from the study's folder
+    scenario: str  # relative to the study's folder
     seeds: Annotated[int, Meta(ge=1)] | Annotated[list[Annotated[int, Meta(ge=0)]], Meta(min_length=1)] = 30
     keep: Literal["summary", "curves", "recordings"] = "curves"
     set: dict[str, object] = {}
-    axis: str | None = None  # what the conditions' `x` measures, with its unit: plots show iterations against it
+    axis: str | None = None  # the meaning of the conditions' `x`, with its unit: plots show iterations against it
     vary: tuple[Axis, ...] = ()
     condition: tuple[Named, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """One cell of the study: a whole scenario but for its seed."""
+    """One cell of the study: a scenario without its seed."""
 
     name: str
-    changes: dict[str, object]  # dotted key: value, as compared with the study's scenario
+    changes: dict[str, object]  # dotted key: value, against the study's scenario
     scenario: Scenario
-    curve: Curve  # what is drawn of its task
+    curve: Curve  # of its task, for figures
     code: Code  # that makes its runs
-    x: float | None = None  # where it stands on the study's axis
+    x: float | None = None  # its place on the study's axis
     series: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A study with every condition written out and checked."""
+    """A study with all its conditions expanded and checked."""
 
     path: Path
     study: Study
     conditions: tuple[Condition, ...]
     seeds: tuple[int, ...]
-    worlds: dict[bytes, str]  # floor plans' texts, by what `_world_key` says
-    notices: tuple[str, ...] = ()  # how floor plans were taken, and which files lie outside of the scenario's folder
-    keep_old: bool = False  # whether runs that were made by other code count, where there are none by the present one
+    worlds: dict[bytes, str]  # floor plans' texts, by `_world_key`
+    notices: tuple[str, ...] = ()  # how floor plans were read, and files outside the scenario's folder
+    keep_old: bool = False  # whether runs of other code count where the present code has none
 
     @property
     def runs(self) -> list[tuple[Condition, int]]:
@@ -100,7 +100,7 @@ class Plan:
         return self.worlds[_world_key(condition.scenario)]
 
     def asks(self, condition: Condition, seed: int) -> str:
-        """A hash of what is asked for: the scenario with its floor plan, and how it is measured."""
+        """A hash of the request: the scenario with its floor plan, and how it is measured."""
         hashed = hashlib.blake2b(digest_size=16)
         hashed.update(asked(msgspec.structs.replace(condition.scenario, seed=seed)))
         hashed.update(self.world_of(condition).encode())
@@ -108,14 +108,14 @@ class Plan:
         return hashed.hexdigest()
 
     def identity(self, condition: Condition, seed: int) -> str:
-        """A hash of all that its row depends on: what is asked for, versions of libraries, and code by content."""
+        """A hash of all that its row depends on: the request, library versions, and code by content."""
         hashed = hashlib.blake2b(self.asks(condition, seed).encode(), digest_size=16)
         hashed.update(msgspec.json.encode([libraries(versions()), dict(condition.code.hashes)], order="sorted"))
         return hashed.hexdigest()
 
 
 def asked(scenario: Scenario) -> bytes:
-    """All that a scenario asks for, in JSON: whatever it is called, wherever the files of floor plan and code are."""
+    """A scenario's request in JSON, independent of its name and of the places of floor plan and code."""
     scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
     table = without_later(msgspec.structs.asdict(scenario))
     unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
@@ -127,7 +127,7 @@ def asked(scenario: Scenario) -> bytes:
 
 
 def _placed(value: object, folder: str) -> object:
-    """The same with the paths of parts' files as they are from a folder."""
+    """The same with parts' files relative to a folder."""
     if isinstance(value, dict):
         found = {key: _placed(inner, folder) for key, inner in value.items()}
         file, _, name = str(value.get("use", "")).rpartition(":")
@@ -136,27 +136,26 @@ def _placed(value: object, folder: str) -> object:
 
 
 def libraries(found: dict[str, str]) -> dict[str, str]:
-    """Those of the versions that a run's identity has: not of Python and the machine, on which few results depend."""
+    """The versions in a run's identity, without Python and the machine, which affect few results."""
     return {name: version for name, version in found.items() if name not in ("python", "platform")}
 
 
 def _world_key(scenario: Scenario) -> bytes:
-    """All that a floor plan's text depends on."""
+    """Everything that a floor plan's text depends on."""
     return msgspec.json.encode([scenario.world, scenario.grid.cell], enc_hook=plain, order="deterministic")
 
 
 def read_study(path: Path) -> Study:
-    """What a study file says, without a look at its scenario. Raises InputError."""
+    """A study file's contents, without reading its scenario. Raises InputError."""
     return read_struct(path, "a study file", Study)
 
 
 def open_study(
     path: Path, seeds: int | None = None, changes: dict[str, object] | None = None, keep_old: bool = False
 ) -> Plan:
-    """Read a study and check every condition, down to a swarm ready to start; `seeds` replaces their number.
+    """Read a study and check every condition by building its swarm; `seeds` replaces the number of seeds.
 
-    `changes`, by dotted key, come on top of what the study sets; its conditions come on top of those. `keep_old` as in
-    Plan.
+    `changes`, by dotted key, override the study's settings; its conditions override both. `keep_old` as in Plan.
 
     Raises InputError that names the file, the condition and the key.
     """
@@ -198,14 +197,14 @@ def open_study(
 
 
 def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
-    """What each condition changes, by its name: the grid of all axes, then the named ones."""
+    """Each condition's changes, by name: the grid of all axes, then the named ones."""
     groups: dict[str, list[Axis]] = {}
     for number, axis in enumerate(study.vary):
         groups.setdefault(axis.together or f"axis {number}", []).append(axis)
     steps: list[list[dict[str, object]]] = []
     for name, axes in groups.items():
         if len({len(axis.values) for axis in axes}) > 1:
-            raise InputError(f"{path}: vary: the axes together as {name!r} have different numbers of values")
+            raise InputError(f"{path}: vary: the axes with together = {name!r} differ in their number of values")
         steps.append([{axis.key: axis.values[i] for axis in axes} for i in range(len(axes[0].values))])
     if math.prod(len(step) for step in steps) > MOST_RUNS:
         raise InputError(f"{path}: vary: more than {MOST_RUNS} conditions")
@@ -214,17 +213,17 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
     for cell in grid:
         if cell or not study.condition:
             if label(cell) in changes:
-                raise InputError(f"{path}: vary: {label(cell)!r} comes twice; expected each value once")
+                raise InputError(f"{path}: vary: {label(cell)!r} is listed twice; expected each value once")
             changes[label(cell)] = cell
     for named in study.condition:
         if named.name in changes:
-            raise InputError(f"{path}: condition: the name {named.name!r} stands twice; expected each once")
+            raise InputError(f"{path}: condition: the name {named.name!r} is listed twice; expected each once")
         changes[named.name] = named.set
     return changes
 
 
 def _place(study: Study, cell: dict[str, object]) -> tuple[float | None, str]:
-    """Where a cell of the grid stands: at its value on the first axis, if that is a number, in a line of the others."""
+    """A grid cell's x, its value on the first axis if that is a number, and its series, the other values."""
     if not cell:
         return None, ""
     first = study.vary[0]
@@ -245,14 +244,14 @@ def label(cell: dict[str, object]) -> str:
 
 
 def shown(value: object) -> object:
-    """A part by its name and what else its table says, such as "k-random k=2"; anything else as it is."""
+    """A part by its name and other keys, such as "k-random k=2"; anything else unchanged."""
     if not isinstance(value, dict) or "use" not in value:
         return value
     return " ".join([str(value["use"]), *(f"{key}={shown(one)}" for key, one in value.items() if key != "use")])
 
 
 def changed(place: str, table: Table, changes: dict[str, object], folder: Path) -> Scenario:
-    """The scenario in a table with changes by dotted key. Raises InputError that starts with `place`."""
+    """The scenario of a table with changes by dotted key. Raises InputError that starts with `place`."""
     table = copy.deepcopy(table)
     for key, value in changes.items():
         try:
@@ -263,13 +262,13 @@ def changed(place: str, table: Table, changes: dict[str, object], folder: Path) 
 
 
 def with_seeds(plan: Plan, seeds: int, names: Collection[str]) -> Plan:
-    """The same study with seeds 1 to `seeds` and the named conditions only."""
+    """The study with seeds 1 to `seeds` and the named conditions only."""
     conditions = tuple(condition for condition in plan.conditions if condition.name in names)
     return replace(plan, conditions=conditions, seeds=tuple(range(1, seeds + 1)))
 
 
 def trial(plan: Plan) -> float:
-    """Seconds that one run of a study takes here, on average over the first iterations of its conditions."""
+    """Estimated seconds per run here, averaged over the first iterations of the study's conditions."""
     seconds = []
     for one in plan.conditions:
         simulation = build(one.scenario, one.name, plan.world_of(one)).simulation

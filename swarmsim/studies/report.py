@@ -1,4 +1,4 @@
-"""A study in pictures, and the page that pictures and tables of studies stand on."""
+"""A study's figures, and the page for figures and tables of studies."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ img { max-width: 100% } code { background: #f3f3f3; padding: 0 0.2rem }
 
 
 def study_figures(study: Study, results: dict[str, Result], folder: Path, measures: Sequence[str] = ()) -> list[Path]:
-    """Draw a study's distributions, curves and table, and measures along its axis, into a folder; gives the files.
+    """Draw a study's distributions, curves, table and measures along its axis into a folder; gives the files.
 
-    Raises InputError if there is nothing to draw or no place for it.
+    Raises InputError if there is nothing to draw or the folder cannot be written.
     """
     try:
         drawn = _drawn(study, results, measures).items()
@@ -42,7 +42,7 @@ def study_figures(study: Study, results: dict[str, Result], folder: Path, measur
 
 
 def study_pictures(study: Study, results: dict[str, Result]) -> dict[str, str]:
-    """The same, but for the table, as addresses of pictures for a page, by caption."""
+    """The same without the table, as data URLs for a page, by caption."""
     drawn = _drawn(study, results, ())
     return {name.replace("_", " ").capitalize(): plots.address(drawn[name]) for name in drawn if name != "table"}
 
@@ -83,7 +83,7 @@ def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) ->
 
 
 def sweep_figure(study: Study, there: dict[str, Result], title: str, measure: str = "") -> Figure:
-    """Draw iterations, or a measure, along a study's axis. Raises InputError for a study without one."""
+    """Draw iterations, or a measure, along a study's axis. Raises InputError without an axis."""
     if all(result.condition.x is None for result in there.values()):
         what = measure or "iterations"
         raise InputError(f"{title}: no axis to draw {what} along; expected numbers varied, or 'x' of conditions")
@@ -93,7 +93,7 @@ def sweep_figure(study: Study, there: dict[str, Result], title: str, measure: st
 
 
 def _series(there: dict[str, Result], measure: str = "") -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
-    """The lines of a plot over the study's axis, of iterations or a measure, and the conditions with no place on it."""
+    """The plot's lines over the study's axis, of iterations or a measure, and the conditions with no place on it."""
     lines_: dict[str, list[tuple[float, Result]]] = {}
     for result in there.values():
         if result.condition.x is not None:
@@ -107,7 +107,7 @@ def _series(there: dict[str, Result], measure: str = "") -> tuple[dict[str, plot
 
 
 def _steps(values: Sequence[float], results: Sequence[Result], measure: str) -> plots.Steps:
-    """Means and intervals at each value: of finished runs' iterations, with the shares of the rest, or of a measure."""
+    """Means and intervals at each value: of finished runs' iterations, with the unfinished share, or of a measure."""
     described = [result.describe_measure(measure) if measure else result.describe() for result in results]
     nowhere = (math.nan, math.nan)
     return plots.Steps(
@@ -120,7 +120,7 @@ def _steps(values: Sequence[float], results: Sequence[Result], measure: str) -> 
 
 
 def page(title: str, body: str) -> str:
-    """A page of text and of pictures that are in it, which may do nothing else."""
+    """A page with text and embedded pictures; its policy forbids all else."""
     policy = f"default-src 'none'; style-src {hashed(STYLE)}; img-src data:; base-uri 'none'; form-action 'none'"
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">

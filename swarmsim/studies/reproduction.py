@@ -1,4 +1,4 @@
-"""A paper's experiments done again: its numbers beside ours, and its claims put to the test."""
+"""A paper's experiments repeated: its numbers beside ours, and its claims tested."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from swarmsim.studies.statistics import Description, fit_scaling, speed_up
 from swarmsim.studies.store import Store
 from swarmsim.studies.survival import Interval
 
-FEW: Final = 10  # runs of a condition below which nothing is said of it
+FEW: Final = 10  # runs of a condition below which claims about it are not tested
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class Number:
     condition: str
     published: float
     ours: Description
-    calibrated: bool  # whether the open choices were made by it
-    spread: float  # standard deviation of the logarithms of our runs
+    calibrated: bool  # whether open choices were fitted to it
+    spread: float  # standard deviation of our runs' logarithms
 
     @property
     def ratio(self) -> float | None:
@@ -41,18 +41,18 @@ class Number:
 
     @property
     def inside(self) -> bool:
-        """Whether it lies where 95 % of single runs of ours are expected."""
+        """Whether it lies where 95 % of our single runs are expected."""
         interval = self.ours.prediction
         return interval is not None and interval[0] <= self.published <= interval[1]
 
     @property
     def log_ratio(self) -> float:
-        """The logarithm of the ratio; infinite where a mean is missing."""
+        """The logarithm of the ratio; infinite without a mean."""
         return math.inf if self.ratio is None else math.log(self.ratio)
 
 
 class Decided(NamedTuple):
-    """A claim, whether our runs hold or refute it, and by which tests."""
+    """A claim, our runs' verdict on it, and its tests."""
 
     claim: Claim
     verdict: str  # "holds", "does not hold", "undecided" or "too few runs"
@@ -61,7 +61,7 @@ class Decided(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """Everything that a report tells of one reading."""
+    """Everything in a report about one reading."""
 
     paper: Paper
     reading: Reading
@@ -73,12 +73,12 @@ class Reproduction:
 
     @property
     def error(self) -> float:
-        """Root mean square of the logarithms of the ratios; infinite where a mean is missing."""
+        """Root mean square of the log-ratios; infinite where a mean is missing."""
         return math.sqrt(sum(number.log_ratio**2 for number in self.numbers) / len(self.numbers))
 
     @property
     def error_sentence(self) -> str:
-        """The error, and what the published numbers would have to be for ours to agree with them."""
+        """The error, and how many runs per published number would make it agree with ours."""
         told = f"root-mean-square log-ratio over {len(self.numbers)} numbers: {self.error:.3f}"
         if self.numbers[0].ours.n < FEW or not math.isfinite(self.error):
             return f"{told}; too few runs to say more"
@@ -86,12 +86,12 @@ class Reproduction:
 
     @property
     def seed_count(self) -> str:
-        """How many seeds each condition has, such as "30", or "20 to 30" if that depends on the study."""
+        """The number of seeds of each condition, such as "30", or "20 to 30" if studies differ."""
         return _from_to(len(plan.seeds) for plan in self.plans.values())
 
     @property
     def seeds(self) -> str:
-        """From which seed to which, such as "1 to 30"."""
+        """The range of seeds, such as "1 to 30"."""
         return _from_to(seed for plan in self.plans.values() for seed in plan.seeds)
 
 
@@ -102,11 +102,11 @@ def _from_to(numbers: Iterable[int]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """For how many averaged runs behind each published number ours agree with all of them."""
+    """The numbers of averaged runs behind each published number at which ours agree with all of them."""
 
     statistics: dict[int, float]  # chi-square by M
     freedom: int
-    most: int | None  # the largest M at which they agree; None: not even single runs would
+    most: int | None  # the largest M at which they agree; None: not even for single runs
 
     @property
     def sentence(self) -> str:
@@ -125,8 +125,8 @@ class Agreement:
 def agreement(numbers: Sequence[Number], most: int = 100) -> Agreement:
     """The chi-square of published against our means on the log scale, if each published number is the mean of M runs.
 
-    Its terms are log(published / ours)^2 / (s^2 / M + s^2 / n), s the standard deviation of the logarithms of our n
-    runs; they agree where it is below the 95 % point. A number that stands in two tables counts once.
+    Its terms are log(published / ours)^2 / (s^2 / M + s^2 / n), s being the standard deviation of the logarithms of our
+    n runs; they agree where it is below the 95 % point. A number in two tables counts once.
     """
     seen = {(number.published, number.ours.mean): number for number in numbers}.values()
     statistics = {}
@@ -145,21 +145,21 @@ def reproduce(
     seeds: int | None = None,
     readings: Sequence[str] = (),
 ) -> list[Reproduction]:
-    """Do the runs of a paper's studies that the store lacks, and compare: one reproduction for each reading.
+    """Do the runs of a paper's studies that the store lacks, and compare: one reproduction per reading.
 
     `run_jobs` does jobs and keeps their rows in the store. `seeds` replaces the studies' numbers of seeds; `readings`
-    are names, by default all. Raises InputError for what is wrong in the folder, and for runs that failed.
+    are names, by default all. Raises InputError for errors in the folder, and for failed runs.
     """
     read = paper.read(readings)
     plans = [paper.plans(one, seeds) for one in read]
-    # A run that two tables or readings share is done once.
+    # A run shared by two tables or readings is done once.
     opened = [plan for of_reading in plans for plan in of_reading.values()]
     run_jobs(list({job.identity: job for plan in opened for job in missing(plan, store)}.values()))
     return [evaluate(paper, one, of, store) for one, of in zip(read, plans, strict=True)]
 
 
 def evaluate(paper: Paper, reading: Reading, plans: dict[str, Plan], store: Store) -> Reproduction:
-    """Compare the runs in the store with what was published. Raises InputError if any are missing or failed."""
+    """Compare the runs in the store with the published numbers. Raises InputError if any are missing or failed."""
     results = {name: gather(plan, store) for name, plan in plans.items()}
     for name, found in results.items():
         for condition, result in found.items():
@@ -180,7 +180,7 @@ def evaluate(paper: Paper, reading: Reading, plans: dict[str, Plan], store: Stor
 
 
 def decide(claim: Claim, runs: Mapping[str, Runs]) -> Decided:
-    """Put a claim to its tests, by the runs of each study: it holds if all do, and fails if one does."""
+    """Test a claim on the runs of each study: it holds if all its tests hold, and fails if one fails."""
     if min(len(one.rows) for check in claim.test for one in runs[check.study].results.values()) < FEW:
         return Decided(claim, "too few runs", f"expected {FEW} of each condition")
     judged = [judge(check, runs[check.study]) for check in claim.test]
@@ -196,7 +196,7 @@ CLAIMED: Final = ("claim", "", "test")
 
 
 def lines(found: Reproduction) -> list[tuple[str, ...]]:
-    """The published numbers beside ours, one line each, under HEAD."""
+    """The published numbers beside ours, one per line, under HEAD."""
     rows: list[tuple[str, ...]] = []
     form = ".0f" if found.paper.about.published == "iterations" else ".4g"
     for number in found.numbers:
@@ -210,7 +210,7 @@ def lines(found: Reproduction) -> list[tuple[str, ...]]:
 
 
 def side_by_side(found: Sequence[Reproduction]) -> list[tuple[str, ...]]:
-    """The published numbers, and mean and ratio of each reading, one line each."""
+    """The published numbers with each reading's mean and ratio, one per line."""
     rows: list[tuple[str, ...]] = []
     form = ".0f" if found[0].paper.about.published == "iterations" else ".4g"
     for place, number in enumerate(found[0].numbers):
@@ -221,7 +221,7 @@ def side_by_side(found: Sequence[Reproduction]) -> list[tuple[str, ...]]:
 
 
 def listed(found: Reproduction, listing: Listing) -> list[tuple[str, ...]]:
-    """A paper's table of one measure, one line for each condition, under LISTED."""
+    """A paper's table of one measure, one line per condition, under LISTED."""
     runs = Runs(found.results[listing.study], {})
     described = {name: runs.describe(name, listing.measure) for name in runs.results}
     return [(name, _one(d.mean, ".4g"), _between(d.interval, ".4g"), _count(d)) for name, d in described.items()]
@@ -240,7 +240,7 @@ def _count(d: Description) -> str:
 
 
 def scaling_lines(results: Mapping[str, Result]) -> list[tuple[str, ...]]:
-    """Speed-up, efficiency and Karp and Flatt's serial share against the first swarm, one line for each swarm."""
+    """Speed-up, efficiency and Karp and Flatt's serial share against the first swarm, one line per swarm."""
     sizes = [(name, _robots(result), float(result.times.mean())) for name, result in results.items()]
     rows: list[tuple[str, ...]] = []
     for name, robots, time in sizes:

@@ -1,4 +1,4 @@
-"""What a study's runs say, condition by condition."""
+"""The results of a study's runs, by condition."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from swarmsim.studies.plan import Condition, Plan, libraries
 from swarmsim.studies.statistics import Description, compare, describe, ranked, runs_needed
 from swarmsim.studies.store import Row, Store
 
-MOST = 3  # ways in which code differs that a sentence lists
+MOST = 3  # differences in code that a sentence lists
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """The runs of one condition that have ended, in the order of their seeds."""
+    """The completed runs of one condition, in the order of their seeds."""
 
     condition: Condition
-    rows: tuple[Row, ...]  # finished or not, without failures
+    rows: tuple[Row, ...]  # finished or not, without failed ones
     failed: tuple[Row, ...]
     missing: int
-    older: tuple[Row, ...] = ()  # runs of other code, where the present has none; in `rows` if they count
+    older: tuple[Row, ...] = ()  # runs of other code where the present code has none; in `rows` if they count
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """Iterations of each run; of an unfinished one, those after which it was stopped."""
+        """Iterations of each run; an unfinished one has its iterations at the stop."""
         return np.array([row.iterations for row in self.rows], np.float64)
 
     @property
@@ -48,22 +48,22 @@ class Result:
 
     @property
     def curves(self) -> list[NDArray[np.float64]]:
-        """The measure that each run's task is about, by iteration."""
+        """The task's measure of each run, by iteration."""
         return [row.curve.astype(np.float64) for row in self.rows if row.curve is not None]
 
     def measure(self, name: str) -> NDArray[np.float64]:
-        """One measure of each run; nan where it is undefined. Raises InputError for an unknown name."""
+        """One measure of each run; NaN where undefined. Raises InputError for an unknown name."""
         if any(name not in row.summary for row in self.rows):
-            raise InputError(f"{name!r} is no measure; known: {', '.join(self.rows[0].summary)}")
+            raise InputError(f"{name!r} is not a measure; known: {', '.join(self.rows[0].summary)}")
         values = (row.summary[name] for row in self.rows)
         return np.array([np.nan if value is None else value for value in values], np.float64)
 
     def describe(self) -> Description:
-        """The statistics of its iterations; None-valued where there is no run."""
+        """The statistics of its iterations; None values without runs."""
         return describe(self.times, self.finished, float(self.condition.scenario.stop.iterations))
 
     def describe_measure(self, name: str) -> Description:
-        """The statistics of a measure, over the runs in which it is defined. Raises InputError if it is in none."""
+        """The statistics of a measure over the runs that define it. Raises InputError if none does."""
         values = self.measure(name)
         defined = values[np.isfinite(values)]
         if len(defined) == 0:
@@ -72,13 +72,13 @@ class Result:
 
 
 def filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
-    """A table without the columns in which no row says anything."""
+    """The table without its empty columns."""
     kept = [place for place in range(len(head)) if any(row[place] != "-" for row in rows)]
     return [head[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
 def gather(plan: Plan, store: Store) -> dict[str, Result]:
-    """All that the store has of a study, by condition, in the plan's order."""
+    """All results of a study in the store, by condition, in the plan's order."""
     found, older = _rows(plan, store)
     results = {}
     for condition in plan.conditions:
@@ -99,7 +99,7 @@ def gather(plan: Plan, store: Store) -> dict[str, Result]:
 
 
 def _rows(plan: Plan, store: Store) -> tuple[dict[str, Row], dict[str, Row]]:
-    """The rows of the present code, by identity, and those of other code where there is none, by what they ask."""
+    """The present code's rows, by identity, and where there are none other code's, by request."""
     identities = [(condition, seed, plan.identity(condition, seed)) for condition, seed in plan.runs]
     found = store.rows(identity for _, _, identity in identities)
     rest = {plan.asks(condition, seed): one for condition, seed, one in identities if one not in found}
@@ -107,7 +107,7 @@ def _rows(plan: Plan, store: Store) -> tuple[dict[str, Row], dict[str, Row]]:
 
 
 def of_other_code(plan: Plan, results: Mapping[str, Result]) -> list[str]:
-    """A sentence about runs that other code than the present made, if there are any."""
+    """A sentence about runs made by other code, if any."""
     old = [(result.condition, row) for result in results.values() for row in result.older]
     if not old:
         return []
@@ -128,7 +128,7 @@ def of_other_code(plan: Plan, results: Mapping[str, Result]) -> list[str]:
 
 
 def missing(plan: Plan, store: Store, retry: bool = False) -> list[Job]:
-    """The runs that the store does not have yet; with `retry` those that failed, too. Equal runs come once."""
+    """The runs that the store lacks; with `retry` also those that failed. Equal runs come once."""
     found, older = _rows(plan, store)
     tasks: dict[str, Job] = {}
     for condition, seed in plan.runs:
@@ -166,7 +166,7 @@ def command(plan: Plan, condition: Condition, seed: int) -> str:
 
 
 def _toml(value: object) -> str:
-    """A value as TOML writes it on one line."""
+    """A value as TOML on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key}={_toml(inner)}" for key, inner in value.items()) + "}"
     if isinstance(value, list):
@@ -175,7 +175,7 @@ def _toml(value: object) -> str:
 
 
 def digest(results: Sequence[Result]) -> str:
-    """One digest over all runs, whatever order or cluster they came from."""
+    """One digest over all runs, independent of their order or cluster."""
     hashed = hashlib.blake2b(digest_size=16)
     lines = sorted(f"{row.identity} {row.digest}" for result in results for row in result.rows)
     hashed.update("\n".join(lines).encode())
@@ -186,7 +186,7 @@ HEAD = ("condition", "n", "finished", "mean", "95 % interval", "sd", "median", "
 
 
 def lines(results: dict[str, Result]) -> list[tuple[str, ...]]:
-    """The table of iterations, one line for each condition, under HEAD."""
+    """The table of iterations, one line per condition, under HEAD."""
     return [(name, *_described(result)) for name, result in results.items()]
 
 
@@ -209,12 +209,12 @@ def _described(result: Result) -> tuple[str, ...]:
 
 
 def number(value: float | None) -> str:
-    """One decimal, or a dash for nothing."""
+    """One decimal, or a dash for None."""
     return "-" if value is None else f"{value:.1f}"
 
 
 def records(plan: Plan, results: dict[str, Result]) -> list[dict[str, object]]:
-    """Every run as a flat record: condition, what it changes, seed, outcome and all measures."""
+    """Every run as a flat record: condition, its changes, seed, outcome and all measures."""
     names = list(dict.fromkeys(key for condition in plan.conditions for key in condition.changes))
     return [
         {
@@ -244,7 +244,7 @@ def _plain(value: object) -> object:
 
 
 def write_csv(path: Path, rows: Sequence[dict[str, object]]) -> None:
-    """Write records, one a line; texts that a spreadsheet would take for formulas begin with an apostrophe."""
+    """Write records as CSV; texts that a spreadsheet would take for formulas get a leading apostrophe."""
     names = list(dict.fromkeys(key for row in rows for key in row))
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, names)
@@ -269,7 +269,7 @@ def write_parquet(path: Path, rows: Sequence[dict[str, object]]) -> None:
 
 
 def _one_type(values: list[object]) -> list[object]:
-    """A column of a single type: text where the values are of several."""
+    """A column of a single type: text for mixed values."""
     kinds = {type(value) for value in values if value is not None}
     if kinds <= {int, float} or len(kinds) <= 1:
         mixed = kinds == {int, float}
@@ -281,7 +281,7 @@ MEASURED = ("condition", "n", "defined", "mean", "95 % interval", "sd", "median"
 
 
 def measured(results: dict[str, Result], name: str) -> list[tuple[str, ...]]:
-    """The table of one measure, one line for each condition, under MEASURED."""
+    """The table of one measure, one line per condition, under MEASURED."""
     table: list[tuple[str, ...]] = []
     for label, result in results.items():
         values = result.measure(name)
@@ -300,7 +300,7 @@ COMPARED = ("condition", "A12", "p", "p after Holm", "seeds to tell apart")
 
 
 def compared(results: dict[str, Result], against: str) -> list[tuple[str, ...]]:
-    """Every other condition against one, one line each, under COMPARED; unfinished runs rank last."""
+    """Every other condition against one, one per line, under COMPARED; unfinished runs rank last."""
     groups = {name: ranked(r.times, r.finished) for name, r in results.items() if len(r.rows) > 1}
     table: list[tuple[str, ...]] = []
     for found in compare(groups, against) if against in groups else ():

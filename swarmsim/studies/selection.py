@@ -1,4 +1,4 @@
-"""Which condition is best: seeds are added until the intervals decide, and losers are dropped on the way."""
+"""Finds the best condition: seeds are added until the intervals decide, and losers are dropped on the way."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from swarmsim.studies.statistics import bootstrap_mean
 from swarmsim.studies.store import Store
 
 FIRST = 10  # seeds of every condition in the first round
-MORE = 10  # seeds of every condition still in the race in each later one
+MORE = 10  # further seeds of every remaining condition in each later round
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +26,14 @@ class Arm:
     """A condition at the end of the race."""
 
     name: str
-    times: tuple[float, ...]  # iterations, by seed; of an unfinished run those after which it was stopped
-    finished: int  # how many of these runs
-    dropped: int | None  # the round in which it was shown to be worse, None if never
+    times: tuple[float, ...]  # iterations, by seed; an unfinished run has its iterations at the stop
+    finished: int  # of these runs
+    dropped: int | None  # the round in which it was shown to be slower, None if never
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """Which condition needs the fewest iterations, and how sure that is."""
+    """The condition that needs the fewest iterations, and how sure that is."""
 
     arms: tuple[Arm, ...]
     best: str
@@ -57,9 +57,9 @@ def best(
     taken seed by seed, since equal seeds give equal starts; their Student intervals share 1 - `confidence`
     among all conditions and rounds. `perform` does the missing runs; at most `budget` are used.
 
-    An unfinished run took longer than its limit, by how much nobody knows. A condition that has one can be shown to be
-    slower, but it never leads. Raises InputError if all that are left have one, or one that led has: then it is not
-    known which is best.
+    An unfinished run took longer than its limit, by an unknown amount. A condition that has one can be shown to be
+    slower, but it never leads. Raises InputError if all remaining conditions, or an earlier leader, have one: then
+    the best is unknown.
     """
     names = [condition.name for condition in plan.conditions]
     dropped: dict[str, int] = {}
@@ -94,7 +94,7 @@ def best(
 
 
 def _whole(plan: Plan, found: dict[str, Result], racing: Sequence[str], led: set[str]) -> list[str]:
-    """The conditions in the race whose runs have all finished. Raises InputError as `best`, or for failed runs."""
+    """The remaining conditions whose runs have all finished. Raises InputError as `best`, or for failed runs."""
     for name in racing:
         if found[name].failed:
             row = found[name].failed[0]
@@ -113,7 +113,7 @@ def _whole(plan: Plan, found: dict[str, Result], racing: Sequence[str], led: set
 
 
 def _difference(first: NDArray[np.float64], second: NDArray[np.float64], alpha: float) -> float:
-    """The upper end of Student's interval of the mean of first - second, paired by seed."""
+    """The upper end of Student's interval for the mean of first - second, paired by seed."""
     change = first - second
     reach = float(stats.t.ppf(1.0 - alpha / 2.0, len(change) - 1)) * float(change.std(ddof=1)) / math.sqrt(len(change))
     return float(change.mean()) + reach
@@ -137,7 +137,7 @@ HEAD = ("condition", "runs", "finished", "mean", "95 % interval", "dropped in ro
 
 
 def lines(answer: Answer) -> list[tuple[str, ...]]:
-    """The table of the race, one line for each condition, under HEAD."""
+    """The table of the race, one line per condition, under HEAD."""
     rows: list[tuple[str, ...]] = []
     for arm in answer.arms:
         cut = arm.finished < len(arm.times)

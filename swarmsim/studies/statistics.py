@@ -1,4 +1,4 @@
-"""What many runs say together: estimates with their uncertainty, comparisons, trends, and how many runs it takes."""
+"""Statistics of many runs: estimates with their uncertainty, comparisons, trends, and the runs needed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EFFICIENCY: Final = 3.0 / math.pi  # of Mann-Whitney's test relative to Student'
 class Description:
     """One condition of a study, as a row of a table.
 
-    If some runs did not finish, what needs all times is None, and the quartiles are Kaplan and Meier's.
+    If some runs did not finish, estimates that need all times are None, and the quartiles are Kaplan and Meier's.
     """
 
     n: int
@@ -34,7 +34,7 @@ class Description:
     lower: float | None  # quartile
     upper: float | None
     restricted: RestrictedMean
-    prediction: Interval | None  # of one more run, on the log scale where all values are above 0
+    prediction: Interval | None  # for one more run, on the log scale if all values are above 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +46,12 @@ class Paired:
     u: float  # Mann and Whitney's, of the first
     p: float  # two-sided
     adjusted: float  # p after Holm's correction for the whole family
-    a12: float  # the chance that a run of the first takes longer than one of the second
+    a12: float  # the probability that a run of the first takes longer than one of the second
 
 
 @dataclass(frozen=True, slots=True)
 class Scaling:
-    """The fit T(N) = serial + parallel / N: what more robots cannot shorten, and what they share out."""
+    """The fit T(N) = serial + parallel / N: the time that more robots cannot shorten, and the work that they share."""
 
     serial: float
     parallel: float
@@ -61,7 +61,7 @@ class Scaling:
 
 
 class SpeedUp(NamedTuple):
-    """How a swarm of N does against a reference of N0, with p = N / N0."""
+    """A swarm of N against a reference of N0, with p = N / N0."""
 
     speed_up: float  # S = T(N0) / T(N)
     efficiency: float  # S / p
@@ -73,7 +73,7 @@ def describe(
 ) -> Description:
     """The estimates of one condition, at 95 %, from its runs' times (n,) and whether each finished (default: all).
 
-    Raises ValueError for no runs, and as `restricted_mean`.
+    Raises ValueError without runs, and as `restricted_mean`.
     """
     values, ended = sample_of(times, finished)
     whole = bool(ended.all())
@@ -96,7 +96,7 @@ def describe(
 def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -> Interval | None:
     """The bias-corrected and accelerated (BCa) bootstrap interval of the mean (Efron 1987).
 
-    The same values and seed give the same interval. One value is no sample: None; equal ones have no width.
+    The same values and seed give the same interval: None for a single value, of no width for equal ones.
     """
     sample, _ = sample_of(values)
     if len(sample) < 2:
@@ -111,10 +111,10 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -
 def prediction_interval(
     values: ArrayLike, confidence: float = 0.95, scale: Literal["linear", "log"] = "linear"
 ) -> Interval | None:
-    """Where one more run will lie: mean +- t(n - 1) sd sqrt(1 + 1/n), for normal data (Hahn and Meeker 1991).
+    """The interval for one more run: mean +- t(n - 1) sd sqrt(1 + 1/n), for normal data (Hahn and Meeker 1991).
 
-    On the "log" scale it is taken of the logarithms, for positive data with a long upper tail. None for
-    fewer than two values. Raises ValueError for values that have no logarithm.
+    On the "log" scale it is computed from the logarithms, for positive data with a long upper tail. None for
+    fewer than two values. Raises ValueError for values without a logarithm.
     """
     sample, _ = sample_of(values)
     if scale == "log" and sample.min() <= 0.0:
@@ -129,15 +129,15 @@ def prediction_interval(
 
 
 def ranked(times: ArrayLike, finished: ArrayLike) -> NDArray[np.float64]:
-    """Times (n,) for tests by rank: inf for a run that did not finish, which supposes one limit for all."""
+    """Times (n,) for rank tests: inf for unfinished runs, which assumes one limit for all."""
     values, ended = sample_of(times, finished)
     return np.where(ended, values, np.inf)
 
 
 def compare(groups: Mapping[str, ArrayLike], against: str | None = None) -> list[Paired]:
-    """Every two conditions, or every other one with `against`, by Mann and Whitney's test (1947).
+    """Mann and Whitney's test (1947) of every two conditions, or of `against` with every other one.
 
-    Times may be infinite (`ranked`). All p-values given make one family for Holm's correction. Raises
+    Times may be infinite (`ranked`). All returned p-values form one family for Holm's correction. Raises
     KeyError for an unknown `against`.
     """
     samples = {name: np.asarray(times, np.float64) for name, times in groups.items()}
@@ -161,8 +161,8 @@ def _mann_whitney(first: NDArray[np.float64], second: NDArray[np.float64]) -> Ou
 def a12(first: ArrayLike, second: ArrayLike) -> float:
     """P(X > Y) + P(X = Y) / 2 for X of the first and Y of the second sample (Vargha and Delaney 2000).
 
-    0.5 is no difference. Of times, below 0.5 means that the first is faster. As far from 0.5 as 0.56, 0.64
-    and 0.71 are small, medium and large differences.
+    0.5 is no difference. For times, below 0.5 means that the first is faster. 0.56, 0.64 and 0.71, or as far below
+    0.5, are small, medium and large differences.
     """
     x, y = np.asarray(first, np.float64), np.sort(np.asarray(second, np.float64))
     below = np.searchsorted(y, x, side="left") + np.searchsorted(y, x, side="right")
@@ -181,8 +181,8 @@ def holm(p: ArrayLike) -> NDArray[np.float64]:
 def trend(groups: Sequence[ArrayLike]) -> Outcome:
     """Whether times rise or fall along ordered conditions: Jonckheere (1954) and Terpstra's (1952) test.
 
-    It is computed as Kendall's tau-b between the condition's rank and the time, to which it is equivalent,
-    ties included. The statistic is tau: negative where times fall.
+    It is computed as the equivalent Kendall's tau-b between the condition's rank and the time, ties included. The
+    statistic is tau: negative where times fall.
     """
     samples = [np.asarray(times, np.float64) for times in groups]
     rank = np.repeat(np.arange(len(samples)), [len(sample) for sample in samples])
@@ -196,7 +196,7 @@ def trend(groups: Sequence[ArrayLike]) -> Outcome:
 def fit_scaling(robots: ArrayLike, times: ArrayLike, confidence: float = 0.95) -> Scaling:
     """The least-squares fit of times (m,) to serial + parallel / robots (m,), one row per run.
 
-    The form is Amdahl's (1967). The intervals are Student's with m - 2 degrees of freedom; they suppose
+    The form is Amdahl's (1967). The intervals are Student's with m - 2 degrees of freedom; they assume
     equal variances. Raises ValueError for fewer than two sizes of swarm.
     """
     sizes, values = np.asarray(robots, np.float64), np.asarray(times, np.float64)
@@ -229,11 +229,11 @@ def runs_needed(
     alpha: float = 0.05,
     test: Literal["student", "mann-whitney"] = "student",
 ) -> int:
-    """How many runs each of two conditions needs for a difference of their means to be found.
+    """The number of runs that each of two conditions needs to detect a difference of their means.
 
-    n = 2 (z(1 - alpha/2) + z(power))^2 (sd / difference)^2, the normal approximation (Cohen 1988); the test by
-    rank needs pi / 3 times as many if the data are normal (Hodges and Lehmann 1956). Raises ValueError
-    for no difference.
+    n = 2 (z(1 - alpha/2) + z(power))^2 (sd / difference)^2, the normal approximation (Cohen 1988); the rank
+    test needs pi / 3 times as many for normal data (Hodges and Lehmann 1956). Raises ValueError for no
+    difference.
     """
     if difference == 0.0:
         raise ValueError("difference: expected other than 0, which no number of runs can show")

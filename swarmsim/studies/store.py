@@ -1,4 +1,4 @@
-"""What a study has found so far: SQLite, one row per run, written as the run ends."""
+"""A study's results so far: SQLite, one row per run, written as the run ends."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ create table if not exists runs (
     kept real not null default 0
 ) without rowid;
 """
-#: What a store of format 1 lacks, whose rows are of code that nobody knows.
+#: Columns that a store of format 1 lacks; the code of its rows is unknown.
 ADDED = (
     "alter table runs add column asks text not null default ''",
     "alter table runs add column code text not null default '{}'",
@@ -46,28 +46,28 @@ ADDED = (
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One run that has ended."""
+    """One completed run."""
 
-    identity: str  # of everything that the run depends on
+    identity: str  # a hash of everything that the run depends on
     condition: str
     seed: int
     status: str  # finished, not finished or failed
     iterations: int | None  # None where it failed
     summary: dict[str, float | int | None]  # measures by name
-    curve: NDArray[np.float32] | None  # (t,): the measure that the task is about after each iteration
+    curve: NDArray[np.float32] | None  # (t,): the task's measure after each iteration
     digest: str | None
     versions: dict[str, str]
     seconds: float  # of wall clock
     message: str | None  # of a failure, with the command that repeats it
-    asks: str = ""  # a hash of what was asked for, whatever code was to do it
-    code: dict[str, str] = field(default_factory=dict)  # a hash of each piece of code that did it
+    asks: str = ""  # a hash of the request, independent of code
+    code: dict[str, str] = field(default_factory=dict)  # a hash of each piece of code that made it
 
 
 class Store:
-    """The rows of one study in one file; every `add` is on disk when it returns."""
+    """One study's rows in one file; `add` returns when its row is on disk."""
 
     def __init__(self, path: Path) -> None:
-        """Open or make the file. Raises InputError, and StorageError for a full disk."""
+        """Open or create the file. Raises InputError, and StorageError for a full disk."""
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -80,23 +80,23 @@ class Store:
                 self._add_columns()
             self._base.executescript(TABLES)
             self._base.execute(f"pragma user_version = {FORMAT}")
-        except (sqlite3.Error, OSError, ValueError) as problem:  # ValueError: names in it that are no UTF-8
+        except (sqlite3.Error, OSError, ValueError) as problem:  # ValueError: names that are not UTF-8
             if _of_the_machine(problem):
                 raise StorageError(f"{path}: cannot be written ({problem})") from problem
-            raise InputError(f"{path}: no store of results ({problem}); expected an SQLite file of ours") from problem
+            raise InputError(f"{path}: not a store of results ({problem}); expected an SQLite file") from problem
 
     def _add_columns(self) -> None:
         with self._base:
             self._base.execute("begin immediate")
-            if self._base.execute("pragma user_version").fetchone()[0] == 1:  # no other process has done it meanwhile
+            if self._base.execute("pragma user_version").fetchone()[0] == 1:  # no other process did it meanwhile
                 for change in ADDED:
                     self._base.execute(change)
                 self._base.execute(f"pragma user_version = {FORMAT}")
 
     def add(self, row: Row) -> None:
-        """Keep a run; one that is here already stays as it is, unless it had failed.
+        """Add a run; an existing one stays unchanged unless it failed.
 
-        Raises StorageError if it cannot be written; those before are kept.
+        Raises StorageError if it cannot be written; earlier rows are kept.
         """
         curve = None if row.curve is None else row.curve.astype("<f4").tobytes()
         values = (
@@ -112,14 +112,14 @@ class Store:
             raise StorageError(f"{self.path}: cannot be written ({problem}); the runs before are kept") from problem
 
     def rows(self, identities: Iterable[str]) -> dict[str, Row]:
-        """Those of the runs asked for that are here, by identity. Raises InputError if one was damaged."""
+        """The stored rows among the requested runs, by identity. Raises InputError if one is damaged."""
         wanted = set(identities)
         return {row.identity: row for row in self._read("order by identity") if row.identity in wanted}
 
     def of_other_code(self, asked: Mapping[str, str]) -> dict[str, Row]:
-        """The latest sound run of other code for each question, by that; `asked` has the identity of the present code.
+        """Other code's latest successful run, by request; `asked` has the present code's identities.
 
-        Raises InputError if one was damaged.
+        Raises InputError if one is damaged.
         """
         rows = self._read("where asks != '' and status != 'failed' order by kept, identity")
         return {row.asks: row for row in rows if row.asks in asked and row.identity != asked[row.asks]}
@@ -131,8 +131,8 @@ class Store:
             if _of_the_machine(problem):
                 raise StorageError(f"{self.path}: cannot be read ({problem})") from problem
             raise InputError(
-                f"{self.path}: a run in it is not as it was written ({str(problem)[:100]}); expected a whole store, so "
-                "take a copy from before, or delete it and do the study again"
+                f"{self.path}: a run in it is damaged ({str(problem)[:100]}); expected an intact store: "
+                "restore an earlier copy, or delete it and repeat the study"
             ) from problem
 
     def close(self) -> None:
@@ -148,14 +148,14 @@ class Store:
 
 
 def _of_the_machine(problem: Exception) -> bool:
-    """Whether a disk is full or broken, as SQLite words it or the system does."""
-    kind = getattr(problem, "sqlite_errorcode", 0) & 0xFF  # Python's own errors about a store have none
+    """Whether SQLite or the system reports a full or broken disk."""
+    kind = getattr(problem, "sqlite_errorcode", 0) & 0xFF  # Python's own errors lack it
     return kind in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR) or is_of_the_machine(problem)
 
 
 def _row(values: tuple[Any, ...]) -> Row:
     names = [field.name for field in fields(Row)]
-    read = dict(zip(names, values, strict=False))  # and when it was kept
+    read = dict(zip(names, values, strict=False))  # the rest is when it was kept
     curve = read.pop("curve")
     read |= {
         "summary": json.loads(read["summary"]),

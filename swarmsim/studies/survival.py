@@ -1,4 +1,4 @@
-"""Runs that were cut off before they finished: what they still say of how long it takes."""
+"""Survival analysis: estimates of durations that include runs stopped before they finished."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Interval = tuple[float, float]  # low, high
 
 @dataclass(frozen=True, slots=True)
 class Survival:
-    """Kaplan and Meier's estimate of the share of runs not yet finished; row j is the j-th time of an end."""
+    """Kaplan and Meier's estimate of the share of unfinished runs; row j is the j-th time at which runs finished."""
 
-    times: NDArray[np.float64]  # (j,): times at which runs finished, rising
-    shares: NDArray[np.float64]  # (j,): the share of runs unfinished after each
-    at_risk: NDArray[np.int64]  # (j,): runs that had neither finished nor been cut off before
+    times: NDArray[np.float64]  # (j,): times at which runs finished, ascending
+    shares: NDArray[np.float64]  # (j,): the share of unfinished runs after each
+    at_risk: NDArray[np.int64]  # (j,): runs neither finished nor cut off before
     events: NDArray[np.int64]  # (j,): runs that finished then
 
     def quantile(self, share: float) -> float | None:
@@ -30,7 +30,7 @@ class Survival:
 
 @dataclass(frozen=True, slots=True)
 class RestrictedMean:
-    """The mean of min(time, horizon): what a run takes on average when it is cut off at the horizon."""
+    """The mean of min(time, horizon): the average duration of runs cut off at the horizon."""
 
     mean: float
     error: float | None  # standard error; None for fewer than two runs or if none finished by then
@@ -59,7 +59,7 @@ def sample_of(times: ArrayLike, finished: ArrayLike | None = None) -> tuple[NDAr
 def kaplan_meier(times: ArrayLike, finished: ArrayLike | None = None) -> Survival:
     """The product-limit estimate S(t) = prod over t_j <= t of 1 - d_j / n_j (Kaplan and Meier 1958).
 
-    A run cut off at the very time at which another finishes still counts as at risk then.
+    A run cut off when another finishes still counts as at risk then.
     """
     values, ended = sample_of(times, finished)
     when, events = np.unique(values[ended], return_counts=True)
@@ -72,9 +72,9 @@ def restricted_mean(
 ) -> RestrictedMean:
     """The area under Kaplan and Meier's curve up to `horizon` (default: the longest time); Irwin 1949.
 
-    Its variance is the sum over ends of A_j^2 d_j / (n_j (n_j - d_j)), A_j being the area right of the end
+    Its variance is the sum over finish times of A_j^2 d_j / (n_j (n_j - d_j)), A_j being the area right of each
     (Klein and Moeschberger 2003, section 4.5); the interval is the normal one, within 0 and the horizon.
-    Raises ValueError if the horizon lies beyond the last time of a run that did not finish.
+    Raises ValueError for a horizon beyond the last time of an unfinished run.
     """
     values, ended = sample_of(times, finished)
     survival = kaplan_meier(values, ended)
@@ -96,10 +96,10 @@ def restricted_mean(
 
 
 def log_rank(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> Outcome:
-    """Whether two conditions, each given as its times and whether each finished, finish alike (Mantel 1966).
+    """The log-rank test of two conditions, each given as times and finished flags (Mantel 1966).
 
-    The statistic is a standard normal deviate, positive where the first has finished more often than
-    expected; its square is the chi-squared one. Where nothing can differ, as when no run finished, it is 0.
+    The statistic is a standard normal deviate, positive if the first finished more often than expected; its square
+    is the chi-squared statistic. It is 0 where nothing can differ, as when no run finished.
     """
     samples = [sample_of(*first), sample_of(*second)]
     if not any(ended.any() for _, ended in samples):

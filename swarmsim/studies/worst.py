@@ -1,10 +1,10 @@
-"""Where a swarm breaks: the smallest timelines of faults that make it fail, by random search and shrinking.
+"""Finds the smallest timelines of faults that make a swarm fail, by random search and shrinking.
 
-A timeline fails if the task is not done, with any of the seeds tried, within so many times the iterations of the run
-without faults. Its size is the number of robots struck and, of equally many, that of robot-iterations with a fault.
-Faults of one kind that strike everybody, early or late, for a moment or for good, come first, then timelines at random.
-Whatever fails is shrunk, as delta debugging shrinks inputs (Zeller and Hildebrandt 2002): entries are left out, robots
-halved and times cut as long as it still fails. What is found is small, then, but not proven to be smallest.
+A timeline fails if no tried seed does the task within a given multiple of the iterations without faults. Its size is
+the number of robots struck, with ties decided by the number of robot-iterations with a fault. The search starts with
+faults of one kind that strike all robots, early or late, briefly or for good, then tries random timelines. Failing ones
+are shrunk by delta debugging (Zeller and Hildebrandt 2002): entries are dropped, robots halved and times cut as long as
+they still fail. The result is small, but not proven to be the smallest.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.studies.engine import Job
 from swarmsim.studies.store import Row
 
-#: What entries are made of, by the words that tables name them by.
+#: The faults of entries, by their names in tables.
 KINDS: Final[Mapping[str, Table]] = {
     "crash": {"use": "crash"},
     "remove, map lost": {"use": "remove", "map": "lost"},
@@ -42,8 +42,8 @@ KINDS: Final[Mapping[str, Table]] = {
     "byzantine free": {"use": "byzantine", "failure": "free"},
     "byzantine inverted": {"use": "byzantine", "failure": "inverted"},
 }
-TRIES: Final = 10_000  # draws after which nothing smaller is expected
-BATCH: Final = 8  # timelines tried at a time, whatever the number of workers, so that they never change the answer
+TRIES: Final = 10_000  # draws before giving up on a smaller timeline
+BATCH: Final = 8  # timelines tried at a time, independent of the number of workers, so that it never changes the answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,17 +56,17 @@ class Entry:
     duration: int | None  # iterations; None: for good
 
     def part(self) -> Part[Fault]:
-        """As a scenario has it."""
+        """The fault as a part of a scenario."""
         lasts = {} if self.duration is None else {"duration": self.duration}
         return Part("fault", {**KINDS[self.kind], "at": self.first, "count": self.count, "min_alive": 0, **lasts})
 
     def size(self, limit: int) -> int:
-        """Robot-iterations with the fault in a run of so many iterations."""
+        """Robot-iterations with the fault in a run of this many iterations."""
         left = max(limit - self.first, 0)
         return self.count * (left if self.duration is None else min(self.duration, left))
 
     def words(self) -> str:
-        """What happens, in a few words."""
+        """The entry in a few words."""
         until = "for good" if self.duration is None else f"for {self.duration}"
         return f"{self.kind}: {self.count} robot{'s' * (self.count > 1)} from iteration {self.first} on, {until}"
 
@@ -79,25 +79,25 @@ class Failure:
     """A timeline that makes the swarm fail with every seed tried."""
 
     timeline: Timeline
-    robots: int  # struck, counted once for each entry
+    robots: int  # struck, counted once per entry
     size: int  # robot-iterations with a fault
-    share: float  # the same of all robot-iterations of the run
+    share: float  # `size` as a share of the run's robot-iterations
 
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """What was found, and with what effort."""
+    """The results, and the effort."""
 
     sound: tuple[int, ...]  # iterations without faults, by seed
-    limit: tuple[int, ...]  # iterations after which a run has failed, by seed
-    by_kind: dict[str, Failure | None]  # the smallest of one entry of each kind
-    smallest: Failure | None  # of all that were tried
+    limit: tuple[int, ...]  # iterations after which a run fails, by seed
+    by_kind: dict[str, Failure | None]  # the smallest with one entry, for each kind
+    smallest: Failure | None  # of all tried
     timelines: int  # tried
     runs: int  # done
 
 
 class Search:
-    """The search for one scenario; `perform` does runs and gives their rows, in any order."""
+    """The search for one scenario; `perform` does runs and gives their rows in any order."""
 
     def __init__(
         self,
@@ -108,7 +108,7 @@ class Search:
         factor: float = 2.0,
         tell: Callable[[str], None] = lambda words: None,
     ) -> None:
-        """`seeds` are that of the scenario and those after it; `tell` is told what was found on the way."""
+        """`seeds` start at the scenario's; `tell` gets results on the way."""
         self._scenario, self._world, self._perform, self._tell = scenario, world, run_jobs, tell
         self._seeds, self._factor = [scenario.seed + number for number in range(seeds)], factor
         self.timelines = self.runs = 0
@@ -116,9 +116,9 @@ class Search:
         self.limit: tuple[int, ...] = ()
 
     def run(self, budget: int, entries: int = 3, seed: int = 1) -> Findings:
-        """Search with so many timelines, of so many entries at most.
+        """Search with this many timelines, of at most `entries` entries.
 
-        Raises InputError if a sound run does not finish.
+        Raises InputError if a run without faults does not finish.
         """
         sound = self._rows([((), seed, self._scenario.stop.iterations) for seed in self._seeds])
         if any(row.status != "finished" for row in sound):
@@ -159,7 +159,7 @@ class Search:
         return [kind for kind, table in KINDS.items() if table["use"] in known]
 
     def _drawn(self, generator: np.random.Generator, most: int, smallest: Failure | None) -> Timeline:
-        """A random timeline, smaller than the smallest that is known to fail; an empty one if none turns up."""
+        """A random timeline smaller than the smallest known to fail; an empty one if none is found."""
         kinds, robots, limit = self._kinds(), self._scenario.robots.count, min(self.limit)
         room = (most * robots + 1, 0) if smallest is None else (smallest.robots, smallest.size)
         for _ in range(TRIES):
@@ -181,7 +181,7 @@ class Search:
         return sum(entry.count for entry in timeline), sum(entry.size(min(self.limit)) for entry in timeline)
 
     def _failing(self, timelines: Sequence[Timeline]) -> list[bool]:
-        """Whether each makes every seed fail; a seed is only tried on those that failed with the ones before."""
+        """Whether each fails with every seed; a seed is only tried on those that failed with the seeds before."""
         self.timelines += len(timelines)
         failing = dict.fromkeys(range(len(timelines)), True)
         for seed, limit in zip(self._seeds, self.limit, strict=True):
@@ -191,7 +191,7 @@ class Search:
         return list(failing.values())
 
     def _shrunk(self, timeline: Timeline) -> Failure:
-        """The timeline made as small as it gets by steps each of which leaves it failing."""
+        """The timeline, shrunk in steps as long as it still fails."""
         while True:
             smaller = sorted(self._steps(timeline), key=self._size)
             for start in range(0, len(smaller), BATCH):
@@ -205,7 +205,7 @@ class Search:
                 return Failure(timeline, robots, size, size / (self._scenario.robots.count * min(self.limit)))
 
     def _steps(self, timeline: Timeline) -> set[Timeline]:
-        """Timelines that are a step smaller."""
+        """Timelines one step smaller."""
         steps: set[Timeline] = set()
         for place, entry in enumerate(timeline):
             before, after = timeline[:place], timeline[place + 1 :]
@@ -231,7 +231,7 @@ class Search:
         return steps
 
     def _rows(self, wanted: Sequence[tuple[Timeline, int, int]]) -> list[Row]:
-        """The runs of these timelines, seeds and limits, in their order."""
+        """The rows of these timelines, seeds and limits, in order."""
         tasks = []
         for number, (timeline, seed, limit) in enumerate(wanted):
             stop = msgspec.structs.replace(self._scenario.stop, iterations=limit)
@@ -270,7 +270,7 @@ def described(failure: Failure) -> str:
 
 
 def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> None:
-    """Write the scenario with a failing timeline, to end at the limit when it has failed. Raises InputError."""
+    """Write the scenario with a failing timeline, stopped at its limit. Raises InputError."""
     stop = msgspec.structs.replace(scenario.stop, iterations=limit)
     faults = (*scenario.faults, *(entry.part() for entry in timeline))
     world = scenario.world
@@ -288,7 +288,7 @@ HEAD: Final = ("fault", "the smallest that makes the swarm fail", "robots", "rob
 
 
 def lines(answer: Findings) -> list[tuple[str, ...]]:
-    """One line for each kind of fault, then the smallest of all, under HEAD."""
+    """One line per kind of fault, then the smallest of all, under HEAD."""
     found = [*answer.by_kind.items(), ("smallest of all tried", answer.smallest)]
     return [
         (name, "-", "-", "-", "-")

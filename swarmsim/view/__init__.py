@@ -2,5 +2,5 @@
 
 import os
 
-# pygame greets on standard output when it is first imported, where a program's own output belongs.
+# On its first import pygame prints a greeting to standard output, which is for the program's own output.
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

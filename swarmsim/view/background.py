@@ -1,4 +1,4 @@
-"""The lowest shapes of a picture, kept from one moment to the next: what stands still, and the cells over it."""
+"""The lowest shapes of a picture, cached between moments: static shapes, and the cells over them."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 from swarmsim.core.drawing import Mark, Raster
 from swarmsim.view.painter import Painter, opaque
 
-FINEST = 5760  # pixels, the greatest width at which what stands still is drawn before it is reduced
+FINEST = 5760  # pixels: the greatest width at which static shapes are drawn before they are scaled down
 
 
 class Background:
-    """A picture of the building, kept up with the map of one moment after the other."""
+    """A picture of the building, updated with the map of each moment."""
 
     def __init__(self, painter: Painter, size: tuple[int, int], finest: int = FINEST) -> None:
-        """`size` and the width that what stands still is drawn at, `finest`, are in pixels."""
+        """`size` and `finest`, the width at which static shapes are drawn, are in pixels."""
         self.camera = painter.camera
         self._painter, self._finer = painter, min(3, max(1, finest // size[0]))
         self._still = opaque(size)
         self._still.fill(painter.theme.background)
-        self._plain, self.surface = self._still.copy(), self._still.copy()  # with cells; with what is over them
+        self._plain, self.surface = self._still.copy(), self._still.copy()  # with cells; with the shapes over them
         self._over = pygame.Surface(size, pygame.SRCALPHA, 32)
-        self._of: list[tuple[object, ...]] = []  # what the surfaces are of
+        self._of: list[tuple[object, ...]] = []  # what the surfaces show
         self._values: list[NDArray[np.uint8]] = []
 
     def show(self, marks: Sequence[Mark]) -> Sequence[Mark]:
-        """Bring the surface to the lowest of these shapes, as far as they last; gives those that are left."""
+        """Draw as many of the lowest shapes as can be cached; gives the others."""
         below = list(takewhile(lambda mark: mark.still and not isinstance(mark, Raster), marks))
         rest = marks[len(below) :]
         cells = [mark for mark in takewhile(lambda mark: isinstance(mark, Raster), rest) if isinstance(mark, Raster)]
@@ -46,7 +46,7 @@ class Background:
         return rest[len(cells) + len(over) :]
 
     def _begin(self, below: Sequence[Mark], cells: Sequence[Raster], over: Sequence[Mark]) -> None:
-        """Draw what stands still."""
+        """Draw the static shapes."""
         size = self._still.get_size()
         self._still.fill(self._painter.theme.background)
         self._over.fill((0, 0, 0, 0))
@@ -62,7 +62,7 @@ class Background:
             self._x, self._y = self._painter.areas_of(cells[0])
 
     def _fill(self, cells: Sequence[Raster]) -> None:
-        """Colour the cells that have changed, under what is over them."""
+        """Colour the cells that have changed, below the shapes over them."""
         differ: NDArray[np.bool_] = np.logical_or.reduce(
             [one.values != values for one, values in zip(cells, self._values, strict=True)]
         )

@@ -1,4 +1,4 @@
-"""How far the beams of robots go, cast again from where they were recorded."""
+"""Lengths of robots' beams, cast again from the recorded poses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swarmsim.world.plan import FloorPlan
 
 
 class BeamReplay:
-    """The beams of infra-red rings without their errors, as far as walls, boxes and people let them go."""
+    """The beams of infra-red rings without errors, up to the first wall, box or person."""
 
     def __init__(self, recording: Recording, plan: FloorPlan) -> None:
         scenario = recording.scenario
@@ -32,7 +32,7 @@ class BeamReplay:
     def lengths(
         self, robot: int, pose: NDArray[np.float64], boxes: tuple[Box, ...], discs: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """How far the beams (b,) of a robot at `pose` (3,) go, in m; none without a ring.
+        """Lengths (b,) in m of the beams of a robot at `pose` (3,); empty without a ring.
 
         `discs` (p, 3) are people: x, y, radius in m.
         """
@@ -47,12 +47,12 @@ class BeamReplay:
         return np.asarray(np.minimum(distance, reach))
 
     def bearings(self, robot: int) -> list[float]:
-        """The bearings of a robot's beams in rad; none without a ring."""
+        """The bearings of a robot's beams in rad; empty without a ring."""
         ring = self._rings[robot]
         return [] if ring is None else ring.angles().tolist()
 
     def reach(self, robot: int) -> float:
-        """How far the beams of a robot go at most, in m: as far as it matters to its tile."""
+        """The greatest length of a robot's beams, in m: as far as its tile reaches."""
         ring = self._rings[robot]
         if ring is None:
             return 0.0
@@ -64,7 +64,7 @@ def _ring(sensors: Sensors) -> WholeRing | None:
     for _, sensor in sensors:
         try:
             part = sensor.parameters
-        except InputError:  # code of somebody's own, which pictures do not run
+        except InputError:  # third-party code, which pictures do not run
             continue
         if isinstance(part, IrRing):
             return part.whole

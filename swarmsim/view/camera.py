@@ -1,4 +1,4 @@
-"""Where on a picture a place in the building is, and the other way round."""
+"""Converts between places in the building and pixels of a picture."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Camera:
 
     @classmethod
     def fitting(cls, bounds: Bounds, area: tuple[int, int, int, int]) -> Camera:
-        """The one that sees all of `bounds` in the middle of an area (left, top, width, height) of the picture."""
+        """A camera that shows all of `bounds`, centred in an area (left, top, width, height) of the picture."""
         left, right, low, high = bounds
         scale = min(area[2] / (right - left), area[3] / (high - low))
         middle = area[0] + 0.5 * area[2], area[1] + 0.5 * area[3]
@@ -36,7 +36,7 @@ class Camera:
         return float((x - self.left) / self.scale), float((self.low - y) / self.scale)
 
     def moved(self, right: float, down: float) -> Camera:
-        """The picture moved by so many pixels."""
+        """The picture moved by this many pixels."""
         return Camera(self.scale, self.left + right, self.low + down)
 
     def zoomed(self, factor: float, x: float, y: float) -> Camera:

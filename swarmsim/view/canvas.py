@@ -21,7 +21,7 @@ from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.style import Style
 
 LENS = 0.12  # of the picture's height: the radius of the magnifier
-WHOLE = 4000  # pixels, the greatest side of the ground under the magnifier
+WHOLE = 4000  # pixels: the longest side of the picture under the magnifier
 MAGNIFIED = 13.0  # pixels at a height of 720: the radius of a robot under the magnifier
 
 
@@ -36,8 +36,8 @@ class Canvas:
         camera: Camera | None = None,
         finest: int = FINEST,
     ) -> None:
-        """`camera` is what the map is seen by, if not all of it is to be seen; what stands still is drawn at most
-        `finest` pixels wide before it is reduced. Raises InputError for a `look`.
+        """`camera` shows a part of the map, the default all of it; static shapes are drawn at most
+        `finest` pixels wide before they are scaled down. Raises InputError for an invalid `look`.
         """
         self._scene, self._look = scene, look or Style()
         self._look.check(scene)
@@ -54,7 +54,7 @@ class Canvas:
         room = pygame.Rect(self.area.left, self.area.top, self.area.width, self.area.height - strip.height)
         self._zoomed = camera is not None
         self.camera = camera or Camera.fitting(scene.bounds, (room.left, room.top, room.width, room.height))
-        self._kept = 0  # the corner that the magnifier is in
+        self._kept = 0  # the magnifier's corner
         self._layers, self._painter = Layers(scene), Painter(theme, self.camera, unit, letters)
         self.discs = Discs(scene, self.camera.scale, max(8.0 * unit, 5.0))
         self.radius = self.discs.radius
@@ -69,7 +69,7 @@ class Canvas:
         return self._shown < self._scene.iterations
 
     def renew(self) -> None:
-        """Draw the panel for all that has been recorded by now."""
+        """Draw the panel for everything recorded so far."""
         self._shown = self._scene.iterations
         self._panel = (
             Panel(self._scene, self._look, self._room, self._unit, self._letters, self.discs.enlarged, self._columns)
@@ -78,7 +78,7 @@ class Canvas:
         )
 
     def draw(self, iteration: float) -> pygame.Surface:
-        """The picture after so many iterations; the surface is overwritten by the next call."""
+        """The picture after this many iterations; the next call overwrites the surface."""
         shot = self._scene.at(iteration, self._look.focus, self._look.chosen)
         marks = self._layers.draw(shot, self._look)
         rest = self._ground.show(marks)
@@ -105,7 +105,7 @@ class Canvas:
         return self.camera.pixels(points)
 
     def _headline(self, width: int) -> list[tuple[pygame.Surface, tuple[int, int]]]:
-        """The title, and a scale bar of a round length below the map; each with its place."""
+        """The title, and a scale bar of a round length below the map, each with its place."""
         theme, unit, letters = self._look.colours, self._unit, self._letters
         of = "" if self._look.focus is None else f": what robot {self._look.focus} knows"
         told = self._scene.title + of
@@ -131,7 +131,7 @@ class Canvas:
         ]
 
     def _captions(self, shot: Frame) -> None:
-        """Write what has just happened above the lower edge of the map, the newest at the bottom."""
+        """Write the latest events above the lower edge of the map, the newest at the bottom."""
         bottom, left = self.area.bottom, self._captions_from
         for text in shot.captions[::-1]:
             drawn = self._letters.fitted(text, self._small, self._look.colours.text, self.area.right - left - 16)
@@ -144,7 +144,7 @@ class Canvas:
 
     @cached_property
     def _lens(self) -> tuple[Background, int, pygame.Surface]:
-        """A larger picture of the whole building, of which the magnifier shows a part."""
+        """A larger picture of the whole building; the magnifier shows a part of it."""
         left, right, low, high = self._scene.bounds
         wanted = MAGNIFIED * self._unit / self._scene.radius
         scale = max(min(wanted, WHOLE / max(right - left, high - low)), self.camera.scale)
@@ -157,7 +157,7 @@ class Canvas:
         return ground, reach, mask
 
     def _magnify(self, shot: Frame, marks: Sequence[Mark], focus: int) -> None:
-        """Show the surroundings of the robot that is looked at in a circle in a corner."""
+        """Show the surroundings of the focused robot in a circle in a corner."""
         ground, reach, mask = self._lens
         rest, camera = ground.show(marks), ground.camera
         x, y = camera.pixels(shot.pose[focus, :2]).tolist()
@@ -189,7 +189,7 @@ class Canvas:
         pygame.draw.aaline(self._surface, theme.text, *ends, 1)
 
     def _corner(self, corners: list[tuple[int, int]], place: NDArray[np.float64]) -> tuple[int, int]:
-        """The corner for the magnifier: it stays while the robot is not behind it."""
+        """The corner for the magnifier; it changes only when the robot is behind it."""
         reach = LENS * self._surface.get_height()
         kept = self._kept
         if np.hypot(*(np.array(corners[kept]) - place)) < 1.3 * reach:
@@ -201,7 +201,7 @@ class Canvas:
 def _arranged(
     size: tuple[int, int], wide: bool, pad: int, head: int, unit: float, panel: bool
 ) -> tuple[pygame.Rect, pygame.Rect]:
-    """The parts of a picture for the map and for the panel."""
+    """The areas of a picture for the map and the panel."""
     if not panel:
         return pygame.Rect(pad, head, size[0] - 2 * pad, size[1] - head - pad), pygame.Rect(size[0], 0, 0, 0)
     if wide:

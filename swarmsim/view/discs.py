@@ -1,4 +1,4 @@
-"""How large robots are drawn: as large as they are or, where they would be too small to see, larger."""
+"""How large robots are drawn: at true size or, where that is too small to see, larger."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from swarmsim.view.scene import Frame, Scene
 
-LEAST: Final = 3.0  # pixels, the least radius of a robot's disc, which may then lie over another's
+LEAST: Final = 3.0  # pixels: the smallest radius of a robot's disc, even if discs then overlap
 
 
 class Discs:
     """The discs of robots under a camera."""
 
     def __init__(self, scene: Scene, scale: float, legible: float) -> None:
-        """Radii are at least `legible` pixels where discs do not overlap; `scale` is in pixels per metre."""
+        """Radii are at least `legible` pixels unless discs would overlap; `scale` is in pixels per metre."""
         self._scale, self._true = scale, np.asarray(scale * scene.radii, np.float64)
         self._wanted = np.maximum(self._true, legible)
-        self.radius = float(self._wanted.max())  # pixels, of the largest robot with nobody near
-        #: How many times robots are drawn too large, if they are.
+        self.radius = float(self._wanted.max())  # pixels, of the largest robot with no other near
+        #: The enlargement of robots, 1 at true size.
         self.enlarged = float((self._wanted / self._true).max())
 
     def radii(self, shot: Frame) -> NDArray[np.float64]:

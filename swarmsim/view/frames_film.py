@@ -1,4 +1,4 @@
-"""A film of robots that find out where the others are: each map turned as its robot's frame is, until it snaps in."""
+"""A film of robots that find each other's frames: each map is turned like its robot's frame until they match."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from swarmsim.view.video import HOLD, Film
 
 ROOM: Final = 0.1  # of the building's width and height, on each side
 PANEL: Final = 0.24  # of the picture's width
-SNAP: Final = 0.3  # of what is left of its way that a map moves in each frame of film
+SNAP: Final = 0.3  # share of its remaining way that a map moves in each frame of film
 LINES: Final = 16  # robots that are listed by name
 
 T = TypeVar("T")
 
 
 class Gathering:
-    """Draws what robots have mapped themselves, in the frames of reference that they have in common.
+    """Draws robots' own maps, in the frames of reference that they share.
 
-    It is an observer of the run, which gives it all that it draws. The maps of robots that know how their frames lie
-    are drawn in one colour, as the first of them places the others'. Until a frame is known to be that of robot 0, it
-    is turned about the place where its first robot started, so that this one looked to the right.
+    It observes the run and draws from that alone. Robots that know how their frames relate have maps of one colour,
+    placed as the first of these robots estimates. A frame not yet joined to robot 0's is turned about its first
+    robot's start, so that this robot faced right.
     """
 
     def __init__(self, scene: Scene, start: NDArray[np.float64], film: Film) -> None:
-        """`start` are the poses (n, 3) at which the robots begin."""
+        """`start` are the robots' initial poses (n, 3)."""
         width, height = film.size
         self._scene, self._film, self._start = scene, film, start
         self._theme: Theme = film.look.colours
@@ -59,7 +59,7 @@ class Gathering:
         self._moment: Moment[Maps] | None = None
 
     def _building(self, surface: pygame.Surface) -> pygame.Surface:
-        """The floor plan in faint lines, as a help for those who watch."""
+        """The floor plan in faint lines, for viewers only."""
         surface.fill(self._theme.background)
         for layer in self._scene.layers.values():
             for part in layer.geoms:
@@ -74,7 +74,7 @@ class Gathering:
         return np.asarray((points - (lattice.x0, lattice.y0))[:, ::-1] / lattice.cell)
 
     def sample(self, moment: Moment[Maps]) -> None:
-        """Take note of one iteration."""
+        """Record one iteration."""
         tiles, frames = moment.readings.tiled, _frames(moment)
         self._moment = moment
         mark_sensed(self._sensed, moment.state.alive, tiles)
@@ -88,7 +88,7 @@ class Gathering:
         return len(np.unique(self._roots))
 
     def _drawn_at(self, robot: int, moment: Moment[Maps]) -> tuple[float, NDArray[np.float64]]:
-        """How a robot's map is to be turned, and where its start is to be drawn."""
+        """The rotation of a robot's map, and where its start is drawn."""
         root = int(self._roots[robot])
         error = Transform(*_frames(moment).errors[root, robot])
         own = self._cells(self._start[[robot, root], :2])
@@ -99,7 +99,7 @@ class Gathering:
         return turn + error.turn, Transform(turn, 0.0, 0.0).apply(place - own[1])[0] + own[1]
 
     def draw(self) -> pygame.Surface:
-        """The picture as it is now; every one brings maps nearer to where they belong."""
+        """The current picture; each call moves maps nearer to their places."""
         surface, moment = self._surface, self._moment
         surface.blit(self._ground, (0, 0))
         if moment is None:
@@ -121,7 +121,7 @@ class Gathering:
         return surface
 
     def _transform(self, robot: int) -> Transform:
-        """From the lattice to where a robot's map is drawn."""
+        """The transform from the lattice to a robot's map as drawn."""
         turn = Transform(float(self._turn[robot]), 0.0, 0.0)
         ((row, column),) = self._place[robot] - turn.apply(self._cells(self._start[robot : robot + 1, :2]))
         return Transform(turn.turn, float(row), float(column))
@@ -131,7 +131,7 @@ class Gathering:
         return self._camera.pixels(cells[:, ::-1] * lattice.cell + (lattice.x0, lattice.y0))
 
     def _paint(self, pixels: NDArray[np.uint8], cells: NDArray[np.uint8], robot: int) -> None:
-        """One robot's map, pixel by pixel of the part of the picture that it covers."""
+        """One robot's map, pixel by pixel over the area that it covers."""
         rows, columns = (np.flatnonzero((cells != UNKNOWN).any(axis=axis)) for axis in (1, 0))
         if not len(rows):
             return
@@ -167,7 +167,7 @@ class Gathering:
             self._painter.paint(self._surface, mark, np.full(1, max(9.0, self._film.size[1] / 60)))
 
     def _tell(self, moment: Moment[Maps]) -> None:
-        """The column at the right: what is shown, and whose frame each robot is in."""
+        """The right column: an explanation, and each robot's frame."""
         theme, width, height = self._theme, self._film.size[0] - self._left, self._film.size[1]
         pygame.draw.rect(self._surface, theme.background, (self._left, 0, width, height))
         line, at = max(16, height // 32), height // 30
@@ -195,8 +195,8 @@ class Gathering:
             at += round(1.25 * line)
         at += line
         write(
-            "Each robot's own map, turned as its frame of reference is, until it is known how that lies in another's. "
-            "Faint lines: the building, which none of them knows.",
+            "Each robot's own map, turned like its frame of reference until the frame's place in another's is known. "
+            "Faint lines: the building, which no robot knows.",
             theme.muted, 0.9,
         )  # fmt: skip
 
@@ -206,7 +206,7 @@ class Gathering:
         progress: Callable[[int, int], None] | None,
         taken: Callable[[pygame.Surface], T],
     ) -> Iterator[T]:
-        """All frames of the film, as `taken` copies them; `tick` simulates an iteration, if there is one left."""
+        """All frames of the film, copied by `taken`; `tick` simulates an iteration, if any is left."""
         film, scene = self._film, self._scene
         step = film.speed / film.fps / scene.period  # iterations in a frame
         moving = math.ceil(scene.iterations / step - 1e-9)
@@ -220,7 +220,7 @@ class Gathering:
 
 
 def _wider(bounds: Bounds) -> Bounds:
-    """With room around the building for maps that are turned."""
+    """These bounds with room for turned maps."""
     left, right, low, high = bounds
     aside, above = ROOM * (right - left), ROOM * (high - low)
     return left - aside, right + aside, low - above, high + above

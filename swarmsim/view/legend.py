@@ -1,4 +1,4 @@
-"""What the signs in a picture mean."""
+"""The legend of a picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swarmsim.view.theme import Theme
 
 
 def signs(scene: Scene, look: Style, enlarged: float) -> list[Sign]:
-    """Every sign in the pictures of a scene; robots are drawn `enlarged` so many times."""
+    """Every sign in the pictures of a scene; robots are drawn `enlarged` times their size."""
     size = f", up to {enlarged:.2g} x its size" if enlarged > 1.0 else ""
     found = Layers(scene).signs(scene, look)
     found = [sign._replace(means=sign.means + size * (sign.kind == "robot")) for sign in found]

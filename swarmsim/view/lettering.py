@@ -1,4 +1,4 @@
-"""The letters of pictures, each placed to an eighth of a pixel, so that small numbers can be read."""
+"""The letters of pictures, each placed to an eighth of a pixel so that small numbers are legible."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from swarmsim.view.theme import Colour
 
-#: DejaVu Sans, which comes with matplotlib: plots and pictures have the same letters.
+#: DejaVu Sans, which comes with matplotlib, so that plots and pictures share a font.
 FONT: Final = Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
 PARTS: Final = 8  # of a pixel, in which letters are drawn and placed
 LOW: Final = 1120 / 2048  # of the size of letters: the height of an x ...
@@ -32,7 +32,7 @@ class Lettering:
         return self._face(size).render(text, colour)
 
     def width(self, text: str, size: int) -> int:
-        """How wide the text is, in pixels."""
+        """The width of the text in pixels."""
         return self._face(size).width(text)
 
     def size(self, text: str, most: int, least: int, width: int) -> int:
@@ -54,8 +54,8 @@ class Lettering:
 
 
 class Face:
-    """The letters of one size. Hinting, which would move them to whole pixels, is left out: letters are drawn larger
-    and reduced. Low letters are whole pixels high, which keeps the edges of lines sharp all the same.
+    """The letters of one size. They are drawn larger and scaled down, without hinting, which would move them to whole
+    pixels. Low letters are whole pixels high, so that lines keep sharp edges.
     """
 
     def __init__(self, size: int) -> None:
@@ -63,12 +63,12 @@ class Face:
         self._font = ImageFont.truetype(FONT, PARTS * high, layout_engine=ImageFont.Layout.BASIC)
         self._above = math.ceil(ABOVE * high)
         self._tall = self._above + math.ceil(BELOW * high)
-        self._aside = math.ceil(0.25 * high)  # pixels by which a letter may reach out of its own room
+        self._aside = math.ceil(0.25 * high)  # pixels by which a letter may overhang
         self._advances: dict[str, int] = {}  # eighths of a pixel
         self._glyphs: dict[tuple[str, int, Colour], pygame.Surface] = {}
 
     def width(self, text: str) -> int:
-        """How wide a text is, in pixels."""
+        """The width of a text in pixels."""
         return math.ceil(sum(map(self._advance, text)) / PARTS)
 
     def render(self, text: str, colour: Colour) -> pygame.Surface:
@@ -89,7 +89,7 @@ class Face:
         return self._advances[letter]
 
     def _glyph(self, letter: str, part: int, colour: Colour) -> pygame.Surface:
-        """A letter that begins so many eighths of a pixel after a whole one."""
+        """A letter that begins this many eighths of a pixel after a whole one."""
         if (letter, part, colour) not in self._glyphs:
             wide = math.ceil(self._advance(letter) / PARTS) + 2 * self._aside + 1
             large = Image.new("L", (PARTS * wide, PARTS * self._tall))
@@ -102,5 +102,5 @@ class Face:
 
 
 def _drawable(letter: str) -> str:
-    """The letter, but a space for what moves a cursor."""
+    """The letter, or a space for a control character."""
     return letter if letter.isprintable() else " "

@@ -1,4 +1,4 @@
-"""Paints shapes in metres on a surface, each kind in one way."""
+"""Paints shapes in metres on a surface."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from swarmsim.view.theme import Colour, Theme
 
 Pixel = tuple[float, float]
 Reals = NDArray[np.float64]
-READABLE: Final = 6.0  # pixels, the least radius of a disc that bears a text
+READABLE: Final = 6.0  # pixels: the smallest radius of a disc with a text
 ROUND: Final = 1.3  # pixels of the edge around a disc
 BORDER: Final = 0.85  # of its width: how far the edge of a solid area reaches, since it is drawn with smooth edges
 SMALLEST: Final = 2.0  # lines: the least radius of a disc in metres
-DASHES: Final = {"dashed": 6.0, "dotted": 2.0}  # lines' widths that a dash is long
+DASHES: Final = {"dashed": 6.0, "dotted": 2.0}  # length of a dash in line widths
 
 
 def opaque(size: tuple[int, int]) -> pygame.Surface:
-    """A surface whose memory holds blue, green, red and a spare byte for each pixel: blits are fastest so."""
+    """A surface with blue, green, red and a spare byte for each pixel, for the fastest blits."""
     return pygame.Surface(size, 0, 32, (0xFF0000, 0xFF00, 0xFF, 0))
 
 
 def clear(size: tuple[int, int], colour: Colour) -> pygame.Surface:
-    """A clear surface of the colour that will be drawn on it, so that reducing it leaves no dark fringe."""
+    """A transparent surface in the colour to be drawn on it, so that scaling it down leaves no dark fringe."""
     sheet = pygame.Surface(size, pygame.SRCALPHA, 32)
     sheet.fill((*colour, 0))
     return sheet
@@ -44,17 +44,17 @@ def polygon(surface: pygame.Surface, colour: Colour | pygame.Color, corners: Seq
 
 
 class Painter:
-    """Paints in the colours of a theme what a camera sees."""
+    """Paints a camera's view in the colours of a theme."""
 
     def __init__(self, theme: Theme, camera: Camera, unit: float, letters: Lettering) -> None:
-        """`unit` is the size of lines and letters against those of a picture 720 pixels high."""
+        """`unit` scales lines and letters; it is 1 in a picture 720 pixels high."""
         self.theme, self.camera, self.unit, self._letters = theme, camera, unit, letters
         self._line = self._thick(1.5)
         self._inks: dict[Ink, Colour] = {}
         self._texts: dict[tuple[str, int, Colour], pygame.Surface] = {}
 
     def paint(self, surface: pygame.Surface, mark: Mark, radii: Reals) -> None:
-        """Paint shapes over what is there; `radii` (n,) are those of robots as drawn, in pixels."""
+        """Paint shapes over the picture; `radii` (n,) are those of robots as drawn, in pixels."""
         match mark:
             case Circles():
                 self._circles(surface, mark, radii)
@@ -70,7 +70,7 @@ class Painter:
                 self._cells(surface, mark)
 
     def sheet(self, mark: Mark, size: tuple[int, int], finer: int) -> pygame.Surface:
-        """Shapes that stand still on a clear ground: painted `finer` times too large, then reduced."""
+        """Static shapes on a transparent ground: painted `finer` times too large, then scaled down."""
         camera = Camera(finer * self.camera.scale, finer * self.camera.left, finer * self.camera.low)
         large = Painter(self.theme, camera, finer * self.unit, self._letters)
         sheet = clear((size[0] * finer, size[1] * finer), self._first(mark))
@@ -83,7 +83,7 @@ class Painter:
         return pygame.transform.smoothscale(sheet, size)
 
     def areas(self, sheet: pygame.Surface, mark: Polygons) -> None:
-        """Areas with holes on a clear surface, without smooth edges: a hole is cut out of all that lies below it."""
+        """Areas with holes on a transparent surface, without smooth edges; a hole is cut out of all areas below it."""
         corners = _split(self.camera.pixels(mark.points), mark.ends)
         holes = np.zeros(len(corners), np.bool_) if mark.holes is None else mark.holes
         inks = self._all(mark.ink if mark.ink is not None else mark.edge or "edge", len(corners))
@@ -91,7 +91,7 @@ class Painter:
             pygame.draw.polygon(sheet, (*ink, 0 if hole else round(255 * mark.opacity[0])), ring)
 
     def strokes(self, sheet: pygame.Surface, mark: Lines) -> None:
-        """Lines on a clear surface, without smooth edges."""
+        """Lines on a transparent surface, without smooth edges."""
         width = self._thick(mark.width)
         for points, ink in zip(
             _split(self.camera.pixels(mark.points), mark.ends), self._all(mark.ink, len(mark.ends)), strict=True
@@ -99,9 +99,9 @@ class Painter:
             pygame.draw.lines(sheet, ink, False, points, width)
 
     def areas_of(self, raster: Raster) -> tuple[list[int], list[int]]:
-        """Where columns and rows of cells begin and end, in pixels.
+        """Where columns and rows of cells begin and end, in whole pixels.
 
-        These are whole ones, so that neighbouring cells neither overlap nor leave a gap.
+        Neighbouring cells then neither overlap nor leave a gap.
         """
         steps = raster.cell * np.arange(max(raster.values.shape) + 1)[:, None]
         x, y = np.rint(self.camera.pixels(np.array(raster.corner) + steps)).astype(int).T.tolist()
@@ -123,7 +123,7 @@ class Painter:
         return [self._ink(inks)] * count if isinstance(inks, str) else list(map(self._ink, inks))
 
     def _scale(self, unit: str, of: Whole | None, radii: Reals, count: int) -> Reals:
-        """The pixels (count,) of the unit that each shape is measured in."""
+        """The pixels (count,) per unit of each shape."""
         return radii[of] if unit == "body" and of is not None else np.full(count, self.camera.scale)
 
     def _circles(self, surface: pygame.Surface, mark: Circles, radii: Reals) -> None:
@@ -187,7 +187,7 @@ class Painter:
         self, surface: pygame.Surface, ring: list[Pixel], ink: Colour | None, edge: Colour | None,
         opacity: tuple[float, float], width: int,
     ) -> None:  # fmt: skip
-        """An area with a line around it that let what is below shine through."""
+        """A translucent area with a translucent outline."""
         x, y = zip(*ring, strict=True)
         area = pygame.Rect(math.floor(min(x)), math.floor(min(y)), 0, 0)
         area.size = math.ceil(max(x)) - area.left + 1, math.ceil(max(y)) - area.top + 1
@@ -251,7 +251,7 @@ class Painter:
             surface.blit(drawn, drawn.get_rect(center=(round(at[0]), round(at[1]))))
 
     def _text(self, text: str, widest: str, size: int, ink: Colour, room: int) -> pygame.Surface:
-        """A text, no larger than the widest one fits into so many pixels, if it has to."""
+        """A text, small enough that the widest one fits into `room` pixels, if given."""
         key = (f"{widest} {text}", size, ink)
         if key not in self._texts:
             fit = self._letters.size(widest, size, 10, room) if room else size
@@ -271,7 +271,7 @@ def _split(points: Reals, ends: Whole) -> list[list[Pixel]]:
 
 
 def _dashes(start: Pixel, end: Pixel, dash: float) -> list[tuple[Pixel, Pixel]]:
-    """Pieces of a line, as long as the gaps between them."""
+    """Dashes along a line, as long as the gaps between them."""
     length = math.dist(start, end)
     if length < 1.0:
         return []
@@ -292,7 +292,7 @@ def _head(
     surface: pygame.Surface, start: Pixel, end: Pixel, gap: float, width: int,
     inks: Sequence[tuple[float, Colour | None]],
 ) -> None:  # fmt: skip
-    """The head of an arrow, so many pixels before its end; inks with how much larger they are drawn."""
+    """An arrow's head, `gap` pixels before its end; each ink comes with how much larger it is drawn."""
     length = math.dist(start, end)
     if length < gap + 1.0:
         return

@@ -17,7 +17,7 @@ from swarmsim.view.style import Style
 from swarmsim.view.theme import Colour, colour_of
 
 Reals = NDArray[np.float64]
-STRIPS = 240  # moments of which the small curves are drawn
+STRIPS = 240  # points of the small curves
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Strip:
 
 
 class Panel:
-    """A part of the picture; what stands still in it is drawn once."""
+    """A part of the picture; its static parts are drawn once."""
 
     def __init__(
         self, scene: Scene, look: Style, area: pygame.Rect, unit: float, letters: Lettering, enlarged: float,
@@ -39,7 +39,7 @@ class Panel:
     ) -> None:  # fmt: skip
         """A panel of one or two columns in `area` of the picture.
 
-        `unit` is the size of things against those of a picture 720 pixels high; robots are drawn `enlarged` times.
+        `unit` scales everything; it is 1 in a picture 720 pixels high. Robots are drawn `enlarged` times their size.
         """
         self._scene, self._look, self._area, self._letters, self._unit = scene, look, area, letters, unit
         self._theme = look.colours
@@ -80,7 +80,7 @@ class Panel:
             )
 
     def draw(self, surface: pygame.Surface, shot: Frame) -> None:
-        """Paint the panel as it is at this moment."""
+        """Paint the panel for this moment."""
         (left, top), scene, unit = self._area.topleft, self._scene, self._unit
         surface.blit(self._still, (left, top))
         surface.blit(self._letters.render(self._worded(shot.value), self._large, self._theme.curve), (left, top))
@@ -135,7 +135,7 @@ class Panel:
         self._still.blit(drawn, place)
 
     def _headings(self, area: pygame.Rect) -> int:
-        """Write what the numbers mean, and what never changes; gives where they end."""
+        """Write the labels and the constant values; gives where they end."""
         scene, letters, theme = self._scene, self._letters, self._theme
         self._first = area
         faults = any(mark in scene.signs for mark in ("fault",))
@@ -161,7 +161,7 @@ class Panel:
         return rows[-1][1] + self._line + round(8 * self._unit)
 
     def _plot(self, room: pygame.Rect) -> None:
-        """Draw axes and the whole curve, dim, and keep a bright one for the part that lies behind."""
+        """Draw axes and the whole curve, dim, and keep a bright one for the elapsed part."""
         scene, line, theme = self._scene, self._line, self._theme
         (low, high), parts = scene.limits, (0.0, 0.25, 0.5, 0.75, 1.0)
         ticks = {part: f"{low + part * (high - low):.3g}" for part in parts}
@@ -186,7 +186,7 @@ class Panel:
         self._still.blit(self._curve(area.size, 0.35), area)
 
     def _lines(self) -> list[tuple[str, Reals, Colour, float]]:
-        """What the plot draws: name, values, colour and width."""
+        """The plot's lines: name, values, colour and width."""
         curves, theme, focus = self._scene.curves, self._theme, self._look.focus
         lines: list[tuple[str, Reals, Colour, float]] = []
         if curves.mean is not None and curves.worst is not None:
@@ -199,7 +199,7 @@ class Panel:
         return [*lines, ("all together" if lines else name, curves.union, theme.curve, 2.5)]
 
     def _key(self, at: tuple[int, int], width: int) -> None:
-        """Name the lines of the plot in their colours."""
+        """Write the lines' names in their colours."""
         x, unit = at[0], self._scene.curve.label.partition(", ")[2]
         for name, _, colour, _ in reversed(self._lines()):
             text = self._letters.render(name, self._small, colour)
@@ -212,14 +212,14 @@ class Panel:
                 self._still.blit(text, text.get_rect(midleft=(x, at[1])))
 
     def _name_marks(self, area: pygame.Rect) -> None:
-        """Write upwards beside each mark what begins there, where nothing else is in the way."""
+        """Label each mark vertically where there is room."""
         lines = [area.left + round(at * (area.width - 1) / self._scene.iterations) for at in self._scene.marks]
         taken = [area.left - 1, *lines, area.right]
         for iteration, name in sorted(self._scene.names.items()):
             line = area.left + round(iteration * (area.width - 1) / self._scene.iterations)
             drawn = self._letters.render(name, round(0.85 * self._small), self._theme.muted)
             if drawn.get_width() > area.height - 4:
-                continue  # half a name says nothing; captions say it in full
+                continue  # half a name says nothing; captions give it in full
             upright = pygame.transform.rotate(drawn, 90)
             upright = upright.subsurface(upright.get_bounding_rect())
             width = upright.get_width()
@@ -230,7 +230,7 @@ class Panel:
                     break
 
     def _curve(self, size: tuple[int, int], strength: float) -> pygame.Surface:
-        """Curves and marks on a transparent ground, in colours this strong (0 to 1)."""
+        """Curves and marks on a transparent ground, at this opacity (0 to 1)."""
         surface, scene, theme = pygame.Surface(size, pygame.SRCALPHA, 32), self._scene, self._theme
         rows = np.unique(np.linspace(0, scene.iterations - 1, 2 * size[0]).astype(int))
         x = rows * (size[0] - 1) / scene.iterations
@@ -261,7 +261,7 @@ class Panel:
         return [*strips, Strip(f"messages {named}, up to {top:.0f}", at, lines, top)]
 
     def _strip(self, strip: Strip, room: pygame.Rect) -> tuple[pygame.Rect, pygame.Surface]:
-        """Draw a small curve, dim; gives where it is, and a bright one."""
+        """Draw a small curve, dim; gives its place, and a bright one."""
         self._write(strip.label, (room.left, room.top + self._line // 2), self._theme.muted, room.width)
         area = pygame.Rect(
             self._plot_area.left, room.top + self._line, self._plot_area.width, room.height - round(1.4 * self._line)

@@ -1,4 +1,4 @@
-"""What a picture of a run shows at any moment: shapes in metres and numbers, read from its recording."""
+"""What a picture of a run shows at any moment: shapes in metres and numbers, from its recording."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Points = NDArray[np.float64]  # (p, 2): x, y in m
 Bounds = tuple[float, float, float, float]  # m: left, right, lower, upper
 Pairs = NDArray[np.int32]  # (m, 2): receiver, sender
 MARGIN = 2  # cells of surroundings shown around the walls
-HELD = 60.0  # s of simulated time that a caption stays: three seconds of a film at its usual speed
+HELD = 60.0  # s of simulated time that a caption stays: three seconds of a film at the default speed
 CAPTIONS = 3  # at a time, at most
 
 
@@ -40,34 +40,34 @@ QUARTERED: Final = (1.0, 1.2, 1.6, 2.0, 2.4, 3.2, 4.0, 6.0, 8.0, 10.0)  # a quar
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """All that moves or counts, at one moment; row i is robot i."""
+    """All that changes during a run, at one moment; row i is robot i."""
 
-    iteration: int  # iterations that lie behind
+    iteration: int  # completed iterations
     time: float  # s, simulated
-    row: int  # the recording's row that holds what changes from one iteration to the next
+    row: int  # of the recording, for tables that change from one iteration to the next
     pose: NDArray[np.float64]  # (n, 3): x, y in m, yaw in rad, between two iterations
     alive: NDArray[np.bool_]  # (n,)
-    marks: list[Mark]  # what is wrong with each robot
-    boxes: tuple[Box, ...]  # m: what stands in the building besides its plan
-    captions: list[str]  # what has just happened, the oldest first
+    marks: list[Mark]  # each robot's fault or absence
+    boxes: tuple[Box, ...]  # m: obstacles besides the floor plan
+    captions: list[str]  # recent events, the oldest first
     origins: Points  # (n, 2): the lower left corner of each tile, in m; (0, 2) if robots have none
-    mutual: Pairs  # who hear each other, the lower id first
-    one_way: Pairs  # receivers who are not heard by the sender
-    lost: Pairs  # whose message was lost
-    waiting: Pairs  # linked, but the message is under way
+    mutual: Pairs  # robots that hear each other, the lower id first
+    one_way: Pairs  # receivers that the sender does not hear
+    lost: Pairs  # links with a lost message
+    waiting: Pairs  # links with a message under way
     goals: Points  # (n, 2): m, NaN for none
     ways: list[Points]  # for each robot the rest of its path, from its own place; empty for none
-    value: float  # of the measure that the task is about
-    headings: NDArray[np.float64] | None  # (n,): rad, which way each robot estimates to have to go, if it does
+    value: float  # of the task's measure
+    headings: NDArray[np.float64] | None  # (n,): rad, each robot's estimate of the way to go, if any
     groups: int  # of live robots that hear each other, directly or through others
     heard: int  # messages heard in this iteration
     messages: int  # heard so far
-    believed: Points | None  # (n, 2): m, where robots believe to be, if that may differ
+    believed: Points | None  # (n, 2): m, estimated positions, if they may differ
     people: NDArray[np.float64]  # (p, 3): x, y, radius in m
-    lights: NDArray[np.uint8] | None  # (n, 3): the colour in which each robot shines, black for none
+    lights: NDArray[np.uint8] | None  # (n, 3): the colour of each robot's light, black for none
     radii: NDArray[np.float64]  # (n,): m
-    focus: int | None  # who is looked at
-    chosen: tuple[int, ...]  # whose own things are drawn; none: everybody's, but no beams
+    focus: int | None  # the focused robot
+    chosen: tuple[int, ...]  # robots with tiles, ways and beams drawn; empty: all robots, but no beams
     recording: Recording
 
     def holds(self, name: str) -> bool:
@@ -75,7 +75,7 @@ class Frame:
         return name in self.recording
 
     def recorded(self, name: str, back: int = 0) -> NDArray[np.generic]:
-        """A table's row of this moment, or of so many iterations before, but not before the first.
+        """A table's row of this moment, or `back` iterations earlier, but not before the first.
 
         Raises InputError if there is no such table, or if it has no row for each iteration.
         """
@@ -83,7 +83,7 @@ class Frame:
 
 
 class Told(NamedTuple):
-    """What became of the messages of an iteration, as a shot has it."""
+    """The outcome of an iteration's messages, as a shot shows it."""
 
     mutual: Pairs
     one_way: Pairs
@@ -95,15 +95,15 @@ class Told(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Curves:
-    """The measure that the task is about, by iteration, each of shape (iterations,)."""
+    """The task's measure by iteration, each of shape (iterations,)."""
 
     union: NDArray[np.float64]  # of the swarm
-    mean: NDArray[np.float64] | None  # of live robots, if it is measured of single ones
+    mean: NDArray[np.float64] | None  # of live robots, if it is measured for each robot
     worst: NDArray[np.float64] | None  # the live robot that is farthest from done
 
 
 class Scene:
-    """A recorded run as something to look at; moments may be asked for in any order, best in time's."""
+    """A recorded run to be drawn; moments may be asked for in any order, fastest in time order."""
 
     def __init__(self, recording: Recording) -> None:
         """Raises InputError if the recording holds no whole iteration."""
@@ -113,9 +113,9 @@ class Scene:
         self.scenario = scenario = recording.scenario
         self._plan = plan = floor_plan(recording.world, scenario.world)
         beyond = [plan.border, *([plan.unknown] if scenario.world.unknown == "wall" else [])]
-        #: What is solid, by layer; what nobody knows, and what closes an open building, besides.
+        #: Solid areas by layer, with unknown areas and those that close an open building.
         self.layers = {**plan.layers, UNKNOWN_LAYER: joined(beyond)}
-        #: What the building covers: what is solid without the holes in it.
+        #: The building's ground: the solid areas without their holes.
         self.footprint = [shapely.Polygon(part.exterior) for part in joined([plan.walls, plan.border]).geoms]
         self.lattice = recording.lattice
         margin = MARGIN * self.lattice.cell
@@ -128,10 +128,10 @@ class Scene:
         #: Rows and columns of a tile; 0, 0 if robots have none.
         self.tile: tuple[int, int] = recording["tiles"].shape[2:] if "tiles" in recording else (0, 0)
         self.has_maps = "changes" in recording
-        #: What robots make of a field, if they estimate one.
+        #: The robots' estimates of a field, if they make any.
         self._field = FieldReplay(recording, plan.page) if holds_estimates(recording) else None
         self.has_field = self._field is not None
-        #: m, of a page whose opposite edges are one: what robots leave by on the right they come back from on the left.
+        #: m, of a page whose opposite edges are joined: robots that leave on the right return on the left.
         around = bool(scenario.physics.declares("periodic", False))
         self._around = np.array([plan.width, plan.height] if around else [np.inf, np.inf])
         self.has_headings = "heading" in recording
@@ -148,7 +148,7 @@ class Scene:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take in what has been recorded since, of a run that still goes on."""
+        """Read what a run that still goes on has recorded since."""
         recording = self._recording
         self.iterations = recording.iterations
         #: Whether there are ways and goals to show.
@@ -174,7 +174,7 @@ class Scene:
         return BeamReplay(self._recording, self._plan)
 
     def beams(self, robot: int, shot: Frame) -> NDArray[np.float64]:
-        """How far the beams (b,) of a robot go, in m, at the pose that a shot shows; none without a ring."""
+        """Lengths (b,) in m of a robot's beams at a shot's pose; empty without a ring."""
         return self._beams.lengths(robot, shot.pose[robot], shot.boxes, shot.people)
 
     @cached_property
@@ -183,7 +183,7 @@ class Scene:
         return [self._beams.bearings(robot) for robot in range(self.robots)]
 
     def marks_at(self, row: int) -> list[Mark]:
-        """What is wrong with each robot in an iteration."""
+        """Each robot's mark in an iteration."""
         return [self._occurrences.mark(robot, row) for robot in range(self.robots)]
 
     def messages(self, row: int) -> tuple[int, int]:
@@ -193,12 +193,12 @@ class Scene:
         return heard, len(fates) - heard
 
     def groups(self, row: int) -> int:
-        """How many groups of live robots there are that hear each other in an iteration, directly or through others."""
+        """The number of groups of live robots that hear each other in an iteration, directly or through others."""
         letters = self._recording.letters(row)
         return groups(letters[letters[:, 4] == 0, :2], self._recording["alive"][row])
 
     def robot_curve(self, robot: int) -> NDArray[np.float64] | None:
-        """What the task's curve is of one robot (iterations,), if it is measured of single ones."""
+        """The task's curve for one robot (iterations,), if it is measured for each robot."""
         name = self.curve.robots
         return None if name is None else np.asarray(self._recording.rows(name, self.robots)[:, robot], np.float64)
 
@@ -207,9 +207,9 @@ class Scene:
         return min(int(iteration), self.iterations - 1)
 
     def at(self, iteration: float, focus: int | None = None, chosen: tuple[int, ...] = ()) -> Frame:
-        """The moment after so many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed.
+        """The moment after this many iterations, 0 to `iterations`; poses are interpolated, all else is as sensed.
 
-        `focus` is the robot that is looked at, `chosen` those whose own things are drawn.
+        `focus` is the focused robot; tiles, ways and beams are drawn for those in `chosen`.
         """
         recording, row = self._recording, self.row(iteration)
         ends = recording["pose"][row], recording["pose"][self.row(row + 1)]
@@ -248,7 +248,7 @@ class Scene:
         )
 
     def _told(self, row: int) -> Told:
-        """What became of messages in an iteration; kept for the frames that show the same one."""
+        """The outcome of an iteration's messages, cached for the frames that show it."""
         if self._last is None or self._last[0] != row:
             letters, links, robots = self._recording.letters(row), self._recording.links(row), self.robots
             heard, lost = letters[letters[:, 4] == 0, :2], letters[letters[:, 4] > 0, :2]
@@ -265,7 +265,7 @@ class Scene:
         return np.asarray(before + part * (after - before))
 
     def estimate(self, row: int) -> NDArray[np.float64] | None:
-        """The field as robots estimate it in the mean (rows, columns): 0 and 1 are its ends on the floor at the end.
+        """The robots' mean estimate of the field (rows, columns), scaled to 0 to 1 over the floor at the run's end.
 
         NaN where there is no floor; None where they estimate nothing.
         """
@@ -278,12 +278,12 @@ class Scene:
         return np.where(floor, shares, np.nan)
 
     def height(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where values of the curve lie between the ends of its axis, 0 to 1."""
+        """The curve's values scaled to its axis, 0 to 1."""
         low, high = (end / self.curve.scale for end in self.limits)
         return np.nan_to_num(np.clip((values - low) / (high - low), 0.0, 1.0))
 
     def _short(self, links: Pairs, pose: NDArray[np.float64]) -> Pairs:
-        """The links (m, 2) but for those that go round the page."""
+        """The links (m, 2) that do not cross the page's edges."""
         gap = np.abs(pose[links[:, 0], :2] - pose[links[:, 1], :2])
         return links[(gap <= 0.5 * self._around).all(axis=1)]
 
@@ -327,13 +327,13 @@ class Scene:
 
 
 def lights(recording: Recording) -> NDArray[np.uint8] | None:
-    """The colours (t, n, 3) of the first actuator that shines in some, as recorded; None without one."""
+    """The recorded colours (t, n, 3) of the first actuator with lights; None without one."""
     tables = [one.recorded_as for one in recording.actuators if one.is_colour and one.recorded_as]
     return recording[tables[0]] if tables else None
 
 
 def _names(notes: list[Note]) -> dict[int, str]:
-    """What begins in each iteration in which something does."""
+    """Names of what begins, by iteration."""
     kinds: dict[int, list[str]] = {}
     for note in notes:
         if not note.ends:
@@ -342,7 +342,7 @@ def _names(notes: list[Note]) -> dict[int, str]:
 
 
 def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
-    """Which of the signs that not every run needs are ever drawn: of links, faults, boxes, ..."""
+    """The optional signs that are ever drawn: links, dead, removed, fault, joined, box, lost, waiting."""
     signs: set[str] = {"mutual", "one way"} if recording["messages"].any() else set()
     for iteration in {0, *(note.iteration for note in occurrences.notes)}:
         row = min(iteration, recording.iterations - 1)
@@ -370,7 +370,7 @@ def _curves(recording: Recording) -> Curves:
     curve = recording.curve
     if curve.robots is None:
         return Curves(recording[curve.name], None, None)
-    alive = recording["alive"] | ~recording["alive"].any(axis=1, keepdims=True)  # once nobody is left, the dead
+    alive = recording["alive"] | ~recording["alive"].any(axis=1, keepdims=True)  # once all are dead, the dead
     of_each = recording.rows(curve.robots, recording.scenario.robots.count)
     worst = (
         np.where(alive, of_each, np.inf).min(axis=1) if curve.rises else np.where(alive, of_each, -np.inf).max(axis=1)
@@ -389,7 +389,7 @@ def _limits(curves: Curves, recording: Recording) -> tuple[float, float]:
 
 
 def _round_above(value: float, low: float) -> float:
-    """A number not below `value`, of whose distance from `low` a quarter is a round number."""
+    """A number of at least `value`; a quarter of its distance from `low` is round."""
     if value <= low:
         return low
     ten = 10.0 ** np.floor(np.log10(value - low))
@@ -397,7 +397,7 @@ def _round_above(value: float, low: float) -> float:
 
 
 def _corners(path: Points) -> Points:
-    """The same path without the waypoints at which it goes straight on."""
+    """The path without waypoints on straight pieces."""
     if len(path) < 3:
         return path
     steps = np.diff(path, axis=0)
@@ -407,7 +407,7 @@ def _corners(path: Points) -> Points:
 
 
 def _apart(point: list[float], start: list[float], end: list[float]) -> float:
-    """The distance, squared, of a point from a piece of a path."""
+    """The squared distance of a point from a piece of a path."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     x, y = point[0] - start[0], point[1] - start[1]
     share = min(max((x * dx + y * dy) / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
@@ -417,7 +417,7 @@ def _apart(point: list[float], start: list[float], end: list[float]) -> float:
 def _between(
     before: NDArray[np.float64], after: NDArray[np.float64], part: float, around: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Poses (n, 3) on the way from one iteration to the next; yaw, and places on a page of this size, the short way."""
+    """Poses (n, 3) between two iterations; yaw, and places on a page of this size, go the short way."""
     step = after - before
     far = np.abs(step[:, :2]) > 0.5 * around
     step[:, :2] -= np.where(far, np.sign(step[:, :2]) * np.where(np.isfinite(around), around, 0.0), 0.0)
@@ -432,6 +432,6 @@ def _numbered(links: Pairs, robots: int) -> NDArray[np.int64]:
 
 
 def _paired(links: Pairs, robots: int) -> tuple[Pairs, Pairs]:
-    """Links (m, 2) parted into those answered by a link back, one row for the two, and the others."""
+    """Links (m, 2) split into mutual ones, one row for each two, and the others."""
     answered = np.isin(_numbered(links, robots), _numbered(links[:, ::-1], robots))
     return links[answered & (links[:, 0] < links[:, 1])], links[~answered]

@@ -1,4 +1,4 @@
-"""Signs of a legend: what is drawn, and what it means."""
+"""Signs of a legend, with their meanings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swarmsim.core.drawing import Ink, Mark, Raster
 
 
 class Sign(NamedTuple):
-    """One sign. Its shapes lie around (0, 0), in pixels of a picture 720 pixels high instead of metres."""
+    """One sign. Its shapes lie around (0, 0), in pixels of a picture 720 pixels high, not in metres."""
 
     kind: str
     means: str

@@ -1,4 +1,4 @@
-"""What a picture shows of a run, and how."""
+"""What a picture of a run shows, and how."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.view.scene import Scene
 from swarmsim.view.theme import THEMES, Theme
 
-#: What can be drawn besides the building, the map and the robots, with what it is.
+#: Layers besides the building, the map and the robots, with descriptions.
 LAYERS: Final = {
     "beams": "the beams of the chosen robots",
     "tiles": "the tile that each robot senses",
@@ -24,12 +24,12 @@ LAYERS: Final = {
 
 @dataclass(frozen=True)
 class Style:
-    """Which layers are drawn, of which robots, and in which colours."""
+    """The layers drawn, the robots selected and the colours."""
 
     theme: str = "dark"  # dark or light
     layers: frozenset[str] = frozenset(LAYERS)
-    focus: int | None = None  # the robot whose own map is shown, and who is magnified
-    robots: tuple[int, ...] = ()  # whose tiles, ways and beams are drawn; none: everybody's, but no beams
+    focus: int | None = None  # the robot whose own map is shown and that is magnified
+    robots: tuple[int, ...] = ()  # robots with tiles, ways and beams drawn; empty: all robots, but no beams
 
     def __post_init__(self) -> None:
         """Raise InputError for a theme or a layer that does not exist."""
@@ -44,23 +44,23 @@ class Style:
         return THEMES[self.theme]
 
     def shows(self, robot: int) -> bool:
-        """Whether tile and way of a robot are drawn."""
+        """Whether a robot's tile and way are drawn."""
         return not self.chosen or robot in self.chosen
 
     @property
     def chosen(self) -> tuple[int, ...]:
-        """The robots that are looked at, if not at all of them alike."""
+        """The selected robots, empty for all."""
         return self.robots or (() if self.focus is None else (self.focus,))
 
     def check(self, scene: Scene) -> None:
-        """Raise InputError if a robot that is looked at is not in the scene."""
+        """Raise InputError if a selected robot is not in the scene."""
         for option, robot in [("--focus", self.focus), *(("--robots", robot) for robot in self.robots)]:
             if robot is not None and not 0 <= robot < scene.robots:
                 raise InputError(f"{option} {robot}: no such robot; expected 0 to {scene.robots - 1}")
 
 
 class LookKeys(TypedDict, total=False):
-    """The fields of a look, each of which may be left out."""
+    """The fields of a look, all optional."""
 
     theme: str
     layers: frozenset[str]
@@ -69,7 +69,7 @@ class LookKeys(TypedDict, total=False):
 
 
 def look(theme: str, show: str | None, hide: str | None, focus: int | None, robots: str | None) -> Style:
-    """A look from words: layers and robots as lists such as `tiles,links` and `0,3`. Raises InputError."""
+    """A look from text: layers and robots as lists such as `tiles,links` and `0,3`. Raises InputError."""
     layers = frozenset(_words(show)) if show is not None else frozenset(LAYERS)
     without = frozenset(_words(hide))
     if unknown := sorted(without - set(LAYERS)):

@@ -1,4 +1,4 @@
-"""The colours of pictures, for dark rooms and for paper; told apart by colour-blind people too."""
+"""The colours of pictures, for dark rooms and for paper, safe for colour-blind people."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ ROBOTS: Sequence[Colour] = (
 
 @dataclass(frozen=True)
 class Theme:
-    """What everything is drawn in."""
+    """The colours of everything drawn."""
 
     background: Colour
     unexplored: Colour  # floor in no map
-    solids: Mapping[str, Colour]  # what is solid, by layer
+    solids: Mapping[str, Colour]  # of solid areas, by layer
     few: Colour  # floor that one robot knows ...
-    all: Colour  # ... and that everybody does: one hue
+    all: Colour  # ... and that all robots know: one hue
     hot: Colour  # where a field is greatest; `floor` is where it is least
-    floor: Colour  # of buildings of which nobody makes a map
-    seen: Colour  # a cell in which a beam ended
+    floor: Colour  # of buildings that no robot maps
+    seen: Colour  # cells where a beam ended
     edge: Colour  # around everything
     text: Colour
-    muted: Colour  # text that explains
+    muted: Colour  # explanatory text
     rule: Colour  # axes
     link: Colour  # a message that is heard
     lost: Colour  # a message that is lost
     curve: Colour  # of the swarm
-    mean: Colour  # of the mean robot
-    worst: Colour  # of the worst one
+    mean: Colour  # mean over robots
+    worst: Colour  # of the worst robot
     mark: Colour  # events and faults
     joined: Colour  # robots that came late
     dead: Colour
@@ -47,7 +47,7 @@ class Theme:
 
     @property
     def others(self) -> Colour:
-        """Floor that is known to others than the robot that is looked at: half way to that of one robot."""
+        """Floor that other robots know, but not the focused one: half way to the colour of one robot."""
         red, green, blue = ((a + b) // 2 for a, b in zip(self.unexplored, self.few, strict=True))
         return red, green, blue
 
@@ -57,7 +57,7 @@ class Theme:
         return self.edge if sum(self.link) > 384 else self.background
 
     def ink(self, name: Ink) -> Colour:
-        """The colour that an ink of `core.drawing` stands for."""
+        """The colour of an ink of `core.drawing`."""
         if name.startswith("on "):
             return ink_on(self.ink(name[3:]))
         if name.startswith("robot "):
@@ -68,7 +68,7 @@ class Theme:
         return colour
 
     def between(self, low: Ink, high: Ink, shares: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """The colours (..., 3) so far (0 to 1) on the way from one ink to another."""
+        """The colours (..., 3) at these shares (0 to 1) of the way from one ink to another."""
         start, end = np.array(self.ink(low), np.float64), np.array(self.ink(high), np.float64)
         return np.rint(start + np.asarray(shares)[..., None] * (end - start)).astype(np.uint8)
 
@@ -81,7 +81,7 @@ class Theme:
 
 
 def colour_of(robot: int) -> Colour:
-    """The colour of a robot, which it may share with others."""
+    """The colour of a robot; several may share it."""
     return ROBOTS[robot % len(ROBOTS)]
 
 

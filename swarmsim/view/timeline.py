@@ -1,4 +1,4 @@
-"""What happens in a recorded run, as a picture shows it: who has a fault, who is gone, which boxes stand."""
+"""The events of a recorded run, as a picture shows them: faults, removed robots, boxes."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from swarmsim.recording.reader import Recording
 from swarmsim.view.wording import cause_of, worded
 
 Mark = Literal["", "fault", "removed", "late", "joined"]
-NAMED = 8  # robots that a note names; of more it gives the number
+NAMED = 8  # robots that a note names; for more it gives their number
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What happened, in words."""
+    """An event in words."""
 
     iteration: int
     kind: str
     cause: str
-    robots: tuple[int, ...]  # none for the building or the whole run
+    robots: tuple[int, ...]  # empty for the building or the whole run
     is_box: bool  # whether pictures show where it happened
-    ends: bool  # whether something is over with it
+    ends: bool  # whether it ends something
     of_run: bool  # whether it is the run's own end
 
     @property
     def text(self) -> str:
-        """The note in a line, as in `iteration 50: motor off: robots 3, 7, 9`."""
+        """The note on a line, as in `iteration 50: motor off: robots 3, 7, 9`."""
         if self.is_box:
             return f"iteration {self.iteration}: {self.kind}"
         if not self.robots:
@@ -44,7 +44,7 @@ class Note:
 
     @property
     def words(self) -> str:
-        """What happened, without when."""
+        """The event without its time."""
         return self.text.partition(": ")[2]
 
 
@@ -62,12 +62,12 @@ def noted(event: Event, scenario: Scenario) -> Note:
 
 
 class Occurrences:
-    """The events of a recording, and what follows from them at any time."""
+    """The events of a recording, and the marks and boxes that result at any time."""
 
     def __init__(self, recording: Recording) -> None:
         events, scenario = recording.events(), recording.scenario
         robots = scenario.robots.count
-        #: All that happened, in its order.
+        #: All events, in order.
         self.notes = [noted(event, scenario) for event in events]
         self._noted = [note.iteration for note in self.notes]
         self._changed: list[list[int]] = [[0] for _ in range(robots)]  # when each robot's mark changes ...
@@ -88,15 +88,15 @@ class Occurrences:
         self._boxes = [tuple(boxes_at(events, iteration)) for iteration in self._built]  # ... and to what
 
     def mark(self, robot: int, iteration: int) -> Mark:
-        """How a robot is marked in an iteration."""
+        """A robot's mark in an iteration."""
         return self._marks[robot][bisect_right(self._changed[robot], iteration) - 1]
 
     def boxes(self, iteration: int) -> tuple[Box, ...]:
-        """What stands in the building besides its plan in an iteration."""
+        """The boxes in the building in an iteration."""
         return self._boxes[bisect_right(self._built, iteration) - 1]
 
     def latest(self, iteration: int, within: float, most: int) -> list[Note]:
-        """The newest notes, `most` of them, that are less than `within` iterations old; the oldest first."""
+        """The `most` newest notes less than `within` iterations old, the oldest first."""
         end = bisect_right(self._noted, iteration)
         return [note for note in self.notes[max(end - most, 0) : end] if iteration - note.iteration < within]
 

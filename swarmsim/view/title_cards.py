@@ -1,4 +1,4 @@
-"""The cards that a film begins and ends with: what is to be seen, and how it came out."""
+"""The first and last cards of a film: the scenario, and the result."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FAULTS = 4  # named on the first card
 
 
 def first_lines(recording: Recording, scene: Scene) -> list[str]:
-    """The scenario in a few lines: title, swarm, network, what goes wrong."""
+    """The scenario in a few lines: title, swarm, network, faults."""
     scenario = recording.scenario
     robots = f"{scenario.robots.count} robot{'s' if scenario.robots.count != 1 else ''}"
     where = f" in {scene.world}" if scene.world else ""
@@ -31,7 +31,7 @@ def first_lines(recording: Recording, scene: Scene) -> list[str]:
 
 
 def last_lines(recording: Recording, scene: Scene) -> list[str]:
-    """How the run came out: status, the task's measure, robots and messages."""
+    """The result: status, the task's measure, robots and messages."""
     summary, curve = recording.summary(), recording.curve
     name, _, unit = curve.label.partition(", ")
     value = f"{curve.scale * summary['measures'][curve.name]:{curve.format}} {unit}".rstrip()
@@ -45,7 +45,7 @@ def last_lines(recording: Recording, scene: Scene) -> list[str]:
 
 
 def draw_card(surface: pygame.Surface, lines: list[str], theme: Theme, letters: Lettering) -> None:
-    """Write lines on a card in the middle of a picture, which is dimmed; the first is the largest."""
+    """Write lines on a card in the middle of a dimmed picture, the first one largest."""
     width, height = surface.get_size()
     unit = min(width / 1280, height / 720)
     veil = pygame.Surface((width, height), pygame.SRCALPHA, 32)

@@ -29,11 +29,11 @@ from swarmsim.view.scene import Scene
 from swarmsim.view.style import Style
 from swarmsim.view.title_cards import draw_card, first_lines, last_lines
 
-HOLD = 2.0  # s of film, how long the end and each card stay
-SMALLEST = (480, 270)  # pixels, below which nothing can be read
+HOLD = 2.0  # s of film that the end and each card stay
+SMALLEST = (480, 270)  # pixels; below this nothing is legible
 LARGEST = (7680, 4320)  # pixels
-FASTEST = {".mp4": 120, ".gif": 50, ".png": 120}  # frames per second; players slow faster GIFs down
-#: No loss that the eye sees; a fixed number of threads, because x264's bytes depend on it; index at the front.
+FASTEST = {".mp4": 120, ".gif": 50, ".png": 120}  # frames per second; players slow down faster GIFs
+#: No visible loss; a fixed number of threads, because x264's bytes depend on it; index at the front.
 ENCODER = ["-crf", "19", "-preset", "veryfast", "-threads", "4", "-movflags", "+faststart", "-fflags", "+bitexact"]
 AHEAD = 8  # frames that may wait for the encoder
 SAMPLES = 5  # frames whose colours make a GIF's palette
@@ -44,13 +44,13 @@ Pixels = NDArray[np.uint8]  # (height, width, 3): red, green, blue
 
 @dataclass(frozen=True)
 class Film:
-    """How a film is made. Raises InputError for what cannot work."""
+    """Options of a film. Raises InputError for invalid ones."""
 
     fps: int = 30  # frames per second of film
     speed: float = 20.0  # simulated seconds per second of film
     size: tuple[int, int] = (1280, 720)  # width and height in pixels
     look: Style = field(default_factory=Style)
-    cards: bool = True  # whether it begins with the scenario and ends with the result, for two seconds each
+    cards: bool = True  # whether it begins with the scenario and ends with the result, two seconds each
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.speed) and self.speed > 0.0):
@@ -61,9 +61,9 @@ class Film:
 def frame(
     recording: Recording, iteration: float, size: tuple[int, int] = (1280, 720), look: Style | None = None
 ) -> Pixels:
-    """The picture (height, width, 3) after so many iterations, from 0 to the recording's `iterations`.
+    """The picture (height, width, 3) after this many iterations, from 0 to the recording's `iterations`.
 
-    Raises InputError if the moment lies outside of the run or the size is too small or too large.
+    Raises InputError if the moment lies outside the run or the size is too small or too large.
     """
     _check_size(size)
     if not 0.0 <= iteration <= recording.iterations:
@@ -78,12 +78,12 @@ def write_film(
     beside: Recording | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write the film of a run to `out`, whose suffix says how: .mp4 for H.264, .gif for an endless GIF, .png for
+    """Write the film of a run to `out`. Its suffix sets the format: .mp4 for H.264, .gif for an endless GIF, .png for
     pictures OUT-00000.png and so on.
 
-    The end is held for two seconds. With `beside`, two runs are shown side by side and in step. `progress` is called
-    after every frame with the frames done and all frames. The files appear whole or not at all, in place of older
-    ones. Raises InputError for options that cannot work.
+    The end is held for two seconds. `beside` shows a second run, side by side and in step. `progress` is called after
+    every frame with the frames done and their total. Files appear whole or not at all, and replace older ones. Raises
+    InputError for invalid options.
     """
     film = film or Film()
     check_film(out, film)
@@ -101,7 +101,7 @@ def write_film(
 
 
 class Stage:
-    """One run, or two side by side, to be pictured at any time."""
+    """One run, or two side by side, drawn at any time."""
 
     def __init__(self, recordings: list[Recording], film: Film) -> None:
         self._film, self._recordings = film, recordings
@@ -111,7 +111,7 @@ class Stage:
         self._surface = opaque(film.size)
         self._surface.fill(film.look.colours.rule)
         self._letters = Lettering()
-        #: s, simulated, of the longest run.
+        #: s, simulated: the length of the longest run.
         self.duration = max(scene.iterations * scene.period for scene in self._scenes)
 
     def pictures(
@@ -120,7 +120,7 @@ class Stage:
         taken: Callable[[pygame.Surface], T],
         held: bool = True,
     ) -> Iterator[T]:
-        """All frames of the film, in time, as `taken` copies them; `held`: with cards and an end that stays."""
+        """All frames of the film in order, copied by `taken`; `held`: with cards and an end that stays."""
         film = self._film
         step = film.speed / film.fps
         moving = math.ceil(self.duration / step - 1e-9)
@@ -146,7 +146,7 @@ class Stage:
             yield from shown(taken(self._card(self.duration, last_lines)), hold)
 
     def at(self, time: float) -> Pixels:
-        """The picture (height, width, 3) at a simulated time in s; a run that is over stays as it was at its end."""
+        """The picture (height, width, 3) at a simulated time in s; a run that is over keeps its last picture."""
         return _pixels(self._draw(time))
 
     def _draw(self, time: float) -> pygame.Surface:
@@ -170,19 +170,19 @@ class Stage:
 def write_pictures(
     out: Path, film: Film, pictures: Callable[[Callable[[pygame.Surface], bytes]], Iterator[bytes]]
 ) -> None:
-    """Write a film of other pictures than those of a stage: H.264. It appears whole or not at all."""
+    """Write any pictures as an H.264 film. It appears whole or not at all."""
     check_film(out, film)
     if out.suffix.lower() != ".mp4":
-        raise InputError(f"{out}: such a film ends in .mp4")
+        raise InputError(f"{out}: this kind of film ends in .mp4")
     with _whole(out) as part:
         _write_mp4(part, pictures(_memory), film.size, film.fps)
 
 
 def _write_mp4(part: Path, pictures: Iterable[bytes], size: tuple[int, int], fps: int) -> None:
-    """H.264 with half the colour resolution, as every player knows it."""
+    """H.264 with half the colour resolution, which every player supports."""
     with _encoder(part, size, fps) as film, ThreadPoolExecutor(1) as writer:
         writing: deque[Future[int]] = deque()
-        for picture in pictures:  # drawn while the ones before are encoded
+        for picture in pictures:  # drawn while earlier ones are encoded
             writing.append(writer.submit(film.write, picture))
             if len(writing) > AHEAD:
                 writing.popleft().result()
@@ -192,23 +192,23 @@ def _write_mp4(part: Path, pictures: Iterable[bytes], size: tuple[int, int], fps
 
 @contextmanager
 def _encoder(part: Path, size: tuple[int, int], fps: int) -> Iterator[IO[bytes]]:
-    """What takes pictures, as `_memory` gives them. Raises OSError if the encoder did not write a whole film.
+    """A sink for pictures from `_memory`. Raises OSError if the encoder did not write a whole film.
 
-    It is started here, and not by imageio_ffmpeg, which does not look at how the encoder ended.
+    It is started here because imageio_ffmpeg does not check the encoder's exit code.
     """
     command = [
         imageio_ffmpeg.get_ffmpeg_exe(), "-f", "rawvideo", "-s", f"{size[0]}x{size[1]}", "-pix_fmt", "bgr0",
         "-r", str(fps), "-i", "-", "-an", "-vcodec", "libx264", "-pix_fmt", "yuv420p", "-v", "error", "-xerror",
         *ENCODER, str(part),
     ]  # fmt: skip
-    with subprocess.Popen(  # a limit on files is an error that it tells, not a signal; Ctrl-C is for us
+    with subprocess.Popen(  # it reports a file size limit as an error, not by a signal; Ctrl-C is for us
         command, stdin=subprocess.PIPE, stderr=subprocess.PIPE, restore_signals=False, process_group=0
     ) as encoder:
         assert encoder.stdin is not None
         assert encoder.stderr is not None
         try:
             yield encoder.stdin
-        except BrokenPipeError:  # it tells why it ended
+        except BrokenPipeError:  # it reports why it ended
             pass
         except BaseException:
             encoder.kill()
@@ -224,7 +224,7 @@ def _encoder(part: Path, size: tuple[int, int], fps: int) -> Iterator[IO[bytes]]
 
 
 def _write_gif(part: Path, pictures: Iterable[Pixels], fps: int, samples: list[Pixels]) -> None:
-    """An endless GIF whose frames share one palette and hold only what changed; nothing is dithered."""
+    """An endless GIF. Its frames share one palette and hold only changes; nothing is dithered."""
     palette = Image.fromarray(np.vstack(samples)).quantize(255, dither=Image.Dither.NONE)
     frames = [Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     frames[0].save(
@@ -233,7 +233,7 @@ def _write_gif(part: Path, pictures: Iterable[Pixels], fps: int, samples: list[P
 
 
 def _memory(surface: pygame.Surface) -> bytes:
-    """A copy of what `opaque` surfaces hold, as the encoder takes it."""
+    """A copy of an `opaque` surface's pixels, as the encoder takes them."""
     return surface.get_view("0").raw
 
 
@@ -243,7 +243,7 @@ def _pixels(surface: pygame.Surface) -> Pixels:
 
 
 def check_film(out: Path, film: Film | None = None) -> None:
-    """Raise InputError if `write_film` would refuse to write there: to be known before a long run."""
+    """Raise InputError if `write_film` would refuse to write there, to be known before a long run."""
     film, suffix = film or Film(), out.suffix.lower()
     if suffix not in FASTEST:
         raise InputError(f"{out}: films end in .mp4 or .gif, or in .png for numbered pictures, not in {suffix!r}")
@@ -257,7 +257,7 @@ def check_film(out: Path, film: Film | None = None) -> None:
     size = film.size
     if suffix == ".mp4" and (size[0] % 2 or size[1] % 2):
         even = f"{size[0] + size[0] % 2}x{size[1] + size[1] % 2}"
-        raise InputError(f"--size {size[0]}x{size[1]}: H.264 wants even numbers; expected for instance {even}")
+        raise InputError(f"--size {size[0]}x{size[1]}: H.264 needs even numbers; expected for example {even}")
 
 
 def _check_size(size: tuple[int, int]) -> None:
@@ -269,9 +269,7 @@ def _check_size(size: tuple[int, int]) -> None:
 
 @contextmanager
 def _whole(out: Path) -> Iterator[Path]:
-    """A file in a folder of its own beside `out`; what is in there at the end comes out, and vanishes upon any
-    exception.
-    """
+    """A file in a temporary folder beside `out`. Its files move beside `out` at the end, or vanish on an exception."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent, ignore_cleanup_errors=True)

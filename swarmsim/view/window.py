@@ -1,4 +1,4 @@
-"""A window on a run: look at it from everywhere and at any time, and let faults strike while it goes on."""
+"""A window on a run: view any place and time, and inject faults while it goes on."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from swarmsim.view.video import SMALLEST, Film, write_film
 
 BAR: Final = 64  # pixels below the picture: the time line and a line of words
 FRAMES: Final = 60  # a second
-BUDGET: Final = 0.03  # s of simulating for one frame, at most
-LONGEST: Final = 0.25  # s by which time goes on in one frame, at most: doing a run again is no reason to leap
-RENEWED: Final = 0.5  # s from one drawing of the panel to the next, of a run that goes on
+BUDGET: Final = 0.03  # s: the most simulating for one frame
+LONGEST: Final = 0.25  # s: the most that time advances in one frame, so that repeating a run causes no leap
+RENEWED: Final = 0.5  # s between drawings of the panel while a run goes on
 SPEEDS: Final = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # iterations a second
 PUSH: Final = 0.5  # m/s
-#: What strikes the picked robot, by key: a name and the fault's table.
+#: Faults for the picked robot, by key: a name and the fault's table.
 STRIKES: Final[dict[int, tuple[str, dict[str, object]]]] = {
     pygame.K_k: ("killed", {"use": "crash"}),
     pygame.K_r: ("removed", {"use": "remove"}),
@@ -39,7 +39,7 @@ LAYER_KEYS: Final = dict(
 )
 HELP: Final = (
     "space  run, pause          left, right  one iteration      + -  speed",
-    "click  pick a robot        o  its own map                  escape  nobody",
+    "click  pick a robot        o  its own map                  escape  none",
     "wheel  zoom                drag  move                      0  all of the building",
     "k  kill the picked robot   b  blind   m  mute   r  remove   p  push it towards the pointer",
     "right button, drag  close a door, or put a box there        backspace  take that back",
@@ -49,18 +49,18 @@ HELP: Final = (
 
 
 class Show(Protocol):
-    """What a window shows: a run that goes on, or one that is over."""
+    """A run to show, going on or over."""
 
     recording: Recording
 
     @property
     def live(self) -> bool:
-        """Whether faults can strike it."""
+        """Whether faults can be injected."""
         ...
 
     @property
     def over(self) -> bool:
-        """Whether there is no iteration to come."""
+        """Whether no iteration is left."""
         ...
 
     def advance(self) -> None:
@@ -68,11 +68,11 @@ class Show(Protocol):
         ...
 
     def strike(self, fault: dict[str, object], iteration: int) -> None:
-        """Let a fault strike at an iteration. Raises InputError."""
+        """Inject a fault at an iteration. Raises InputError."""
         ...
 
     def undo(self) -> None:
-        """Take the latest strike back."""
+        """Undo the latest fault."""
         ...
 
 
@@ -88,9 +88,9 @@ class Window:
         speed: int = 20,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        """Films are saved into `folder`; `clock` gives seconds, and says how much is simulated for a frame, never what.
+        """Films are saved into `folder`; `clock` gives seconds; it affects how much is simulated per frame, not what.
 
-        Raises InputError where there is no display.
+        Raises InputError without a display.
         """
         try:
             pygame.display.init()
@@ -130,7 +130,7 @@ class Window:
         pygame.display.quit()
 
     def frame(self, seconds: float) -> None:
-        """Let time go on by so many seconds, and draw."""
+        """Advance time by this many seconds, and draw."""
         if self.playing:
             self._play(seconds)
         self._renew()
@@ -143,7 +143,7 @@ class Window:
         pygame.display.flip()
 
     def handle(self, event: pygame.event.Event) -> None:
-        """Do what an event asks for."""
+        """Handle one event."""
         if event.type == pygame.QUIT:
             self.open = False
         elif event.type == pygame.VIDEORESIZE:
@@ -231,8 +231,8 @@ class Window:
         self._go_to(min(max(share, 0.0), 1.0) * self._scene.iterations)
 
     def _play(self, seconds: float) -> None:
-        """Let time go on, and simulate as far as it needs: an iteration or more, but for no longer than a frame may
-        take. Time waits for what is simulated.
+        """Advance time, and simulate up to it: at least one iteration, but no longer than a frame may take. Time waits
+        for the simulation.
         """
         show, moment = self._show, self.time + seconds * SPEEDS[self._speed]
         until = self._clock() + BUDGET
@@ -243,13 +243,13 @@ class Window:
         self._look_at(moment)
 
     def _go_to(self, moment: float) -> None:
-        """Move time, and simulate all that it needs."""
+        """Move time, and simulate up to it."""
         while moment > self._show.recording.iterations and not self._show.over:
             self._show.advance()
         self._look_at(moment)
 
     def _look_at(self, moment: float) -> None:
-        """Move time within what has been simulated."""
+        """Move time within the simulated part."""
         recording = self._show.recording
         self.time = min(max(moment, 0.0), float(recording.iterations))
         if recording.iterations > self._scene.iterations:
@@ -258,14 +258,14 @@ class Window:
             self.playing = False
 
     def _renew(self) -> None:
-        """Draw the panel again, now and then, of a run that goes on."""
+        """Redraw the panel of a run that goes on, now and then."""
         now = self._clock()
         if self._canvas.outdated and now - self._renewed > RENEWED:
             self._canvas.renew()
             self._renewed = now
 
     def _strike(self, word: str, fault: dict[str, object]) -> None:
-        """Let a fault strike the picked robot, from the iteration that comes next."""
+        """Inject a fault into the picked robot, from the next iteration on."""
         if self.picked is None:
             self.words = "pick a robot first: click on it"
             return
@@ -292,7 +292,7 @@ class Window:
         self._try({"use": "door", "box": box}, "door closed")
 
     def _try(self, fault: dict[str, object], word: str) -> None:
-        iteration = int(self.time) + 1  # after the one that is seen, however far the run has come
+        iteration = int(self.time) + 1  # after the one shown, however far the run has come
         try:
             self._show.strike(fault, iteration)
         except InputError as problem:
@@ -301,14 +301,14 @@ class Window:
         self._changed(f"iteration {iteration}: {word}")
 
     def _changed(self, word: str) -> None:
-        """Look at a recording that is another one now."""
+        """Show the new recording."""
         self._scene = Scene(self._show.recording)
         self.time = min(self.time, float(self._scene.iterations))
         self._canvas = self._drawn()
         self.words = word
 
     def _pick(self, pos: tuple[int, int]) -> None:
-        """Pick the robot at a place of the picture, or nobody."""
+        """Pick the robot at a place of the picture, if any."""
         places = self._canvas.pixels(self._scene.at(self.time).pose[:, :2])
         apart = np.hypot(*(places - np.array(pos)).T)
         nearest = int(apart.argmin())
@@ -316,7 +316,7 @@ class Window:
         focus = self.picked if self._look.focus is not None else None
         if focus != self._look.focus:
             self._wear(replace(self._look, focus=focus))
-        self.words = "nobody picked" if self.picked is None else f"robot {self.picked} picked"
+        self.words = "no robot picked" if self.picked is None else f"robot {self.picked} picked"
 
     def _wear(self, look: Style) -> None:
         if look != self._look:
@@ -354,7 +354,7 @@ class Window:
             pygame.draw.rect(self._screen, self._look.colours.mark, area, 2)
 
     def _draw_bar(self) -> None:
-        """The time line, and what has just been done."""
+        """The time line, and the latest action."""
         theme, (width, height) = self._look.colours, self._screen.get_size()
         self._screen.fill(theme.background, (0, height - BAR, width, BAR))
         line = pygame.Rect(12, height - BAR + 8, width - 24, 10)
@@ -387,7 +387,7 @@ class Window:
 
 
 def driver() -> str:
-    """What draws windows here. Raises InputError where nothing does."""
+    """The name of the display driver. Raises InputError if there is none."""
     try:
         pygame.display.init()
         found = pygame.display.get_driver()

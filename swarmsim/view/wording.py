@@ -1,4 +1,4 @@
-"""Puts what happens in a run into words, for tables and pictures."""
+"""Describes a run's events in words, for tables and pictures."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
 from swarmsim.faults.in_words import described
 
-#: What begins and ends with a fault that is not called as its scenario's table.
+#: Names of faults that differ from their `use` in the scenario.
 WORDS: Final = {
     "remove": ("removed", "returned"),
     "crash": ("crashed", "repaired"),
@@ -24,12 +24,12 @@ WORDS: Final = {
 
 
 def _name(part: Part[object]) -> str:
-    """What a part is called; of somebody's own code the name alone."""
+    """A part's name; for third-party code without its module."""
     return part.use.rpartition(":")[2]
 
 
 def worded(event: Event, scenario: Scenario) -> str:
-    """What happened, in a word or two, as in `motor off over`."""
+    """An event in a word or two, as in `motor off over`."""
     if isinstance(event, Ended):
         return "finished" if event.finished else "not finished"
     fault = scenario.faults[event.fault]
@@ -42,7 +42,7 @@ def worded(event: Event, scenario: Scenario) -> str:
 
 
 def cause_of(event: Event, scenario: Scenario) -> str:
-    """Why, or where, it happened."""
+    """The event's cause or place."""
     if isinstance(event, Ended):
         if not event.finished:
             return f"limit of {scenario.stop.iterations} iterations"
@@ -55,7 +55,7 @@ def cause_of(event: Event, scenario: Scenario) -> str:
 
 
 def fault_line(fault: Part[Fault]) -> str:
-    """A fault of a scenario in a line, as in `motor off, at 50, count 2`."""
+    """A scenario's fault on a line, as in `motor off, at 50, count 2`."""
     words = described(fault).split()
     name = [word for word in words if "=" not in word]
     keys = [" ".join(word.split("=", 1)) for word in words if "=" in word]

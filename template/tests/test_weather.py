@@ -1,4 +1,4 @@
-"""What every part promises, and what each is for."""
+"""Every part's contract, and each part's purpose."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_storm(check: Callable[[], None]) -> None:
 def test_robots_agree_on_the_warmest_place_and_go_there() -> None:
     run = sw.run(WARMEST)
     assert run.finished
-    assert run.iterations <= 5  # a ring of five, in which news travel one robot an iteration
+    assert run.iterations <= 5  # a ring of five, where news travels one robot per iteration
     moments = list(sw.simulate(WARMEST, overrides={"stop.when_done": "continue"}))
     assert np.ptp(moments[-1].knowledge.warmth) == 0.0
     start, end = (moments[i].state.pose[:, 0].mean() for i in (0, -1))

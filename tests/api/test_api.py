@@ -132,7 +132,7 @@ def test_a_study_does_what_is_missing(tmp_path: Path) -> None:
     assert "<td>k=2</td>" in done._repr_html_()
     more = sw.study(path, seeds=3, store=tmp_path / "two.sqlite", workers=1)
     assert [row.digest for row in more.results["k=0"].rows[:2]] == [row.digest for row in done.results["k=0"].rows]
-    with pytest.raises(sw.InputError, match="is no measure"):
+    with pytest.raises(sw.InputError, match="is not a measure"):
         done.describe("nonsense")
 
 

@@ -113,7 +113,7 @@ def test_a_reading_may_mean_another_condition_by_a_name() -> None:
 def test_measures_of_runs_are_compared_and_unknown_ones_refused() -> None:
     runs = Runs({"a": result("a", spread(100, 3))}, {})
     assert runs.values("a", "error").tolist() == [0.0, 2.0, 4.0]
-    with pytest.raises(InputError, match="'height' is no measure; known: error"):
+    with pytest.raises(InputError, match="'height' is not a measure; known: error"):
         runs.values("a", "height")
 
 

@@ -58,7 +58,7 @@ def test_compare_says_that_buildings_differ(tmp_path: Path) -> None:
     done = called("compare", *runs)
     assert done.returncode == 0, done.stderr
     told = " ".join(done.stdout.split())
-    assert "notice: these differ in world, so that their numbers tell little of each other: " in told
+    assert "notice: these differ in world, so their numbers are hard to compare: " in told
     assert "room.svg (first); " in told
     assert "(second)" in told
     assert "notice:" not in called("compare", runs[0], runs[0]).stdout

@@ -129,7 +129,7 @@ def test_a_study_of_methods_from_file_to_figures(tmp_path: Path) -> None:
 def test_two_equal_values_of_an_axis_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "study.toml"
     path.write_text(STUDY.replace('{use = "dispersed-frontier", weight = 5.0}', '{use = "nearest-frontier"}'))
-    with pytest.raises(InputError, match="comes twice"):
+    with pytest.raises(InputError, match="is listed twice"):
         open_study(path)
 
 

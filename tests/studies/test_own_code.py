@@ -252,10 +252,10 @@ def test_a_recording_tells_its_code_and_verify_says_if_it_has_changed(folder: Pa
     assert "code" not in called("verify", "run", "--allow-code", cwd=folder).stdout
     (folder / "helper.py").write_text("TURN = 0.0  # as before\n")
     same = called("verify", "run", "--allow-code", cwd=folder)
-    assert (same.returncode, "though the code is other: helper.py (" in same.stdout) == (0, True)
+    assert (same.returncode, "though the code differs: helper.py (" in same.stdout) == (0, True)
     (folder / "helper.py").write_text("TURN = 0.5\n")
     different = called("verify", "run", "--allow-code", cwd=folder)
-    assert (different.returncode, "  the code is other: helper.py (" in different.stdout) == (1, True)
+    assert (different.returncode, "  the code differs: helper.py (" in different.stdout) == (1, True)
     called("run", "own.toml", "--out", "second", "--allow-code", "--quiet", cwd=folder)
     assert "made by different code of helper.py" in " ".join(
         called("compare", "run", "second", cwd=folder).stdout.split()

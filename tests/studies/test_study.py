@@ -125,7 +125,7 @@ def test_axes_cross_or_step_together(study: Path) -> None:
         ("seeds = 3", "seeds = 0", r"small\.toml: seeds"),
         ("seeds = 3", "seeds = [1, 1]", "listed twice"),
         ("[[vary]]", "[[varry]]", r"varry: unknown key; did you mean 'vary'"),
-        ('name = "chain"', 'name = "k=1"', "stands twice"),
+        ('name = "chain"', 'name = "k=1"', "is listed twice"),
         ("room.toml", "none.toml", "none.toml: cannot be read"),
         ("[0, 1, 2]", "[]", "vary"),
         ("title", "= title", "not valid TOML"),
@@ -292,7 +292,7 @@ def test_a_store_keeps_the_first_of_equal_runs_and_replaces_failures(tmp_path: P
 
 def test_a_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.sqlite").write_text("certainly no database, but rather long prose " * 40)
-    with pytest.raises(InputError, match=r"s\.sqlite: no store of results"):
+    with pytest.raises(InputError, match=r"s\.sqlite: not a store of results"):
         Store(tmp_path / "s.sqlite")
     with Store(tmp_path / "t.sqlite") as store:
         store._base.execute("pragma user_version = 9")
@@ -311,7 +311,7 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     assert "A12" in table.stdout
     assert "path_sum" in called("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
     wrong = called("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
-    assert (wrong.returncode, "'paths' is no measure" in wrong.stderr) == (2, True)
+    assert (wrong.returncode, "'paths' is not a measure" in wrong.stderr) == (2, True)
     exported = called("study", "export", study, *at, "--csv", "runs.csv", "--parquet", "runs.parquet", cwd=tmp_path)
     assert exported.returncode == 0, exported.stderr
     with (tmp_path / "runs.csv").open() as file:

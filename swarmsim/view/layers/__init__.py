@@ -1,4 +1,4 @@
-"""What pictures show of a run, as shapes: one list that films, windows, pages and viewers draw."""
+"""What pictures show of a run, as shapes: one list for films, windows, pages and viewers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from swarmsim.view.style import LAYERS, Style
 
 
 class OurLayer(Protocol):
-    """A layer of ours, which is given more of a moment than it says to others, and explains its signs."""
+    """A built-in layer: it sees more of a moment than third-party layers, and explains its signs."""
 
     @property
     def name(self) -> str:
@@ -25,11 +25,11 @@ class OurLayer(Protocol):
         ...
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """What is drawn of a moment."""
+        """The shapes of a moment."""
         ...
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """The signs for the legend, of those that this run needs."""
+        """The signs that this run's legend needs."""
         ...
 
 
@@ -46,11 +46,11 @@ class Layers:
         self.all += tuple(self._own)
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """The signs of those that a look shows."""
+        """The signs of a look's layers."""
         return [sign for layer in self._shown(look) for sign in layer.signs(scene, look)]
 
     def draw(self, shot: Frame, look: Style) -> list[Mark]:
-        """The shapes of those that a look shows, the lowest first."""
+        """The shapes of a look's layers, the lowest first."""
         return sorted((mark for layer in self._shown(look) for mark in layer.draw(shot)), key=lambda mark: mark.z)
 
     def _shown(self, look: Style) -> list[OurLayer]:

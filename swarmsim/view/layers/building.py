@@ -1,4 +1,4 @@
-"""The building and what stands in it: floor, walls, boxes."""
+"""The building and its contents: floor, walls, boxes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FLOOR, EDGES, BOXES = 0.0, 20.0, 30.0  # z
 
 
 class Building:
-    """What the plan shows: the same in the whole run."""
+    """The floor plan, constant over the run."""
 
     name = "building"
 
@@ -31,16 +31,16 @@ class Building:
         self._marks: list[Mark] = [*areas, edges]
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """Areas, and over what is known of the floor their outlines."""
+        """Areas, and their outlines above the known floor."""
         return self._marks
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """None: everybody knows what walls are."""
+        """None: walls need no explanation."""
         return []
 
 
 class Boxes:
-    """Doors that are closed, furniture and rubble."""
+    """Closed doors, furniture and rubble."""
 
     name = "boxes"
 
@@ -49,10 +49,8 @@ class Boxes:
         return [box_marks(*shot.boxes)] if shot.boxes else []
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """A box, if one ever stands there."""
-        return [Sign("box", "box that was not there before", [box_marks((-7.0, -5.0, 7.0, 5.0))])] * (
-            "box" in scene.signs
-        )
+        """A box, if one ever appears."""
+        return [Sign("box", "box placed during the run", [box_marks((-7.0, -5.0, 7.0, 5.0))])] * ("box" in scene.signs)
 
 
 def box_marks(*boxes: tuple[float, float, float, float]) -> Polygons:
@@ -62,7 +60,7 @@ def box_marks(*boxes: tuple[float, float, float, float]) -> Polygons:
 
 
 def _areas(parts: Iterable[shapely.Polygon], ink: str) -> Polygons:
-    """Large ones first: a hole is cut before what stands inside of it is drawn, because that is smaller."""
+    """Large areas first: a hole is cut before the smaller areas inside it are drawn."""
     order = sorted(parts, key=lambda part: -shapely.Polygon(part.exterior).area)
     rings = [(ring, place > 0) for part in order for place, ring in enumerate((part.exterior, *part.interiors))]
     points, ends = ends_of(shapely.get_coordinates(ring) for ring, _ in rings)

@@ -1,4 +1,4 @@
-"""What robots sense, say and want: tiles, beams, links, ways and goals."""
+"""What robots sense, send and aim for: tiles, beams, links, ways and goals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ONE: Final = np.zeros(1, np.int64)
 
 
 def shown(shot: Frame) -> Whole:
-    """The robots that are alive and whose own things are drawn."""
+    """Live robots with tiles, ways and beams drawn."""
     return np.array([robot for robot in shot.chosen or range(len(shot.alive)) if shot.alive[robot]], np.int64)
 
 
@@ -94,7 +94,7 @@ class Ways:
 
 
 def ways(paths: Sequence[Reals], of: Whole) -> Lines:
-    """Paths, each (w, 2) in m, that begin at their robots."""
+    """Paths, each (w, 2) in m, from their robots on."""
     points, ends = ends_of(paths)
     on = np.full(len(points), -1)
     on[ends - np.diff(ends, prepend=0)] = of
@@ -107,12 +107,12 @@ def goals(places: Reals, of: Whole) -> Polygons:
 
 
 class Links:
-    """Who hears whom: whole lines are heard, dashed ones lost, dotted ones under way."""
+    """Links: solid lines for heard messages, dashed for lost ones, dotted for those under way."""
 
     name = "links"
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """Lines between robots; those that are heard on one side alone are arrows."""
+        """Lines between robots; one-way links are arrows."""
         fates: tuple[tuple[str, Pairs, Ink, Dash], ...] = (
             ("waiting", shot.waiting, "link", "dotted"), ("lost", shot.lost, "lost", "dashed"),
             ("mutual", shot.mutual, "link", "whole"), ("one way", shot.one_way, "link", "whole"),
@@ -120,7 +120,7 @@ class Links:
         return [links(shot.pose, pairs, name, ink, dash) for name, pairs, ink, dash in fates if len(pairs)]
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """Those that are ever drawn."""
+        """The links that are ever drawn."""
         ends, pair = np.array([(10.0, 0.0), (-10.0, 0.0)]), np.array([(0, 1)])
         every: tuple[tuple[str, str, Ink, Dash], ...] = (
             ("mutual", "link: each hears the other", "link", "whole"),

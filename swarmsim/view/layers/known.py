@@ -1,4 +1,4 @@
-"""What robots know of the floor: their maps, and what they make of a field."""
+"""What robots know of the floor: their maps, and their estimates of a field."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from swarmsim.view.signs import Sign, ramp
 from swarmsim.view.style import Style
 
 FLOOR = 10.0  # z
-MOST = 250  # counts that are told apart
+MOST = 250  # distinct counts
 SEEN = 254
 
 
 class Maps:
-    """How many robots know each cell or, of one that is looked at, what it knows itself."""
+    """How many robots know each cell, or the focused robot's own map."""
 
     name = "map"
 
@@ -28,7 +28,7 @@ class Maps:
         self._row, self._counts = -1, np.empty((0, 0), np.uint8)
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """The map of all and, over it, the one that is looked at."""
+        """The map of all robots and, over it, the focused robot's."""
         if not self._scene.has_maps:
             return []
         most = min(self._robots, MOST)
@@ -67,7 +67,7 @@ class Maps:
 
 
 class FieldEstimates:
-    """The field as robots estimate it in the mean."""
+    """The robots' mean estimate of the field."""
 
     name = "field"
 

@@ -1,4 +1,4 @@
-"""Layers that a scenario lists or its parts bring along: found, asked, and held to what pictures can draw."""
+"""Third-party layers of a scenario or its parts: found, called, and checked for what pictures can draw."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from swarmsim.view.style import Style
 
 
 class OwnLayer:
-    """One of them, with the part that it comes from."""
+    """A third-party layer, with the part that it comes from."""
 
     def __init__(self, layer: Layer, part: str) -> None:
         self._layer, self._part = layer, part
         self.name = str(layer.name)
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """What it draws. Raises PartError if it fails, or draws what cannot be drawn."""
+        """Its shapes. Raises PartError if it fails or returns something that cannot be drawn."""
         at = f"{self._part}, drawing iteration {shot.iteration}"
         try:
             found = self._layer.draw(shot)
@@ -46,9 +46,9 @@ class OwnLayer:
 
 
 def own_layers(scenario: Scenario, first: Shown) -> list[OwnLayer]:
-    """The layers of a scenario and of its parts, but for those that may not be run or are not installed.
+    """The layers of a scenario and its parts, without those that may not run or are not installed.
 
-    Raises InputError for keys that cannot be, and PartError for parts that fail.
+    Raises InputError for invalid keys, and PartError for parts that fail.
     """
     found: list[OwnLayer] = []
     for part in all_parts(scenario):
@@ -70,7 +70,7 @@ def own_layers(scenario: Scenario, first: Shown) -> list[OwnLayer]:
 
 
 def left_out(scenario: Scenario) -> str | None:
-    """What to tell about layers that are left out of pictures, if some are."""
+    """A notice about layers left out of pictures, if any."""
     absent = []
     for part in scenario.layers:
         try:

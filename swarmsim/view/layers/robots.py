@@ -1,4 +1,4 @@
-"""Robots and people: where they are, and what is wrong with them."""
+"""Robots and people: their places, and robots' faults."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def forms(
     places: Reals, form: Reals, of: Whole, ink: Inks, z: float, name: str = "", yaw: Reals | None = None,
     edge: str | None = "edge", rides: bool = False,
 ) -> Polygons:  # fmt: skip
-    """One form, in radii of robots as drawn, around each place (k, 2) in m, turned by `yaw` (k,)."""
+    """One form, in radii of robots as drawn, around each place (k, 2) in m, rotated by `yaw` (k,)."""
     points, ends = ends_of([form] * len(of))
     return Polygons(points, ends, ink, edge, at=places, yaw=yaw, unit="body", of=of, rides=rides, name=name, z=z)
 
@@ -38,7 +38,7 @@ def inks_of_robots(robots: Whole) -> list[str]:
 
 
 def bodies(pose: Reals, of: Whole, ink: Ink | None = None) -> list[Mark]:
-    """Discs with noses, between which there is no edge; in the robots' own colours, unless there is another ink."""
+    """Discs joined with noses; in the robots' own colours unless an ink is given."""
     inks: Inks = inks_of_robots(of) if ink is None else ink
     places, yaw = pose[:, :2], pose[:, 2]
     discs = Circles(places, 1.0, inks, unit="body", of=of, rides=True, name="robot", z=ROBOTS)
@@ -52,7 +52,7 @@ def rings(pose: Reals, of: Whole, ink: str, name: str) -> Circles:
 
 
 class Robots:
-    """Those that are alive: discs with noses and ids, and which way they estimate to have to go."""
+    """Live robots: discs with noses and ids, and their estimates of the way to go."""
 
     name = "robots"
 
@@ -86,12 +86,12 @@ def headings(pose: Reals, of: Whole, yaw: Reals) -> Polygons:
 
 
 class Faults:
-    """Rings around robots with a fault and around latecomers, the dead, and where bodies have been."""
+    """Rings around robots with a fault and latecomers; dead robots; places of removed ones."""
 
     name = "faults"
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """The dead below all robots, rings below those that they are around."""
+        """Dead robots below all others, rings below their robots."""
         marks = np.array(shot.marks)
         gone: NDArray[np.bool_] = ~shot.alive & (marks == "removed")
         dead = np.flatnonzero(~shot.alive & ~gone & (marks != "late"))
@@ -104,7 +104,7 @@ class Faults:
         return found
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """Those that are ever drawn."""
+        """The marks that are ever drawn."""
         pose, one = np.array([(0.0, 0.0, 0.5)]), np.zeros(1, np.int64)
         every = [
             Sign("fault", "robot with a fault", [rings(pose, one, "mark", ""), *bodies(pose, one)]),
@@ -127,12 +127,12 @@ def removed(pose: Reals, of: Whole) -> Circles:
 
 
 class Lights:
-    """The colours in which robots shine."""
+    """The colours of robots' lights."""
 
     name = "lights"
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """Discs of these colours under those of the robots, which are smaller."""
+        """Discs of these colours, under the robots' smaller ones."""
         lit = np.empty(0, np.int64) if shot.lights is None else np.flatnonzero(shot.lights.any(axis=1) & shot.alive)
         if shot.lights is None or not len(lit):
             return []
@@ -140,17 +140,17 @@ class Lights:
         return [Circles(shot.pose[lit, :2], 1.6, inks, unit="body", of=lit, rides=True, name="light", z=LIGHTS)]
 
     def signs(self, scene: Scene, look: Style) -> list[Sign]:
-        """None: what a colour means is up to the strategy."""
+        """None: the strategy gives colours their meaning."""
         return []
 
 
 class Beliefs:
-    """Where robots take themselves to be, if that may differ."""
+    """Robots' estimated positions, if they may differ from the true ones."""
 
     name = "beliefs"
 
     def draw(self, shot: Frame) -> Sequence[Mark]:
-        """Rings, and lines to them from where the robots are."""
+        """Rings, and lines to them from the robots."""
         live = np.flatnonzero(shot.alive)
         return [] if shot.believed is None else beliefs(shot.pose[live, :2], shot.believed[live], live)
 
@@ -158,7 +158,7 @@ class Beliefs:
         """A robot with its ring."""
         ends, one = np.array([(-10.0, 0.0, 0.5), (10.0, 0.0, 0.0)]), np.zeros(1, np.int64)
         marks = [*bodies(ends[:1], one), *beliefs(ends[:1, :2], ends[1:, :2], one)]
-        return [Sign("belief", "where a robot believes to be", marks)] * scene.has_beliefs
+        return [Sign("belief", "estimated position", marks)] * scene.has_beliefs
 
 
 def beliefs(places: Reals, there: Reals, of: Whole) -> list[Mark]:

@@ -1,4 +1,4 @@
-"""A layer for scenarios that ask for it: where robots have come from."""
+"""An optional layer for scenarios: the robots' recent paths."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ JUMP = 20.0  # radii of a robot: a farther step goes round a page without edges,
 
 
 class Trails(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Where each live robot has been in the latest iterations."""
+    """Each live robot's path over the latest iterations."""
 
     iterations: Annotated[int, Meta(ge=1, le=1000)] = 30  # how far back lines go
 

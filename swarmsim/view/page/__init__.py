@@ -1,1 +1,1 @@
-"""A run as one page that anybody's browser replays: no server, no network."""
+"""A run as one page that any browser replays: no server, no network."""

@@ -23,7 +23,7 @@ SPEEDS: Final = (1, 5, 20, 60, 200)
 
 
 def replay_page(recording: Recording, beside: Recording | None = None) -> str:
-    """One HTML page that replays a run, or two in step; it needs nothing besides itself."""
+    """One self-contained HTML page that replays a run, or two in step."""
     runs = [recording, *([] if beside is None else [beside])]
     packed = [payload(run) for run in runs]
     title = html.escape(recording.scenario.title)
@@ -72,7 +72,7 @@ def study_page(
     title: str, tables: Mapping[str, tuple[Sequence[str], Sequence[Sequence[str]]]], figures: Mapping[str, str],
     links: Mapping[str, str],
 ) -> str:  # fmt: skip
-    """A study's tables (head and rows, by heading) and figures (addresses of pictures, by caption).
+    """A study's tables (head and rows, by heading) and figures (picture addresses, by caption).
 
     `links` gives the page of a run for the text of a cell, such as `k=2, seed 7`.
     """
@@ -100,7 +100,7 @@ def study_page(
 
 
 def _page(title: str, body: str, script: str) -> str:
-    """A page that runs this script, wears our style, shows pictures that are in it, and may do nothing else."""
+    """A page with this script, our style and embedded pictures; its policy forbids all else."""
     style = _text("page.css")
     policy = f"default-src 'none'; script-src {hashed(script)}; style-src {hashed(style)}; img-src data:"
     return f"""<!doctype html>
@@ -112,7 +112,7 @@ def _page(title: str, body: str, script: str) -> str:
 
 
 def hashed(text: str) -> str:
-    """What names a script or a style in a page's policy: its SHA-256, so that no other one is run."""
+    """The SHA-256 of a script or style for a page's policy, so that no other one runs."""
     return f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
@@ -128,7 +128,7 @@ def _speeds() -> str:
 
 
 def _boxes(runs: Sequence[dict[str, list[dict[str, str]]]]) -> str:
-    """A box to tick for each layer of which something is drawn."""
+    """A checkbox for each layer with something to draw."""
     names = [track["layer"] for words in runs for track in words["tracks"]]
     return "".join(
         f'<label><input type="checkbox" name="{name}"{"" if name in HIDDEN else " checked"}>{name}</label>'

@@ -1,5 +1,5 @@
 "use strict";
-// Replays recorded runs. Every number shown is the recording's; poses alone are interpolated between iterations.
+// Replays recorded runs. All numbers shown are recorded; only poses are interpolated between iterations.
 const TYPES = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, i2: Int16Array, i4: Int32Array, f4: Float32Array };
 const css = (c, alpha) => alpha === undefined ? `rgb(${c})` : `rgba(${c}, ${alpha})`;
 const mixed = (a, b, share) => a.map((v, i) => Math.round(v + share * (b[i] - v)));
@@ -39,7 +39,7 @@ class Run {
   }
   alive(row, robot) { return this.data.alive[row * this.robots + robot] === 1; }
   mark(row, robot) { return this.marks[this.data.marks[row * this.robots + robot]]; }
-  pairs(row, robot) {  // who is heard, who hears, and whose message was lost
+  pairs(row, robot) {  // the robots it hears, those that hear it, and those whose message was lost
     const found = { hears: [], heard: [], lost: [] };
     for (const track of this.tracks) if (track.layer === "links" && track.name !== "waiting") {
       track.seek(row);
@@ -60,7 +60,7 @@ class Run {
   }
 }
 
-// One kind of shapes of a layer: words that hold for the whole run, and columns of which each row has the newest state.
+// One kind of shapes of a layer: constant words, and columns whose rows hold the newest state.
 class Track {
   constructor(words, data) {
     Object.assign(this, words);
@@ -74,7 +74,7 @@ class Track {
     }
     this.row = -1;
   }
-  keepCells([starts, ends, steps, to]) {  // with what was there before, so that cells can be moved back as well
+  keepCells([starts, ends, steps, to]) {  // with the previous values, so that time can go back
     const [cells, before] = [new Uint32Array(to.length), new Uint8Array(to.length)];
     this.values = new Uint8Array(this.shape[0] * this.shape[1]);
     for (let moment = 0, k = 0; moment < ends.length; moment++) for (let cell = 0; k < ends[moment]; k++) {
@@ -95,7 +95,7 @@ class Track {
     for (; kept.done && kept.starts[kept.done - 1] > row; kept.done--)
       for (let k = kept.ends[kept.done - 1] - 1; k >= begin(kept.done - 1); k--) this.values[kept.cells[k]] = kept.before[k];
   }
-  column(name) {  // its state in the row that was sought; null if these shapes have no such column
+  column(name) {  // its state in the current row; null if these shapes have no such column
     const part = this.parts[name];
     if (!part) return null;
     let low = 0, high = part.starts.length;
@@ -170,7 +170,7 @@ class View {
     }
     if (this.picked !== null) ring(c, this.spots[this.picked], 2.5 * this.discs[this.picked], css(run.themes[state.theme].text), 2 * this.ratio);
   }
-  shown(track, of, k) { return this.picked === null || track.rides || !of || of[k] === this.picked; }  // what moves with robots are these themselves
+  shown(track, of, k) { return this.picked === null || track.rides || !of || of[k] === this.picked; }  // shapes that move with robots are the robots themselves
   ink(track, name, k, opacity = 1) {
     const column = track.column(name), found = column ? column[k] : track[name];
     return found === null || found === undefined ? null : css(this.inks[found], opacity);
@@ -266,7 +266,7 @@ class View {
     c.imageSmoothingEnabled = false;
     c.drawImage(this.sheet, x, y - rows * side, columns * side, rows * side);
   }
-  radii(spots, row) {  // as large as can be read, but smaller where discs would overlap
+  radii(spots, row) {  // large enough to read, but smaller where discs would overlap
     const there = spots.map((_, robot) => robot).filter(robot => this.run.alive(row, robot) || this.run.mark(row, robot) === "");
     return spots.map((spot, robot) => {
       const real = this.scale * this.run.radii[robot];
@@ -285,7 +285,7 @@ function line(c, points, colour, width) {
 }
 function disc(c, [x, y], radius, fill, edge, width) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.fillStyle = fill; c.fill(); if (edge) { c.strokeStyle = edge; c.lineWidth = width; c.stroke(); } }
 function ring(c, [x, y], radius, colour, width) { c.beginPath(); c.arc(x, y, radius, 0, 7); c.strokeStyle = colour; c.lineWidth = width; c.stroke(); }
-function head(c, from, to, gap, colour, edge, thin) {  // of an arrow, so many pixels before its end
+function head(c, from, to, gap, colour, edge, thin) {  // an arrow's head, `gap` pixels before its end
   const length = Math.hypot(to[0] - from[0], to[1] - from[1]), size = 6 * thin;
   if (length < gap + 4) return;
   const [ux, uy] = [(to[0] - from[0]) / length, (to[1] - from[1]) / length], tip = [to[0] - gap * ux, to[1] - gap * uy];

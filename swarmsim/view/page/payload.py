@@ -1,4 +1,4 @@
-"""What a replay page needs of a recording: numbers packed small, words as they are."""
+"""The parts of a recording that a replay page needs: packed numbers, plain words."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MARKS = ("", "fault", "removed", "late", "joined")
 
 
 def payload(recording: Recording) -> dict[str, str]:
-    """The run as two texts that fit into a page: `words` (JSON) and `numbers` (base64 of deflated arrays)."""
+    """The run as two texts for a page: `words` (JSON) and `numbers` (base64 of deflated arrays)."""
     scene = Scene(recording)
     tracks = Tracks(scene)
     arrays = {**_arrays(recording, scene), **tracks.arrays}
@@ -100,12 +100,12 @@ def _summary(summary: Summary, scene: Scene) -> dict[str, str]:
 
 
 def _worded(name: str, value: float, scene: Scene) -> str:
-    """A measure; that of the curve in its unit."""
+    """A measure's text; the curve's measure is in its unit."""
     curve = scene.curve
     unit = curve.label.partition(", ")[2]
     return f"{curve.scale * value:{curve.format}} {unit}".rstrip() if name == curve.name else f"{value:.4g}"
 
 
 def _digits(how: str) -> int:
-    """The decimal places of a format such as .1f; of others, three."""
+    """The decimal places of a format such as .1f; three for others."""
     return int(how[1]) if how[:1] == "." and how[-1:] == "f" else 3

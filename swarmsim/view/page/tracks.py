@@ -1,4 +1,4 @@
-"""What layers draw in the whole run, packed small: of each kind of shapes the columns, and of these what changes."""
+"""All that layers draw during a run, packed small: for each kind of shapes the changes of each column."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_RAYS: Final = 4_000_000  # in the whole run; a page with more would be too 
 
 
 class Track(NamedTuple):
-    """One kind of shapes of a layer: what never changes of it in words, and its columns row by row."""
+    """One kind of shapes of a layer: its constants in words, and its columns row by row."""
 
     words: dict[str, object]
     states: dict[str, list[tuple[int, Array]]]  # by column: from which row on it is what
@@ -28,7 +28,7 @@ class Track(NamedTuple):
 
 
 class Tracks:
-    """The shapes of a run; `arrays` and `words` are what a page needs of them."""
+    """The shapes of a run, as the `arrays` and `words` that a page needs."""
 
     def __init__(self, scene: Scene) -> None:
         self._tracks: dict[object, Track] = {}
@@ -58,7 +58,7 @@ class Tracks:
         return sorted(self._tracks.values(), key=lambda track: float(str(track.words["z"])))
 
     def _take(self, row: int, layer: str, marks: Sequence[Mark], shot: Frame, robot: int | None) -> set[object]:
-        """Take note of the shapes of one moment; gives the keys of their tracks."""
+        """Record the shapes of one moment; gives the keys of their tracks."""
         seen: set[object] = set()
         for mark in marks:
             words, columns = self._parted(mark, shot)
@@ -75,7 +75,7 @@ class Tracks:
         return seen
 
     def _parted(self, mark: Mark, shot: Frame) -> tuple[dict[str, object], dict[str, Array]]:
-        """What is said of all shapes in words, and the columns that have a number for each."""
+        """The words common to all shapes, and the columns with a number for each."""
         words: dict[str, object] = {}
         columns: dict[str, Array] = {}
         self.inks += [ink for ink in dict.fromkeys(inks_of(mark)) if ink not in self.inks]
@@ -101,7 +101,7 @@ class Tracks:
         return words, {**columns, "count": np.array([count], np.uint16)}
 
     def _packed(self, number: int, track: Track) -> dict[str, object]:
-        """The track in words, with the names of the arrays that hold its columns."""
+        """The track in words, with the names of its columns' arrays."""
         columns: dict[str, object] = {}
         for name, states in track.states.items():
             stem = f"{number}.{name}"
@@ -119,7 +119,7 @@ class Tracks:
         return {**track.words, "columns": columns}
 
     def _changes(self, stem: str, cells: list[tuple[int, Array, Array]]) -> list[object]:
-        """Cells that change, with their new values; the places of one moment as steps from one to the next."""
+        """Changed cells with their new values; a moment's places are stored as differences."""
         steps = np.concatenate([np.diff(np.asarray(places, np.int64), prepend=0) for _, places, _ in cells])
         ends = np.cumsum([len(places) for _, places, _ in cells]).astype(np.uint32)
         starts = np.array([row for row, _, _ in cells], np.uint32)
@@ -128,7 +128,7 @@ class Tracks:
         return [self._kept(f"{stem}.{name}", array) for name, array in kept]
 
     def _kept(self, name: str, array: Array) -> str:
-        """The name of an array like this; equal ones are kept once."""
+        """The name of this array; equal ones are kept once."""
         for other, kept in self.arrays.items():
             if kept.dtype == array.dtype and kept.shape == array.shape and np.array_equal(kept, array):
                 return other
@@ -137,7 +137,7 @@ class Tracks:
 
 
 def _joined(marks: Sequence[Mark]) -> list[Mark]:
-    """The same with rays of robots one after the other as one, if their bearings are equal."""
+    """The same shapes with consecutive robots' rays merged if their bearings are equal."""
     rays = [mark for mark in marks if isinstance(mark, Rays)]
     if len(rays) < 2 or any(not np.array_equal(mark.bearings, rays[0].bearings) for mark in rays):
         return list(marks)
@@ -146,7 +146,7 @@ def _joined(marks: Sequence[Mark]) -> list[Mark]:
 
 
 def _ride(mark: Mark, shot: Frame, words: dict[str, object], columns: dict[str, Array]) -> None:
-    """Leave out where shapes are that move with robots: a page has the poses."""
+    """Leave out the places of shapes that move with robots: a page has the poses."""
     if isinstance(mark, Rays) or getattr(mark, "rides", False):
         words["rides"] = True
         columns.pop("at", None)
@@ -169,7 +169,7 @@ def _whole(name: str, value: Array) -> Array:
 
 
 def _smallest(array: Array) -> Array:
-    """The same numbers in as few bytes as they fit into."""
+    """The same numbers in the smallest type that holds them."""
     low, high = (int(array.min()), int(array.max())) if array.size else (0, 0)
     kinds = (np.uint8, np.uint16, np.uint32) if low >= 0 else (np.int16, np.int32)
     kind = next(kind for kind in kinds if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max)
@@ -177,13 +177,13 @@ def _smallest(array: Array) -> Array:
 
 
 def _note(states: list[tuple[int, Array]], row: int, column: Array) -> None:
-    """A column's new state, if it is another one."""
+    """Record a column's state if it has changed."""
     if not states or states[-1][1].shape != column.shape or not np.array_equal(states[-1][1], column):
         states.append((row, column.copy()))
 
 
 def _note_cells(track: Track, row: int, values: NDArray[np.uint8]) -> None:
-    """The cells of a raster that are something else now."""
+    """Record the cells of a raster that have changed."""
     before = track.before.get("values", np.zeros_like(values))
     places = np.flatnonzero(values != before)
     if len(places):

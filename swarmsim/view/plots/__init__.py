@@ -1,4 +1,4 @@
-"""Figures of runs and of what many runs say together, saved as the same bytes every time."""
+"""Figures of single runs and of many runs together, saved as the same bytes every time."""
 
 from swarmsim.view.plots.building import building
 from swarmsim.view.plots.conditions import comparison, distributions

@@ -1,4 +1,4 @@
-"""A building as a swarm finds it: cells, domain, spawn areas, doors, and what is wrong with it."""
+"""A building as a swarm finds it: cells, domain, spawn areas, doors, and problems."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def building(
 ) -> Figure:
     """A floor plan with its grid, the `domain` (rows, columns), spawn areas, and `doors` (x, y, width in m).
 
-    Doors are coloured by what a robot of `diameter` (m) has of them; `pockets` are places that it cannot get into,
+    Doors are coloured by how well a robot of `diameter` (m) fits through; `pockets` are places that it cannot enter,
     `problems` those that make 100 % unattainable.
     """
     bounds = _bounds(plan)
@@ -84,13 +84,13 @@ def building(
 
 
 def _chance(width: float, diameter: float) -> str:
-    """What a robot has of a door."""
+    """How well a robot fits through a door."""
     names = list(CHANCE)
     return names[2] if width < diameter else names[1] if width < 2.0 * diameter else names[0]
 
 
 def _bounds(plan: FloorPlan) -> Bounds:
-    """What is shown: the solid things, and the page unless it is much larger."""
+    """The bounds shown: the solid areas, and the page unless it is much larger."""
     left, low, right, high = shapely.total_bounds(
         [layer for name in SOLIDS if not (layer := plan.layers[name]).is_empty] or [plan.walls]
     )

@@ -21,10 +21,10 @@ def distributions(
 ) -> Figure:  # fmt: skip
     """Every run's iterations to 100 %: a box and points for each condition.
 
-    `times` (n,) holds the iterations of each run, or its limit where `finished` (n,) is false. The box shows the
+    `times` (n,) holds each run's iterations, or its limit where `finished` (n,) is false. The box shows the
     median and the quartiles of all runs, unfinished ones counted at their limits: a lower bound where the box
     touches them. `published` values stand left of the box, `estimates` (a mean, and the low and the high end of
-    its 95 % interval) right of it. The scale is logarithmic where the numbers differ more than eightfold.
+    its 95 % interval) right of it. The scale is logarithmic if the numbers differ more than eightfold.
     """
     figure = sheet(max(6.4, 1.6 + 0.68 * len(times)), 5.2, title)
     axes = figure.subplots()

@@ -15,12 +15,12 @@ from swarmsim.view.plots.style import BLUE, COLOURS, GREY, PALE, VERMILLION, Lin
 
 
 def counted(runs: Sequence[int]) -> str:
-    """How many runs there are, for a legend."""
+    """The number of runs, for a legend."""
     return f", n = {min(runs)}{f' to {max(runs)}' if min(runs) < max(runs) else ''}" if len(runs) else ""
 
 
 def described(label: str, runs: Sequence[Reals], whole: float | None = 1.0) -> str:
-    """A condition with the number of its runs, and of those that did not get to 100 %, the value `whole`."""
+    """A condition with the number of its runs, and of those that did not reach 100 %, the value `whole`."""
     below = 0 if whole is None else sum(run[-1] < whole for run in runs)
     return f"{label} (n = {len(runs)}{f', {below} below 100 %' if below else ''})"
 
@@ -42,7 +42,7 @@ def area_key(label: str, face: str, edge: str, alpha: float = 1.0) -> Rectangle:
 
 
 def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[int]]) -> list[Artist]:
-    """Vertical dashes in the colours of the conditions, in turns where several share an iteration; for the legend."""
+    """Vertical dashes in the conditions' colours, alternating where they coincide; gives the legend's entries."""
     rows = places_of(marks, labels).astype(int)
     owners: dict[int, list[int]] = {}
     for row, iterations in zip(rows, marks.values(), strict=True):
@@ -56,7 +56,7 @@ def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[
 
 
 def places_of(given: Iterable[str], labels: Sequence[str]) -> Reals:
-    """Where the given labels stand among all labels."""
+    """The positions of the given labels among all labels."""
     unknown = sorted(set(given) - set(labels))
     if unknown:
         raise ValueError(f"no such condition: {', '.join(unknown)}; there are {', '.join(labels)}")

@@ -1,4 +1,4 @@
-"""The ground a figure of a run stands on: the floor plan in metres, and the signs of robots."""
+"""The background of a run's figures: the floor plan in metres, and the signs of robots."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ Bounds = tuple[float, float, float, float]  # m: left, right, lower, upper
 
 
 def draw_solids(axes: Axes, layers: Mapping[str, shapely.MultiPolygon]) -> None:
-    """Fill what is solid, layer by layer."""
+    """Fill the solid areas, layer by layer."""
     for name, colour in SOLIDS.items():
         axes.add_patch(PathPatch(outline(layers[name]), facecolor=colour, edgecolor=EDGE, linewidth=0.5))
 
 
 def draw_outlines(axes: Axes, layers: Mapping[str, shapely.MultiPolygon], colour: str) -> None:
-    """Draw the edges of what is solid as faint lines over what is there already."""
+    """Draw the edges of solid areas as faint lines over the figure."""
     for name in SOLIDS:
         axes.add_patch(PathPatch(outline(layers[name]), facecolor="none", edgecolor=colour, linewidth=0.6, alpha=0.6))
 
 
 def solid_keys(layers: Mapping[str, shapely.MultiPolygon]) -> list[Artist]:
-    """What stands for the layers that are not empty in a legend."""
+    """The legend's entries for layers that are not empty."""
     there = {name: colour for name, colour in SOLIDS.items() if not layers[name].is_empty}
     return [PathPatch(Path.unit_rectangle(), facecolor=c, edgecolor=EDGE, lw=0.5, label=n) for n, c in there.items()]
 
 
 def measure_in_metres(panels: Iterable[Axes], bounds: Bounds) -> None:
-    """Give all panels of a grid the same limits, a metre being as long along x as along y; outer labels only."""
+    """Give all panels of a grid the same limits and equal scales in x and y; outer labels only."""
     for axes in panels:
         axes.set(xlim=bounds[:2], ylim=bounds[2:], aspect="equal", xlabel="x, m", ylabel="y, m")
         axes.grid(False)
@@ -51,7 +51,7 @@ def measure_in_metres(panels: Iterable[Axes], bounds: Bounds) -> None:
 
 
 def draw_robot(axes: Axes, x: float, y: float, robot: int, colour: str, size: float, alive: bool = True) -> None:
-    """A disc with the robot's id, `size` in points; the dead are grey crosses with theirs beside them."""
+    """A disc with the robot's id, `size` in points; dead robots are grey crosses beside their ids."""
     if alive:
         axes.plot([x], [y], "o", color=colour, mec=BLACK, mew=0.5, ms=size, zorder=4)
         letters = 0.62 * size if robot < 100 else 0.48 * size
@@ -64,7 +64,7 @@ def draw_robot(axes: Axes, x: float, y: float, robot: int, colour: str, size: fl
 
 
 def dead_key() -> Line2D:
-    """What stands for dead robots in a legend."""
+    """The legend's entry for dead robots."""
     return Line2D([], [], color=GREY, linestyle="", marker="x", markersize=6, label="dead")
 
 

@@ -1,4 +1,4 @@
-"""A file of a stranger before and after it is read: what it shows, and what of that is floor."""
+"""An imported file before and after reading: its drawing, and the floor found in it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def imported(
     pockets: Sequence[shapely.Polygon],
     title: str,
 ) -> Figure:
-    """What a file shows, as areas with their ink from 0 to 1, beside the floor plan that is made of it.
+    """A file's drawing, as areas with their ink from 0 to 1, beside the floor plan made from it.
 
-    `floor` is the free space that robots start in, `pockets` are pieces that they cannot enter.
+    `floor` is the free space where robots start; they cannot enter `pockets`.
     """
     drawn = [area for area, _ in shown if not area.is_empty]
     extent: list[float]

@@ -1,4 +1,4 @@
-"""A listing: a table as a picture."""
+"""A table as a picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from swarmsim.view.plots.style import DPI, PALE, styled
 
 @styled
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> Figure:
-    """A table as a picture, every column as wide as its widest text, all but the first aligned on the right."""
+    """A table as a picture; columns fit their widest text, and all but the first are right-aligned."""
     figure = sheet(1.0, 1.0, "")
     lines = [[figure.text(0, 0, text, va="center") for text in row] for row in (columns, *rows)]
     heading = figure.text(0, 0, title, size=12, weight="bold", va="center")

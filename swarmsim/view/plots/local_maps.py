@@ -1,4 +1,4 @@
-"""Local maps: what single robots know at one moment, side by side."""
+"""The maps of single robots at one moment, side by side."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ ACROSS: Final = 3  # maps in a row
 def local_maps(
     scene: Scene, maps: NDArray[np.uint8], shares: Sequence[float], robots: Sequence[int], iteration: int, title: str
 ) -> Figure:
-    """The maps of `robots` at the end of an iteration, with where each stood and the tile it sensed in it.
+    """The maps of `robots` at the end of an iteration, with each robot's position and sensed tile.
 
     `maps` (n, rows, columns) and `shares` (n,), the part of the domain in each map, 0 to 1, belong to all robots.
-    The outlines are the truth's, which no robot knows.
+    The outlines are the true ones, which no robot knows.
     """
     left, right, low, high = scene.bounds
     columns = 2 if len(robots) == 4 else min(len(robots), ACROSS)

@@ -1,4 +1,4 @@
-"""Methods beside one another over many tasks: ratios with their intervals, and performance profiles."""
+"""Methods compared over many tasks: ratios with their intervals, and performance profiles."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Ratios:
 
 @styled
 def ratios(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
-    """The ratio of each method's time to the first one's, with 95 % intervals, per group; on a logarithmic scale."""
+    """Ratios of each method's time to the first one's, with 95 % intervals, per group; on a logarithmic scale."""
     names = [one.method for one in next(iter(groups.values()))]
     figure = sheet(8.4, 1.6 + 0.4 * len(names), title)
     axes = figure.subplots()
@@ -53,7 +53,7 @@ def ratios(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
 
 @styled
 def profiles(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
-    """Which share of runs each method finishes within tau times the first method's mean in the same task; per group.
+    """The share of runs that each method finishes within tau times the first method's mean in the task; per group.
 
     Performance profiles as in Agarwal et al. (2021): the higher the curve, the better.
     """

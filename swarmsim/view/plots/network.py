@@ -1,4 +1,4 @@
-"""What the network of a run did: its graphs over time, who hears how many, who heard whom, and for how long."""
+"""A run's network: its graphs over time, degrees, first contacts and contact times."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def network_course(graphs: Mapping[str, Sequence[LinkGraph]], first: int, title:
 
 @styled
 def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
-    """How many others a robot hears, and by how many it is heard: of all live robots in all iterations, the share.
+    """How many others a robot hears, and how many hear it, as shares of all live robots in all iterations.
 
     `graphs` gives the snapshots of one or two graphs.
     """
@@ -102,7 +102,7 @@ def degrees(graphs: Mapping[str, Sequence[LinkGraph]], title: str) -> Figure:
 
 @styled
 def who_heard_whom(found: Reach, title: str) -> Figure:
-    """The iteration in which each robot first heard each other one, as a matrix: receivers down, senders across."""
+    """The iteration in which each robot first heard each other: rows are receivers, columns senders."""
     robots = len(found.present)
     side = 4.6 + 0.02 * min(robots, 100)
     figure = sheet(side + 1.4, side + 0.9, title)
@@ -129,9 +129,9 @@ def who_heard_whom(found: Reach, title: str) -> Figure:
 
 @styled
 def contact_times(graphs: Mapping[str, tuple[Spells, Spells]], title: str) -> Figure:
-    """The share of contacts, and of times between contacts, that last longer than so many iterations.
+    """The share of contacts, and of times between contacts, that last longer than the iterations along x.
 
-    `graphs` gives both for each kind of pair. Kaplan-Meier estimates on two logarithmic scales; a point marks where
+    `graphs` gives both for each kind of pair. Kaplan-Meier estimates on log-log axes; a point marks the time when
     half of them are over.
     """
     figure = sheet(9.6, 4.6, title)

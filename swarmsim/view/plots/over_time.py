@@ -1,4 +1,4 @@
-"""Curves over time: how fast the swarms of each condition get on with their task."""
+"""Curves over time: the progress of each condition's swarms."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def curves(
 
     `values` gives, for each condition, the curves (t,) of its runs: what `curve` describes, by default the share of
     the domain that is covered, after 1, 2, ... t iterations. A run that is over keeps its last value as long as others
-    of its condition go on. `marks` are the iterations at which faults befell the swarms of a condition.
+    of its condition go on. `marks` are the iterations of faults in the swarms of a condition.
     """
     names = [described(label, runs, _whole(curve)) for label, runs in values.items()]
     figure = sheet(6.4 + 0.075 * max(map(len, names)), max(4.4, 1.4 + 0.21 * len(names)), title)
@@ -64,7 +64,7 @@ def curves(
 
 
 def _whole(curve: Curve) -> float | None:
-    """The value of a curve in per cent below which a run is not done; None for all other curves."""
+    """The value at which a run is done, for a curve in per cent; None for all other curves."""
     percent = curve.rises and curve.high is not None and curve.label.endswith("%")
     return curve.high / curve.scale if percent and curve.high is not None else None
 

@@ -1,4 +1,4 @@
-"""Where one robot's knowledge comes from: who sensed it, over how many links it came, how old it is."""
+"""The provenance of one robot's knowledge: the robot that sensed it, the links it came over, its age."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ HOPS: Final = ("#08306B", "#4292C6", "#9ECAE1", "#DEEBF7")  # 0, 1, 2, 3 and mor
 def provenance(
     scene: Scene, robot: int, by: NDArray[np.int32], hops: NDArray[np.uint8], age: Reals, ages: Reals, title: str
 ) -> Figure:
-    """One robot's map by who sensed each cell, links and age, and below the mean age of what each robot knows.
+    """One robot's map by sensing robot, links and age; below, the mean age of each robot's knowledge.
 
     `by`, `hops` and `age` are (rows, columns), the age in iterations and NaN where nothing is known; `ages` (t, n).
     """

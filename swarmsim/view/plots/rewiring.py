@@ -1,4 +1,4 @@
-"""Rewiring: the network in the building at two moments, and which robots hear others than before."""
+"""Rewiring: the network in the building at two moments, and the robots whose neighbours changed."""
 
 from __future__ import annotations
 
@@ -70,22 +70,22 @@ def rewiring(scene: Scene, heard: Mapping[int, NDArray[np.int32]], title: str) -
 
 
 def _legend_height(handles: Sequence[Artist], width: float) -> float:
-    """About how high a legend of at most this width is, in inches; its columns are as wide as its longest text."""
+    """The approximate height in inches of a legend of at most this width; its longest text sets the columns' width."""
     longest = max(len(str(handle.get_label())) for handle in handles)
     columns = max(1, int(width / (0.6 + 0.066 * longest)))
     return 0.2 * -(-len(handles) // columns)
 
 
 def changes(before: Sequence[set[int]], after: Sequence[set[int]]) -> dict[int, tuple[list[int], list[int]]]:
-    """The robots whose neighbours differ, each with those it hears no more and those it hears anew."""
+    """The robots whose neighbours differ, each with those it no longer hears and those it newly hears."""
     pairs = enumerate(zip(before, after, strict=True))
     return {robot: (sorted(old - new), sorted(new - old)) for robot, (old, new) in pairs if old != new}
 
 
 def spread(places: NDArray[np.float64], least: float) -> NDArray[np.float64]:
-    """Places (n, 2) near the given ones, no two closer than `least` as far as this is reached in a few hundred steps.
+    """Places (n, 2) near the given ones, at least `least` apart where a few hundred steps achieve it.
 
-    In each step two places that are too close move apart by equal parts; those far from all others stay.
+    In each step two places that are too close move apart equally; those far from all others stay.
     """
     moved = places.copy()
     for _ in range(SPREADING):
@@ -106,7 +106,7 @@ def _neighbours(links: NDArray[np.int32], robots: int) -> list[set[int]]:
 def _arrows(
     axes: Axes, pairs: set[tuple[int, int]], other: set[tuple[int, int]], places: NDArray[np.float64], own: str
 ) -> None:
-    """An arrow from each sender to its receiver, in a colour of their `own` for those that are not there at the other.
+    """An arrow from each sender to its receiver; links missing at the other moment have their `own` colour.
 
     It has two heads where both hear each other, then and now.
     """

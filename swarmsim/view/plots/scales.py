@@ -1,4 +1,4 @@
-"""The scales of axes: their limits, and ticks whose labels do not touch."""
+"""Axis limits, and ticks whose labels do not touch."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from swarmsim.view.plots.style import DPI, TIME, Reals
 
 
 def span_axis(axes: Axes, numbers: Reals, scale: Literal["linear", "log"] = "linear") -> None:
-    """Upright limits that hold all numbers (not NaN), from zero on a linear scale; ticks in plain figures."""
+    """Vertical limits around all numbers (without NaN), from zero on a linear scale; ticks in plain figures."""
     shown = numbers[numbers > 0.0] if scale == "log" else numbers[np.isfinite(numbers)]
     low, high = shown.min(initial=1.0 if not len(shown) else np.inf), shown.max(initial=-np.inf if len(shown) else 10.0)
     axes.set_yscale(scale)
@@ -32,7 +32,7 @@ def span_axis(axes: Axes, numbers: Reals, scale: Literal["linear", "log"] = "lin
 
 
 def is_crowded(figure: Figure, axes: Axes) -> bool:
-    """Whether labels of neighbouring ticks along x touch."""
+    """Whether neighbouring tick labels along x touch."""
     figure.draw_without_rendering()
     boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
     return any(right.x0 - left.x1 < 0.04 * DPI for left, right in pairwise(boxes))

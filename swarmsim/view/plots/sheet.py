@@ -1,4 +1,4 @@
-"""The sheet a figure is drawn on: its size, its legend, and its files, the same bytes every time."""
+"""A figure's size, legend and files, the same bytes every time."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ def save(figure: Figure, path: Path, dpi: int = DPI) -> tuple[Path, Path]:
 
 @styled
 def address(figure: Figure, dpi: int = DPI) -> str:
-    """The figure as the address of a picture inside a page."""
+    """The figure as a data URL for a page."""
     file = BytesIO()
     figure.savefig(file, format="png", dpi=dpi, metadata={"Software": None})
     return f"data:image/png;base64,{b64encode(file.getvalue()).decode()}"
 
 
 def sheet(width: float, height: float, title: str) -> Figure:
-    """An empty figure in inches, which no window and no global list of figures knows."""
+    """An empty figure in inches, outside any window or global list of figures."""
     figure = Figure((width, height), dpi=DPI)
     FigureCanvasAgg(figure)
     figure.set_layout_engine("constrained", w_pad=0.1, h_pad=0.08, wspace=0.05)

@@ -1,4 +1,4 @@
-"""The style of all figures: colours, markers, letters and the fineness of what is drawn."""
+"""The style of all figures: colours, markers, letters and resolution."""
 
 from __future__ import annotations
 

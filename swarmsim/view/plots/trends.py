@@ -1,4 +1,4 @@
-"""Trends: a measure against something that is varied in steps."""
+"""Trends: a measure against a varied parameter."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ WIDE: Final = 30.0  # numbers that differ more than so many times stand on a log
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """A measure at m values of what is varied."""
+    """A measure at m values of the varied parameter."""
 
     values: Reals  # (m,), ascending
     means: Reals  # (m,), of the runs that finished; NaN where none did
@@ -70,9 +70,9 @@ class Steps:
 def sweep(
     series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str, title: str, ylabel: str = TIME
 ) -> Figure:
-    """Iterations, or a measure, against what is varied, a line for each series; below, unfinished runs if any.
+    """Iterations, or a measure, against the varied parameter, a line per series; below, unfinished runs if any.
 
-    `levels` have one value each, which is not on the axis: they are lines across. The label names the unit.
+    `levels` have one value each, off the axis: they are drawn as lines across. The label names the unit.
     """
     everything = [*series.values(), *levels.values()]
     unfinished = any(steps.unfinished.any() for steps in series.values())

@@ -1,1 +1,1 @@
-"""Recordings in the formats of other people's viewers."""
+"""Recordings in the formats of third-party viewers."""

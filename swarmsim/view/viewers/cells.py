@@ -1,4 +1,4 @@
-"""Cells of rasters as viewers take them: red, green, blue and how opaque each is."""
+"""Cells of rasters as viewers take them: red, green, blue and opacity."""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def _frames(stamp: fm.Timestamp, poses: NDArray[np.float64]) -> fm.FrameTransfor
 
 
 class _Topics:
-    """The topics of layers, each made when something is first drawn."""
+    """The topics of layers, each made at its first shape."""
 
     def __init__(self, context: foxglove.Context, scene: Scene) -> None:
         self._context, self._radii = context, scene.radii
@@ -127,7 +127,7 @@ class _Topics:
         self._last: dict[str, list[Mark]] = {}  # what each topic holds
 
     def log(self, layer: str, marks: Sequence[Mark], stamp: fm.Timestamp, row: int) -> None:
-        """Write what a layer draws in an iteration."""
+        """Write a layer's shapes in an iteration."""
         now = 1_000_000_000 * stamp.sec + (stamp.nsec or 0)
         shapes: dict[str, list[Mark]] = {}
         for mark in marks:
@@ -148,7 +148,7 @@ class _Topics:
             scene.log(fm.SceneUpdate(entities=[entity]), log_time=now)
 
     def _is_new(self, topic: str, marks: list[Mark]) -> bool:
-        """Whether something else is to be seen than before."""
+        """Whether the shapes have changed."""
         if alike(marks, self._last.get(topic, [])):
             return False
         self._last[topic] = marks
@@ -171,7 +171,7 @@ def _grid(stamp: fm.Timestamp, raster: Raster) -> fm.Grid:
 
 
 def _entity(stamp: fm.Timestamp, topic: str, marks: Sequence[Mark], radii: Reals) -> fm.SceneEntity:
-    """What is drawn, in layers a little above one another."""
+    """The shapes, stacked in the order of their `z`."""
     cylinders, lines, triangles, texts = [], [], [], []
     for mark in marks:
         z = mark.z / HEIGHT
@@ -222,7 +222,7 @@ def _entity(stamp: fm.Timestamp, topic: str, marks: Sequence[Mark], radii: Reals
 
 
 def _lines(pieces: Sequence[Reals], inks: Sequence[Ink], z: float, opacity: float) -> list[fm.LinePrimitive]:
-    """Open lines: of each ink one list of pieces."""
+    """Open lines: one list of pieces per ink."""
     ends: dict[Ink, list[fm.Point3]] = {}
     for points, ink in zip(pieces, inks, strict=True):
         corners = [fm.Point3(x=x, y=y, z=z) for x, y in points.tolist()]
@@ -235,7 +235,7 @@ def _lines(pieces: Sequence[Reals], inks: Sequence[Ink], z: float, opacity: floa
 
 
 def _areas(rings: Sequence[Reals], inks: Sequence[Ink], z: float, opacity: float) -> list[fm.TriangleListPrimitive]:
-    """Areas that can be seen whole from their middles, as triangles around these."""
+    """Areas that are star-shaped around their centres, as triangles around these."""
     corners: dict[Ink, list[fm.Point3]] = {}
     for ring, ink in zip(rings, inks, strict=True):
         x, y = ring.mean(axis=0).tolist()

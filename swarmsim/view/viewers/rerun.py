@@ -84,7 +84,7 @@ def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], No
 
 
 def _archetype(rr: ModuleType, mark: Mark, radii: Reals) -> object:
-    """Shapes as Rerun draws them in the plane: areas as their outlines, which is all that it has."""
+    """Shapes as Rerun draws them in the plane: areas only as outlines, for it has no others."""
     match mark:
         case Circles() if not mark.stroke:
             return rr.Points2D(

@@ -1,4 +1,4 @@
-"""Robots that look for the warmest place that any of them has felt."""
+"""Robots that seek the warmest place that any of them has measured."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from swarmsim.operations.mapping.sharing.seam import Sharing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Felt(MessageBatch):
-    """A temperature, and where it was."""
+    """A temperature and its place."""
 
     warmth: NDArray[np.float64]  # (t,)
     x: NDArray[np.float64]  # (t,): m
@@ -29,21 +29,21 @@ class Felt(MessageBatch):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warmest(Estimates):
-    """The warmest that each robot knows of."""
+    """The warmest place that each robot knows."""
 
     warmth: NDArray[np.float64]  # (n,)
     place: NDArray[np.float64]  # (n, 2): m
 
 
 class Hottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot keeps, and tells, the warmest place that it has felt or heard of: the consensus of the maximum."""
+    """Each robot keeps and sends the warmest place that it has measured or heard of: maximum consensus."""
 
     def build(self, context: BuildContext) -> HottestComputation:
         return HottestComputation(len(context.ids))
 
 
 class HottestComputation:
-    """One temperature and one place a robot."""
+    """One temperature and one place per robot."""
 
     knowledge_type = Warmest
     requires = ("field",)  # of the sensors' channels
@@ -53,16 +53,16 @@ class HottestComputation:
         self._warmth, self._place = np.full(count, -np.inf), np.zeros((count, 2))
 
     def say(self, senses: Senses) -> Broadcast[Felt]:
-        """The warmest so far, which may be here and now."""
+        """The warmest place so far, which may be here and now."""
         felt = senses.readings["field"]
         better = senses.alive & (felt > self._warmth)
         self._warmth[better], self._place[better] = felt[better], senses.pose[better, :2]
         return Broadcast.each(Felt(self._warmth.copy(), *self._place.T.copy()), self.codec.size)
 
     def hear(self, senses: Senses, inbox: Inbox[Felt]) -> Warmest:
-        """The warmest of all that is heard."""
+        """The warmest place heard of."""
         order = np.lexsort((inbox.senders, inbox.content.warmth))
-        for row in order:  # rising, so that the warmest stays
+        for row in order:  # ascending, so that the warmest stays
             robot = inbox.receivers[row]
             if inbox.content.warmth[row] > self._warmth[robot]:
                 self._warmth[robot] = inbox.content.warmth[row]
@@ -70,16 +70,16 @@ class HottestComputation:
         return Warmest(self._warmth.copy(), self._place.copy())
 
     def reset(self, robots: NDArray[np.int64]) -> None:
-        """Know of no place."""
+        """Forget all places."""
         self._warmth[robots] = -np.inf
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Know what another does."""
+        """Copy another robot's knowledge."""
         self._warmth[robots], self._place[robots] = self._warmth[source], self._place[source]
 
 
 class NowAndThen(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Mapping robots tell their current tile in one iteration of `every`, and an unknown one in all others."""
+    """Mapping robots send their current tile in one iteration of `every`, and an unknown one in all others."""
 
     every: int = 2  # iterations
 
@@ -103,7 +103,7 @@ class Sometimes:
 
 
 class ToTheHottest(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Each robot drives straight to the warmest place that it knows of."""
+    """Each robot drives straight to the warmest place that it knows."""
 
     speed: float = 0.08  # m/s
 
@@ -120,7 +120,7 @@ class Seeker:
         self._speed = speed
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Warmest) -> Intents:
-        """Turn to the place, and go."""
+        """Turn to the place and drive."""
         way = knowledge.place - senses.pose[:, :2]
         turn = np.arctan2(way[:, 1], way[:, 0]) - senses.pose[:, 2]
         turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
@@ -130,7 +130,7 @@ class Seeker:
 
 
 class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """All live robots know of the same warmest place, to within a tolerance."""
+    """All live robots agree on the warmest temperature, to within a tolerance."""
 
     within: float = 0.01  # degrees
 
@@ -139,7 +139,7 @@ class Warmth(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class WarmthTask:
-    """How far robots disagree."""
+    """The robots' disagreement."""
 
     requires_knowledge = Warmest
     curve = Curve("spread", "disagreement, degrees", low=0.0, format=".2f", rises=False)
@@ -148,7 +148,7 @@ class WarmthTask:
         self._within = within
 
     def measure(self, done: Done[Warmest]) -> Measured:
-        """The largest difference of what live robots know."""
+        """The largest difference between live robots' temperatures."""
         warmth = done.knowledge.warmth[done.state.alive]
         spread = float(np.ptp(warmth)) if len(warmth) else 0.0
         return Measured({"spread": spread}, {}, float(spread <= self._within), spread <= self._within)

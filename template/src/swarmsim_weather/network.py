@@ -1,4 +1,4 @@
-"""Who hears whom, what showers swallow, wheels on ice, and lightning."""
+"""A topology, showers that lose messages, wheels on ice, and lightning."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ class NextAlive(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A ring that closes over the dead: each live robot hears the next live one."""
 
     def build(self, context: BuildContext) -> NextAlive:
-        """The topology is what describes it."""
+        """The parameters are the topology."""
         return self
 
     def links(self, state: State) -> Links:
-        """One link for each live robot, if there are two."""
+        """One link for each live robot, if there are at least two."""
         live = np.flatnonzero(state.alive)
         links: Links = np.stack([live, np.roll(live, -1)], axis=1).astype(np.int32)
         return links if len(live) > 1 else links[:0]
 
 
 class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """In some iterations it rains, and no message gets through."""
+    """In some iterations rain loses all messages."""
 
     chance: float = 0.3  # probability of rain in an iteration
 
@@ -46,13 +46,13 @@ class Showers(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class RainyChannel:
-    """All or nothing."""
+    """Delivers all messages or none."""
 
     def __init__(self, probability: float, salt: int) -> None:
         self._probability, self._salt = probability, salt
 
     def deliver(self, state: State, links: Links, sizes: NDArray[np.int32]) -> Delivery:
-        """Everything is heard, or lost to the rain."""
+        """All messages arrive, or the rain loses them."""
         sent = np.full(len(links), state.iteration)
         letters = np.column_stack([links, sent, sizes[links[:, 1]]]).astype(np.int32)
         rains = chance.uniform(self._salt, state.iteration)[0] < self._probability
@@ -61,7 +61,7 @@ class RainyChannel:
 
 
 class AgainstIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Pure pursuit at a part of the speed, since ice is slippery."""
+    """Pure pursuit at reduced speed, since ice is slippery."""
 
     share: float = 0.5  # of the speed
 
@@ -76,12 +76,12 @@ class Careful:
         self._inner, self._share, self.follow = inner, share, inner.follow
 
     def command(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """A share of the wheel speeds that would be wanted."""
+        """A share of the usual wheel speeds."""
         return self._share * self._inner.command(pose)
 
 
 class OnIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Two wheels that push with a share of their grip."""
+    """Two wheels with a share of their grip."""
 
     grip: float = 0.3
 
@@ -91,20 +91,20 @@ class OnIce(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Skidding:
-    """Wheels that turn as they would elsewhere."""
+    """Wheels that turn as usual."""
 
     def __init__(self, inner: Kinematics, grip: float) -> None:
         self._inner, self._grip = inner, grip
         self.columns, self.command, self.approach = inner.columns, inner.command, inner.approach
 
     def forces(self, moving: Floats, wheels: Floats, wanted: Floats, dt: float) -> tuple[Floats, Floats]:
-        """What wheels do, and what is left of their push."""
+        """The wheels' usual motion, with reduced forces."""
         wheels, push = self._inner.forces(moving, wheels, wanted, dt)
         return wheels, self._grip * push
 
 
 class Lightning(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """At an iteration lightning strikes the robot farthest to the left, which stands where it was from then on."""
+    """At an iteration lightning strikes the leftmost robot, which stands still from then on."""
 
     at: int = 10  # iteration
 
@@ -124,7 +124,7 @@ class Storm:
         return parts
 
     def advance(self, now: Tick) -> Sequence[Event]:
-        """Strike, if it is time."""
+        """Strike at its iteration."""
         live = np.flatnonzero(now.after.alive)
         if now.iteration != self._at or len(live) == 0:
             return ()

@@ -1,4 +1,4 @@
-"""What the world does to robots: wind moves them, fog hides walls, the day warms the floor, maps are coarse."""
+"""The world's effects on robots: wind moves them, fog hides walls, the day warms the floor, positions are coarse."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Greenhouse(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots without bodies that a wind carries along."""
+    """Robots without bodies, carried by a wind."""
 
     speed: float = 0.02  # m/s
     direction: float = 0.0  # rad, counter-clockwise from the x axis
@@ -45,7 +45,7 @@ class Wind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Blown:
-    """Particles, moved a little further in every iteration."""
+    """Particles, moved by the wind in every iteration."""
 
     def __init__(self, inner: PointBodies, carried: NDArray[np.float64]) -> None:
         self._inner, self._carried = inner, carried
@@ -54,18 +54,18 @@ class Blown:
 
     @property
     def solid(self) -> NDArray[np.bool_]:
-        """Whose bodies are in the world: those of the particles."""
+        """The robots with bodies in the world: as for particles."""
         return self._inner.solid
 
     def drive(self, motion: Motion, period: float) -> State:
-        """As particles do, and then downwind."""
+        """Drive as particles, then drift downwind."""
         self._inner.drive(motion, period)
         self._inner.carry(self._carried)
         return self.state()
 
 
 class Fog(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The ring of infra-red beams, of which fog leaves those robots nothing that stand left of a line."""
+    """The ring of infra-red beams; robots left of a line are in fog and see nothing."""
 
     x: float = 0.0  # m, of the line
     reach: float = 1.0  # m, of the beams
@@ -81,13 +81,13 @@ class Foggy:
         self._inner, self._x, self.channels = inner, x, inner.channels
 
     def sense(self, state: State) -> Readings:
-        """The readings of those outside the fog."""
+        """The readings, blank for robots in the fog."""
         readings = self._inner.sense(state)
         return readings.blanked(state.pose[:, 0] < self._x)
 
 
 class Horn(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A fog horn, which robots sound as loud as they want, up to a limit."""
+    """A fog horn that robots sound up to a limit."""
 
     loudest: float = 1.0
 
@@ -97,18 +97,18 @@ class Horn(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Blower:
-    """One loudness a robot."""
+    """One loudness per robot."""
 
     def __init__(self, loudest: float) -> None:
         self.channels = Channels(Channel("horn", low=0.0, high=loudest, blank=0.0))
 
     def act(self, commands: Readings, state: State) -> Readings:
-        """As loud as can be."""
+        """Sound it, limited to the maximum."""
         return Readings(self.channels, (commands["horn"].clip(0.0, self.channels["horn"].high),))
 
 
 class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A temperature that falls from the left to the right, and goes up and down with the hours."""
+    """A temperature that falls from left to right, and varies with the time of day."""
 
     warmest: float = 25.0  # degrees Celsius, at noon at the left edge
     gradient: float = 0.5  # degrees per m
@@ -116,7 +116,7 @@ class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     noise: float = 0.0  # degrees, standard deviation of a sample
 
     def build(self, context: BuildContext) -> Day:
-        """The field is what describes it."""
+        """The parameters are the field."""
         return self
 
     def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -127,12 +127,12 @@ class Day(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Robots know their place to so many metres only."""
+    """Robots know their positions rounded to a multiple."""
 
     to: float = 0.01  # m
 
     def build(self, context: BuildContext) -> Rounded:
-        """The localisation is what describes it."""
+        """The parameters are the localisation."""
         return self
 
     def locate(self, state: State) -> NDArray[np.float64]:
@@ -142,7 +142,7 @@ class Rounded(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How warm it is where each robot is, and on average."""
+    """The temperature at each robot, and the average."""
 
     name: str = "warmth"
 
@@ -153,18 +153,18 @@ class Thermometers(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 
 class Thermometer:
-    """Reads the field itself, which robots measure with noise."""
+    """Reads the true field, which robots measure with noise."""
 
     tables = (
-        ProbeTable("there", shape=("robots",), unit="degrees", meaning="where each robot is"),
-        ProbeTable("mean", unit="degrees", meaning="of all robots"),
+        ProbeTable("there", shape=("robots",), unit="degrees", meaning="at each robot"),
+        ProbeTable("mean", unit="degrees", meaning="mean over robots"),
     )
 
     def __init__(self, field: Field, period: float) -> None:
         self._field, self._period = field, period
 
     def sample(self, moment: Moment[Knowledge]) -> dict[str, object]:
-        """The field's values where robots are at the start of the iteration."""
+        """The field's values at the robots' places at the start of the iteration."""
         there = self._field.value(moment.state.iteration * self._period, moment.state.pose[:, :2])
         return {"there": there, "mean": there.mean()}
 
