@@ -32,6 +32,7 @@ INKS: Final = (
 _INK: Final = re.compile(rf"(on )?(({'|'.join(INKS)})|robot \d{{1,9}}|#[0-9a-f]{{6}})")
 ABOVE: Final = 85.0  # over links and goals, under people and robots
 LARGEST: Final = 1e7  # m or radii: limit of sizes and coordinates
+SHARPEST: Final = 1.5  # of an edge's width: its largest reach beyond a sharp corner
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,17 +227,34 @@ def each(inks: Inks, count: int) -> Sequence[Ink]:
 def placed(mark: Polygons, radii: Reals, grown: float = 0.0) -> Reals:
     """The corners (p, 2) of areas in m, where robots are drawn with these radii (n,) in m.
 
-    Those of areas around a place are moved outwards from it by `grown` m.
+    The sides of areas are moved outwards by `grown` m.
     """
-    if mark.at is None:
-        return mark.points
     owner = np.repeat(np.arange(len(mark.ends)), np.diff(mark.ends, prepend=0))
-    x, y = mark.points.T if mark.unit == "m" or mark.of is None else radii[mark.of][owner] * mark.points.T
-    if grown:
-        share = 1.0 + grown / np.maximum(np.hypot(x, y), 1e-9)
-        x, y = share * x, share * y
-    cosine, sine = (1.0, 0.0) if mark.yaw is None else (np.cos(mark.yaw)[owner], np.sin(mark.yaw)[owner])
+    points = np.asarray(mark.points, np.float64)
+    if mark.unit == "body" and mark.of is not None:
+        points = radii[mark.of][owner, None] * points
+    if grown and len(points):
+        points = points + grown * _outwards(points, mark.ends)
+    if mark.at is None:
+        return points
+    (x, y), yaw = points.T, np.zeros(len(mark.ends)) if mark.yaw is None else mark.yaw
+    cosine, sine = np.cos(yaw)[owner], np.sin(yaw)[owner]
     return np.asarray(mark.at[owner] + np.stack([x * cosine - y * sine, x * sine + y * cosine], axis=1))
+
+
+def _outwards(points: Reals, ends: Whole) -> Reals:
+    """How far (p, 2) each corner moves when the sides of its area move outwards by 1; sharp ones move `SHARPEST`."""
+    first = np.concatenate([[0], ends[:-1]])
+    first, last = first[ends > first], ends[ends > first] - 1
+    after, before = np.arange(len(points)) + 1, np.arange(len(points)) - 1
+    after[last], before[first] = first, last
+    (x, y), (dx, dy) = points.T, (points[after] - points).T
+    left_turning = np.add.reduceat(x * dy - y * dx, first) >= 0.0
+    side = np.stack([dy, -dx], axis=1) / np.maximum(np.hypot(dx, dy), 1e-12)[:, None]
+    side *= np.repeat(np.where(left_turning, 1.0, -1.0), last - first + 1)[:, None]
+    both = side + side[before]
+    length = np.maximum(np.hypot(*both.T), 1e-12)[:, None]
+    return np.asarray(both / length * np.minimum(2.0 / length, SHARPEST))
 
 
 def sizes(mark: Circles, radii: Reals) -> Reals:

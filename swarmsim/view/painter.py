@@ -20,6 +20,7 @@ Pixel = tuple[float, float]
 Reals = NDArray[np.float64]
 READABLE: Final = 6.0  # pixels: the smallest radius of a disc with a text
 ROUND: Final = 1.3  # pixels of the edge around a disc
+BORDER: Final = 0.85  # of its width: how far the edge of a solid area reaches, since it is drawn with smooth edges
 SMALLEST: Final = 2.0  # lines: the least radius of a disc in metres
 DASHES: Final = {"dashed": 6.0, "dotted": 2.0}  # length of a dash in line widths
 
@@ -148,7 +149,7 @@ class Painter:
             pygame.draw.aacircle(surface, ink, at, radius, width)
 
     def _corners(self, mark: Polygons, radii: Reals, grown: float = 0.0) -> list[list[Pixel]]:
-        """The corners of each area in pixels; those of an area around a place are moved outwards a little."""
+        """The corners of each area in pixels, with its sides moved outwards by some more."""
         scale = self.camera.scale
         return _split(self.camera.pixels(placed(mark, radii / scale, grown / scale)), mark.ends)
 
@@ -163,19 +164,22 @@ class Painter:
         inks: Sequence[Colour | None] = [None] * count if mark.ink is None else self._all(mark.ink, count)
         edges: Sequence[Colour | None] = [None] * count if mark.edge is None else self._all(mark.edge, count)
         through = mark.opacity != (1.0, 1.0) or mark.ink is None
-        if mark.edge is not None and mark.at is not None and not through:
-            for ring, edge in zip(self._corners(mark, radii, 1.2 * mark.width * self.unit), edges, strict=True):
-                polygon(surface, edge or (0, 0, 0), ring)
+        outer = corners if through else self._corners(mark, radii, BORDER * mark.width * self.unit)
+        if mark.at is not None and not through:
+            for ring, edge in zip(outer, edges, strict=True):
+                if edge is not None:
+                    polygon(surface, edge, ring)
             edges = [None] * count
-        # A solid area will cover the inner half of its edge.
-        width = self._thick(mark.width) if through else round(2.0 * mark.width * self.unit) + 1
-        for ring, ink, edge in zip(corners, inks, edges, strict=True):
+        width = self._thick(mark.width)
+        for ring, around, ink, edge in zip(corners, outer, inks, edges, strict=True):
             if mark.opacity != (1.0, 1.0):
                 self._veil(surface, ring, ink, edge, mark.opacity, width)
                 continue
-            if edge is not None:
+            if edge is not None and ink is None:
                 for start, end in pairwise([*ring, ring[0]]):
                     pygame.draw.aaline(surface, edge, start, end, width)
+            elif edge is not None:
+                polygon(surface, edge, around)
             if ink is not None:
                 polygon(surface, ink, ring)
 
@@ -218,9 +222,11 @@ class Painter:
             if mark.dash != "whole":
                 pieces = [dash for piece in pieces for dash in _dashes(*piece, DASHES[mark.dash] * width)]
             for colour, broad in ((casing, width + 2), (ink, width)):
-                if colour is not None:
-                    for start, end in pieces:
-                        pygame.draw.aaline(surface, colour, start, end, broad)
+                for start, end in pieces if colour is not None else ():
+                    if mark.dash == "whole":
+                        pygame.draw.aaline(surface, colour or ink, start, end, broad)
+                    else:  # a short line has to end at right angles
+                        polygon(surface, colour or ink, _bar(start, end, 0.5 * broad - 0.75))
             if mark.arrow and len(points) > 1:
                 _head(surface, points[-2], points[-1], gap, width, ((1.5, casing), (0.0, ink)))
 
@@ -272,6 +278,14 @@ def _dashes(start: Pixel, end: Pixel, dash: float) -> list[tuple[Pixel, Pixel]]:
     ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
     cuts = [(2.0 * dash * k, min(2.0 * dash * k + dash, length)) for k in range(math.ceil(length / (2.0 * dash)))]
     return [((start[0] + a * ux, start[1] + a * uy), (start[0] + b * ux, start[1] + b * uy)) for a, b in cuts]
+
+
+def _bar(start: Pixel, end: Pixel, aside: float) -> list[Pixel]:
+    """The corners of a line that reaches so far aside."""
+    share = aside / max(math.dist(start, end), 1e-9)
+    (ax, ay), (bx, by) = start, end
+    x, y = share * (ay - by), share * (bx - ax)
+    return [(ax + x, ay + y), (bx + x, by + y), (bx - x, by - y), (ax - x, ay - y)]
 
 
 def _head(

@@ -145,7 +145,10 @@ class Panel:
         wide = letters.render(self._widest(), self._large, theme.curve).get_size()
         at = (wide[0] + self._small // 2, wide[1] // 2 + self._small // 3)
         of = "" if self._look.focus is None else ", all robots"
-        self._write(scene.curve.label.partition(",")[0] + of, at, theme.muted, area.width - at[0])
+        label, room = scene.curve.label.partition(",")[0] + of, area.width - at[0]
+        size = letters.size(label, self._small, round(0.75 * self._small), room)
+        drawn = letters.fitted(label, size, theme.muted, room)
+        self._still.blit(drawn, drawn.get_rect(midleft=at))
         top = wide[1] + round(8 * self._unit)
         longest = f"{scene.robots} groups, {scene.at(scene.iterations).messages:,} messages"
         self._grouped = letters.width(longest, self._small) <= area.width - column
@@ -188,8 +191,7 @@ class Panel:
         lines: list[tuple[str, Reals, Colour, float]] = []
         if curves.mean is not None and curves.worst is not None:
             lines = [("worst robot", curves.worst, theme.worst, 1.5), ("mean", curves.mean, theme.mean, 1.5)]
-            if np.allclose(curves.mean, curves.union):
-                lines.pop()
+            lines = [line for line in lines if not np.allclose(line[1], curves.union)]
         if focus is not None and self._scene.robot_curve(focus) is not None:
             own = self._scene.robot_curve(focus)
             lines.append((f"robot {focus}", np.asarray(own), colour_of(focus), 2.0))

@@ -342,8 +342,8 @@ def _names(notes: list[Note]) -> dict[int, str]:
 
 
 def _signs(occurrences: Occurrences, recording: Recording) -> set[str]:
-    """The optional signs that are ever drawn: dead, removed, fault, joined, box, lost, waiting."""
-    signs: set[str] = set()
+    """The optional signs that are ever drawn: links, dead, removed, fault, joined, box, lost, waiting."""
+    signs: set[str] = {"mutual", "one way"} if recording["messages"].any() else set()
     for iteration in {0, *(note.iteration for note in occurrences.notes)}:
         row = min(iteration, recording.iterations - 1)
         marks = [occurrences.mark(robot, row) for robot in range(recording.scenario.robots.count)]

@@ -35,7 +35,7 @@ class Note:
         if self.is_box:
             return f"iteration {self.iteration}: {self.kind}"
         if not self.robots:
-            who = self.cause
+            who = self.cause.removeprefix(f"{self.kind.removesuffix(' over')} ")  # of a fault it begins with its name
         elif len(self.robots) > NAMED:
             who = f"{len(self.robots)} robots"
         else:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import made
 
-from swarmsim.core.events import Begins
+from swarmsim.core.events import Begins, Ends
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.legend import signs
@@ -85,6 +85,13 @@ def test_a_note_counts_robots_that_are_too_many_to_name() -> None:
     assert noted(many, scenario).text == "iteration 7: radio off: 40 robots"
 
 
+def test_a_note_of_a_fault_of_the_whole_network_names_it_once() -> None:
+    jam = made('faults=[{use="radio", failure="jam", at=5, duration=3, area=[0.5, 0.5, 1.0, 1.0]}]').scenario
+    keys = "at=5 duration=3 area=[0.5,0.5,1.0,1.0]"
+    assert noted(Begins(5, 0, ()), jam).text == f"iteration 5: radio jam: {keys}"
+    assert noted(Ends(8, 0, ()), jam).text == f"iteration 8: radio jam over: {keys}"
+
+
 def test_marks_on_the_curve_are_named_by_what_begins(scene: Scene) -> None:
     assert scene.names == {0: "late", 5: "motor off", 8: "crashed", 9: "removed", 12: "furniture placed"}
     assert scene.marks == [0, 5, 8, 9, 12, 15, 18, 20, 21]
@@ -94,6 +101,15 @@ def test_the_legend_explains_what_is_shown_and_nothing_else(scene: Scene, room: 
     rare = {"fault", "dead", "removed", "box", "mark"}
     assert rare <= {kind for kind, *_ in signs(scene, Style(), 1.0)}
     assert not rare & {kind for kind, *_ in signs(Scene(Recording(room)), Style(), 1.0)}
+
+
+def test_the_legend_explains_links_of_those_who_hear_somebody(scene: Scene, tmp_path: Path) -> None:
+    alone = made("stop.iterations=2", 'network.topology={use="none"}')
+    with alone.recorder(tmp_path / "recording.h5") as recorder:
+        alone.simulation.run([recorder])
+    links = {"mutual", "one way"}
+    assert links <= {kind for kind, *_ in signs(scene, Style(), 1.0)}
+    assert not links & {kind for kind, *_ in signs(Scene(Recording(tmp_path / "recording.h5")), Style(), 1.0)}
 
 
 def colours(recording: Recording, iteration: int, points: np.ndarray) -> list[tuple[int, ...]]:

@@ -16,10 +16,13 @@ from swarmsim.core.drawing import INKS, Circles, Lines, Polygons, Raster, Rays, 
 from swarmsim.core.errors import PartError
 from swarmsim.core.scenario import registry
 from swarmsim.recording.reader import Recording
+from swarmsim.view.camera import Camera
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.layers import Layers
 from swarmsim.view.layers.own import left_out
+from swarmsim.view.lettering import Lettering
 from swarmsim.view.page.document import replay_page
+from swarmsim.view.painter import Painter
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import Style
 from swarmsim.view.theme import THEMES
@@ -185,6 +188,40 @@ def test_every_kind_of_shapes_can_be_drawn_and_every_theme_has_every_ink(recordi
         assert pygame.surfarray.array3d(sheet).any(), mark
     for theme in THEMES.values():
         assert all(len(theme.ink(name)) == 3 for name in (*INKS, "robot 11", "on robot 11", "#0102ff"))
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.7, 2.0, 4.0])
+@pytest.mark.parametrize("on_robot", [True, False])
+def test_the_edge_of_a_thin_area_runs_along_both_of_its_sides(turned: float, on_robot: bool) -> None:
+    painter = Painter(THEMES["dark"], Camera(10.0, 100.0, 100.0), 1.0, Lettering())
+    bar = np.array([(0.0, -0.3), (8.0, -0.3), (8.0, 0.3), (0.0, 0.3)])
+    cosine, sine = np.cos(turned), np.sin(turned)
+    lying = bar @ np.array([(cosine, sine), (-sine, cosine)])
+    mark = (
+        Polygons(bar, ENDS + 2, "#ffffff", "#ff00ff", 6.0, at=PLACE[:1], yaw=np.array([turned]), unit="body", of=ONE)
+        if on_robot
+        else Polygons(lying, ENDS + 2, "#ffffff", "#ff00ff", 6.0)
+    )
+    sheet = pygame.Surface((200, 200))
+    painter.paint(sheet, mark, np.array([10.0]))
+    for along in (10.0, 40.0, 70.0):
+        for aside, ink in ((5.5, ODD), (0.0, (255, 255, 255)), (-5.5, ODD)):
+            x, y = 100.0 + along * cosine - aside * sine, 100.0 - along * sine - aside * cosine
+            assert sheet.get_at((round(x), round(y)))[:3] == ink
+
+
+@pytest.mark.parametrize("turned", [0.2, 0.8, 1.3, 2.5])
+def test_dashes_end_at_right_angles(turned: float) -> None:
+    painter = Painter(THEMES["dark"], Camera(1.0, 10.0, 190.0), 1.0, Lettering())
+    middle, along = np.array([90.0, 90.0]), np.array([np.cos(turned), np.sin(turned)])
+    aside, width = np.array([-along[1], along[0]]), 10.0
+    sheet = pygame.Surface((200, 200))
+    line = Lines(middle + np.array([[-80.0], [70.0]]) * along, ENDS, "#ff00ff", None, width, dash="dashed")
+    painter.paint(sheet, line, np.empty(0))
+    for ahead, ink in ((4.0, ODD), (56.0, ODD), (64.0, (0, 0, 0)), (116.0, (0, 0, 0)), (124.0, ODD)):
+        for side in (-3.0, 3.0):
+            x, y = painter.camera.pixels(middle + (ahead - 80.0) * along + side * aside)
+            assert sheet.get_at((round(x), round(y)))[:3] == ink
 
 
 def test_a_part_brings_layers_along(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

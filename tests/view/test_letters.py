@@ -14,6 +14,7 @@ import matplotlib as mpl
 import numpy as np
 import pygame
 import pytest
+from conftest import made
 from matplotlib.ft2font import FT2Font, LoadFlags
 from numpy.typing import NDArray
 
@@ -170,6 +171,29 @@ def test_what_does_not_fit_into_a_small_picture_is_left_out_and_not_cut(recordin
     assert any(text.startswith("robot, up to") for text in letters.texts)  # the legend
     panel, quarters = canvas._panel, [text for text in letters.texts if text in ("25", "50", "75")]
     assert len(quarters) * panel._line <= panel._plot_area.height
+
+
+def test_what_the_number_means_is_written_smaller_before_it_is_cut(recording: Recording) -> None:
+    scene = Scene(recording)
+    canvas = Canvas(scene, (1280, 720))
+    for label, kept in (("smallest distance of two robots, m", True), ("m" * 60, False)):
+        scene.curve = replace(scene.curve, label=label)
+        canvas._letters = letters = Listening()
+        canvas.renew()
+        assert (label.partition(",")[0] in letters.texts) == kept
+        assert any("…" in text for text in letters.texts) != kept
+
+
+@pytest.mark.parametrize(("topology", "named"), [("none", True), ("full", False)])
+def test_a_curve_beneath_that_of_all_together_is_not_named(tmp_path: Path, topology: str, named: bool) -> None:
+    run = made("stop.iterations=6", f'network.topology={{use="{topology}"}}')
+    with run.recorder(tmp_path / "recording.h5") as recorder:
+        run.simulation.run([recorder])
+    canvas = Canvas(Scene(Recording(tmp_path / "recording.h5")), (1280, 720))
+    canvas._letters = letters = Listening()
+    canvas.renew()
+    assert ("mean" in letters.texts) == named
+    assert ("worst robot" in letters.texts) == named
 
 
 @pytest.mark.parametrize("size", [(640, 360), (1280, 784)], ids=str)

@@ -165,6 +165,8 @@ def test_what_the_page_shows_is_what_was_recorded(browser: Any, recording: Recor
         assert sorted(heard) == sorted(set(map(tuple, letters[letters[:, 4] == 0, :2].tolist())))
         marks = view.evaluate(f"Array.from({{length: 5}}, (_, i) => swarmsim.runs[0].mark({row}, i))")
         assert marks == scene.marks_at(row)
+    worded = [view.evaluate(f"swarmsim.runs[0].worded(100 * Math.fround({share}))") for share in (0.279, 0.9996, 1.0)]
+    assert worded == ["27.9 %", "99.9 %", "100.0 %"]  # as in films: 100 % is all of it
     view.evaluate("swarmsim.seek(20)")  # back: maps are undone as exactly as they are made
     again = MapReplay(recording)
     again.advance(20)

@@ -127,11 +127,10 @@ class Links:
             ("one way", "link: the arrow's end hears", "link", "whole"),
             ("lost", "message lost", "lost", "dashed"), ("waiting", "message under way", "link", "dotted"),
         )  # fmt: skip
-        there = {"mutual", "one way", *scene.signs}
         return [
             Sign(kind, text, [links(ends, pair, kind, ink, dash)], 0.0)
             for kind, text, ink, dash in every
-            if kind in there
+            if kind in scene.signs
         ]
 
 

@@ -54,7 +54,10 @@ class Run {
   }
   value(row) { return this.curve.scale * this.data.curve[row]; }
   own(row, robot) { return this.data.each ? this.curve.scale * this.data.each[row * this.robots + robot] : null; }
-  worded(value) { return `${value.toFixed(this.curve.digits)} ${this.curve.unit}`.trim(); }
+  worded(value) {  // 100 % is all of it; what is added is less than the error of the recording's numbers here
+    const shown = this.curve.unit === "%" ? Math.floor(10 * value + 1e-4) / 10 : value;
+    return `${shown.toFixed(this.curve.digits)} ${this.curve.unit}`.trim();
+  }
 }
 
 // One kind of shapes of a layer: constant words, and columns whose rows hold the newest state.
