@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.api import frames as tables
+from swarmsim.api.overrides import Overrides, keys_of
 from swarmsim.core.scenario import registry
 from swarmsim.recording.reader import Recording, Summary
 
@@ -76,14 +77,35 @@ class Run:
         """
         return tables.framed(tables.columns(self.recording, name))
 
-    def plot(self) -> Figure:
-        """The task's main measure over the iterations."""
-        from swarmsim.view import plots
+    def plot(self, figure: str = "curve", *, overrides: Overrides | None = None, allow_code: bool = False) -> Figure:
+        """A figure of the run, by default what the task is about over the iterations: `swarmsim plot`.
 
-        recording = self.recording
-        title = recording.scenario.title
-        return plots.curves({f"seed {recording.scenario.seed}": [recording[recording.curve.name]]}, title,
-                            curve=recording.curve)  # fmt: skip
+        `figure` is the name of an installed one (`sw.parts("figure")`), or "./file.py:name", which needs `allow_code`;
+        `overrides` are its keys, {"at": 20}, or the same in words, as for `--set`. Raises InputError for names and keys
+        that there are not, PartError for a figure of others that fails.
+        """
+        from swarmsim.api.figures import drawn
+
+        with registry.own_code(allow_code):
+            return drawn(self.recording, figure, keys_of(overrides))
+
+    def figure(
+        self,
+        figure: str = "curve",
+        out: str | Path | None = None,
+        *,
+        overrides: Overrides | None = None,
+        allow_code: bool = False,
+    ) -> list[Path]:
+        """Draw a figure of the run for print, and give the files, PNG and SVG: `swarmsim plot`.
+
+        `out` is its path without suffix, by default its name in the run's folder; `figure`, `overrides`, `allow_code`
+        and errors are those of `plot`, besides InputError and StorageError for a place that cannot be written.
+        """
+        from swarmsim.api.figures import written
+
+        with registry.own_code(allow_code):
+            return written(self.recording, figure, keys_of(overrides), _path(out))
 
     def verify(self, *, allow_code: bool = False, progress: Progress = untold) -> Verification:
         """Repeat the run and compare every field of every iteration: `swarmsim verify`.
@@ -114,18 +136,15 @@ class Run:
         `robots` are numbers from 0, `out` is the figure's path without suffix, by default in the run's folder. Returns
         the files, PNG and SVG for print. Raises InputError for unknown robots or iterations.
         """
-        from swarmsim.api.figures import local_maps
-
-        return local_maps(self.recording, str(self.path), robots, at, _path(out))
+        keys = {"robots": [int(robot) for robot in robots], "at": at}
+        return self._figure("local-maps", keys, f"local-maps-{at}", out)
 
     def figure_network(self, at: int, and_: int, out: str | Path | None = None) -> list[Path]:
         """Draw the links at two iterations, and the robots whose neighbours differ: `swarmsim figure network`.
 
         `out`, result and errors are those of `figure_local_maps`.
         """
-        from swarmsim.api.figures import rewiring
-
-        return rewiring(self.recording, at, and_, _path(out))
+        return self._figure("network", {"at": at, "and": and_}, f"network-{at}-{and_}", out)
 
     def figure_provenance(
         self, robot: int, at: int | None = None, out: str | Path | None = None, *, allow_code: bool = False
@@ -135,10 +154,15 @@ class Run:
         The run is repeated up to iteration `at`, by default the last; `allow_code` lets it run its own code.
         `out`, result and errors are those of `figure_local_maps`.
         """
-        from swarmsim.api.figures import provenance
-
+        last = self.iterations - 1 if at is None else at
         with registry.own_code(allow_code):
-            return provenance(self.recording, str(self.path), robot, at, _path(out))
+            return self._figure("provenance", {"robot": robot, "at": at}, f"provenance-{robot}-{last}", out)
+
+    def _figure(self, figure: str, keys: Mapping[str, object], stem: str, out: str | Path | None) -> list[Path]:
+        """Draw a figure that has a verb of its own, whose options are its keys."""
+        from swarmsim.api.figures import written
+
+        return written(self.recording, figure, keys, _path(out) or self.recording.path.parent / stem, "--")
 
     def export(
         self,
@@ -148,31 +172,33 @@ class Run:
         rerun: str | Path | None = None,
         robot: int | None = None,
         at: int | None = None,
+        allow_code: bool = False,
         progress: Progress = untold,
     ) -> list[Path]:
         """Write the run for other programs and return the files: `swarmsim export`.
 
         `map_` is a map for ROS: .yaml for map_server or .json for an OccupancyGrid, of one `robot` or of all, at the
         end of an iteration, by default the last. `mcap` is a file for Foxglove and Lichtblick, `rerun` one for the
-        Rerun viewer; `progress` is called with the iterations written and all of them. Raises InputError for files
-        that cannot be written, StorageError for a full disk.
+        Rerun viewer; `progress` is called with the iterations written and all of them. `allow_code` lets the scenario's
+        own layers be drawn, which are left out otherwise. Raises InputError for files that cannot be written,
+        PartError for layers that fail, StorageError for a full disk.
         """
         from swarmsim.api.exports import exported
 
-        return exported(
-            self.recording, str(self.path), _path(map_), _path(mcap), _path(rerun), robot, at, progress
-        )  # fmt: skip
+        with registry.own_code(allow_code):
+            return exported(self.recording, str(self.path), _path(map_), _path(mcap), _path(rerun), robot, at, progress)
 
-    def report(self, out: str | Path, *, beside: Run | None = None) -> Path:
+    def report(self, out: str | Path, *, beside: Run | None = None, allow_code: bool = False) -> Path:
         """Write the page `out`, which replays the run in any browser, and return its path: `swarmsim report`.
 
-        `beside` is a second run to replay in step. Raises InputError for a name that does not end in .html, and for
-        runs without iterations.
+        `beside` is a second run to replay in step; `allow_code` and PartError are those of `export`. Raises InputError
+        for a name that does not end in .html, and for runs without iterations.
         """
         from swarmsim.api.pages import replay_page
 
         runs = [self] if beside is None else [self, beside]
-        return replay_page([(str(run.path), run.recording) for run in runs], Path(out))
+        with registry.own_code(allow_code):
+            return replay_page([(str(run.path), run.recording) for run in runs], Path(out))
 
     def film(
         self,
@@ -184,6 +210,7 @@ class Run:
         cards: bool = True,
         beside: Run | None = None,
         frames: bool = False,
+        allow_code: bool = False,
         progress: Progress = untold,
         **look: Unpack[LookKeys],
     ) -> Path:
@@ -193,7 +220,8 @@ class Run:
         pixels. `cards` show the scenario first and the result last; `beside` is a second run to show in step;
         `frames` repeats the run and shows how robots that share by merge find each other's frames; `progress`
         is called with the pictures drawn and all of them; `look` are the fields of `swarmsim.view.style.Style`: theme,
-        layers, focus, robots. Raises InputError for what cannot work, StorageError for a full disk.
+        layers, focus, robots. `allow_code` and PartError are those of `export`; with `frames` the run's own code needs
+        it too. Raises InputError for what cannot work, StorageError for a full disk.
         """
         from swarmsim.api.films import filmed
         from swarmsim.view.style import Style
@@ -201,19 +229,26 @@ class Run:
 
         how = Film(fps, speed, size, Style(**look), cards)
         other = None if beside is None else beside.recording
-        return filmed(self.recording, str(self.path), Path(path), how, other, frames, progress)
+        with registry.own_code(allow_code):
+            return filmed(self.recording, str(self.path), Path(path), how, other, frames, progress)
 
     def picture(
-        self, iteration: float | None = None, size: tuple[int, int] = (1280, 720), **look: Unpack[LookKeys]
+        self,
+        iteration: float | None = None,
+        size: tuple[int, int] = (1280, 720),
+        *,
+        allow_code: bool = False,
+        **look: Unpack[LookKeys],
     ) -> NDArray[np.uint8]:
         """The picture (height, width, 3) after `iteration` iterations, by default all.
 
-        `size` and `look` are those of `film`. Raises InputError for a moment outside the run.
+        `size`, `allow_code` and `look` are those of `film`. Raises InputError for a moment outside the run.
         """
         from swarmsim.view.style import Style
         from swarmsim.view.video import frame
 
-        return frame(self.recording, self.iterations if iteration is None else iteration, size, Style(**look))
+        with registry.own_code(allow_code):
+            return frame(self.recording, self.iterations if iteration is None else iteration, size, Style(**look))
 
     def __repr__(self) -> str:
         curve, status = self.recording.curve, self.summary["status"]

@@ -6,7 +6,7 @@ import json
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from swarmsim.api.overrides import Overrides, told_apart
 from swarmsim.api.recorded import Run
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.parts import Observer
@@ -27,8 +28,6 @@ from swarmsim.recording.reader import Recording
 
 if TYPE_CHECKING:
     from swarmsim.studies.comparison import Comparison
-
-Overrides = Mapping[str, object] | Sequence[str]  # {"robots.count": 20}, or as for --set: ["robots.count=20"]
 
 
 def run(
@@ -126,13 +125,6 @@ def scenario_of(path: Path, seed: int | None, overrides: Overrides | None, fault
             raise InputError(f"--fault {text!r}: {problem}") from problem
         scenario = msgspec.structs.replace(scenario, faults=(*scenario.faults, more))
     return scenario
-
-
-def told_apart(overrides: Overrides | None) -> tuple[Sequence[str], Mapping[str, object]]:
-    """Overrides as texts and as values; one of the two is empty."""
-    if isinstance(overrides, Mapping):
-        return (), overrides
-    return ([overrides] if isinstance(overrides, str) else overrides or ()), {}
 
 
 def record(made: engine.BuiltRun, folder: Path, observers: Sequence[Observer] = ()) -> Run:

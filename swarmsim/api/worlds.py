@@ -9,7 +9,8 @@ from typing import Final
 
 from swarmsim.api.bare import CELL, bare
 from swarmsim.api.figures import save_picture
-from swarmsim.api.runs import Overrides, scenario_of, told_apart
+from swarmsim.api.overrides import Overrides, told_apart
+from swarmsim.api.runs import scenario_of
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.file import Scenario, World, assign, decode, set_key
 from swarmsim.core.scenario.files import Table

@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from swarmsim.api.runs import Overrides, prepared
+from swarmsim.api.overrides import Overrides
+from swarmsim.api.runs import prepared
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.studies import worst as search

@@ -50,6 +50,7 @@ for verb in (
     comparisons.compare,
     reproductions.reproduce,
     network.network,
+    figures.plot,
     parts.parts,
     parts.new,
     runs.schema,

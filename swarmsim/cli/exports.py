@@ -40,6 +40,8 @@ def export(
         print(notice)
     with progress_bar(quiet or (mcap is None and rerun is None)) as progress:
         told = Counted(progress, "writing")
-        written = run.export(map_=map_, mcap=mcap, rerun=rerun, robot=robot, at=at, progress=told)
+        written = run.export(
+            map_=map_, mcap=mcap, rerun=rerun, robot=robot, at=at, allow_code=allow_code, progress=told
+        )
     for path in () if quiet else written:
         print(path)

@@ -1,4 +1,4 @@
-"""The verbs of figures: single moments of a run, as in the reference paper."""
+"""The verbs of figures of a run: any of them by name and, as in the reference paper, single moments."""
 
 from __future__ import annotations
 
@@ -23,6 +23,28 @@ Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, or it
 Stem = Annotated[
     Path | None, typer.Option(metavar="FOLDER/NAME", help="Figure to write, without .png and .svg; default: in RUN.")
 ]
+
+
+def plot(
+    recording: Run,
+    figure: Annotated[
+        str,
+        typer.Option(metavar="NAME", help="One that 'swarmsim parts figure' lists, or ./file.py:NAME of your own."),
+    ] = "curve",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="A key of the figure; the value is TOML, or a text."),
+    ] = None,
+    out: Stem = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Draw a figure of a run for print, PNG and SVG: what its task is about, or any other by its name.
+
+    Example: swarmsim plot runs/basilica-1 --figure local-maps --set robots=[1,2,3] --set at=100
+    """
+    from swarmsim.api.runs import open as open_run
+
+    _print(open_run(recording).figure(figure, out, overrides=set_, allow_code=allow_code))
 
 
 @app.command()

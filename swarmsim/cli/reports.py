@@ -38,7 +38,7 @@ def report(
         run = open_run(what)
         if notice := left_out(run.recording.scenario):
             print(notice)
-        page = run.report(out, beside=None if beside is None else open_run(beside))
+        page = run.report(out, beside=None if beside is None else open_run(beside), allow_code=allow_code)
         print(f"{page}: {page.stat().st_size / 1e6:.1f} MB; open it in any browser")
         return
     if beside is not None:

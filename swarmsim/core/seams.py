@@ -38,10 +38,11 @@ class Seam:
     """One seam. Its checks are in `engine.promises`, and its skeleton is a file in `api/skeletons`."""
 
     name: str  # entry points are of the group swarmsim.NAME
-    place: tuple[str, ...]  # the keys of its table in a scenario; none for a part named in another part's table
+    place: tuple[str, ...]  # the keys of its table in a scenario; none for a part named elsewhere
     protocol: type  # what a part must have
     default: str | None = None  # the part used if a scenario names none
     required: bool = False  # whether a scenario must name one
+    elsewhere: str = "in another part's table"  # where a part without a place is named
     many: bool = False  # whether its place holds a list of tables
     more: str = ""  # key of a list of further tables in the scenario and in groups, if several are possible
     of_groups: bool = False  # whether a group may have its own, at the same place in its table

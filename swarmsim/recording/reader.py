@@ -171,6 +171,9 @@ class Recording:
     def _loaded(self, name: str) -> Column:
         """A whole table, read at first use. Raises InputError for one with invalid numbers."""
         if name not in self._arrays:
+            if name not in self._names and name not in layout.TABLES:
+                known = dict.fromkeys(self._names)
+                raise InputError(f"{self.path}: no table {name!r} is recorded; {nearest(name, known)}")
             try:
                 with self._file() as file:
                     rows: Column = file[name][()]

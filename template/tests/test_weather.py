@@ -62,3 +62,4 @@ def test_thermometers_are_read_back() -> None:
     assert run.recording["warmth.there"].shape == (3, 5)
     np.testing.assert_allclose(run.recording["warmth.mean"], run.recording["warmth.there"].mean(axis=1))
     assert "there (degrees)" in run.frame("warmth").columns
+    assert len(run.plot("climate").axes[0].lines) == 5 + 1

@@ -41,6 +41,7 @@ FUNCTIONS = {
     "study rank": "StudyRun.rank",
     "study best": "StudyRun.best",
     "study worst": "study_worst",
+    "plot": "Run.figure Run.plot",
     "figure local-maps": "Run.figure_local_maps",
     "figure network": "Run.figure_network",
     "figure provenance": "Run.figure_provenance",
@@ -69,9 +70,9 @@ CALLED = {
     "focus": "look",
     "robots of video": "look",
     "out of video": "path",
-    "out of plot": "folder",
-    "measure of plot": "measures",
-    "compare of table": "against",
+    "out of study plot": "folder",
+    "measure of study plot": "measures",
+    "compare of study table": "against",
     "yes": "answers",
     "what": "",
     "video": "",  # run(...).film(...)
@@ -137,10 +138,9 @@ def test_a_function_takes_what_its_verb_takes(verb: str) -> None:
             given |= set(inspect.signature(sw.open_study).parameters)
     if verb == "examples run":
         given |= set(inspect.signature(sw.run).parameters)
-    word = verb.rpartition(" ")[2]
     for option in VERBS[verb].params:
         if option.name and option.name not in OF_COMMANDS:
-            called = CALLED.get(f"{option.name} of {word}", CALLED.get(option.name, option.name))
+            called = CALLED.get(f"{option.name} of {verb}", CALLED.get(option.name, option.name))
             assert not called or called in given, f"swarmsim {verb}: {option.name}"
 
 

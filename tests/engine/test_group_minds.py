@@ -290,7 +290,7 @@ def test_what_breaks_its_contract_names_the_group(herd) -> None:
 @pytest.mark.parametrize(
     ("groups", "keys", "words"),
     [
-        ((DOGS.format(1), "{count=1}"), ('task={use="coverage"}',), r"'coverage' reads Maps, and groups of robots have their own minds"),
+        ((DOGS.format(1), "{count=1}"), ('task={use="coverage"}',), r"'coverage' reads Maps, and groups of robots"),
         (
             (DOGS.format(1), '{count=1, mind.strategy={use="rendezvous"}}'), (),
             r"robots\[1\]\.mind\.strategy\.use: 'rendezvous' reads Positions, and 'occupancy-grid' gives Maps",

@@ -339,7 +339,7 @@ def test_figures_are_drawn_in_both_formats_and_are_not_blank(run, tmp_path):
         (("figure local-maps", "--robots", "1;2", "--at", 3), "--robots 1;2: not a list of robots"),
         (("figure local-maps", "--robots", "1", "--at", 40), "--at 40: no such iteration; expected 0 to 39"),
         (("figure network", "--at", 1, "--and", 99), "--and 99: no such iteration; expected 0 to 39"),
-        (("figure network", "--at", 1, "--and", 1), "--and 1: the same iteration as --at"),
+        (("figure network", "--at", 1, "--and", 1), "--and 1: the same iteration as at"),
     ],
 )
 def test_what_is_not_in_the_run_is_refused_with_its_range(run, arguments, message):

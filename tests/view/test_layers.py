@@ -11,6 +11,7 @@ import pytest
 from conftest import called, made
 from mcap.reader import make_reader
 
+import swarmsim as sw
 from swarmsim.core import drawing
 from swarmsim.core.drawing import INKS, Circles, Lines, Polygons, Raster, Rays, Texts, wrong
 from swarmsim.core.errors import PartError
@@ -144,6 +145,21 @@ def test_a_layer_that_fails_or_draws_what_cannot_be_is_named(
     done = called("video", broken.path, "a.gif", "--fps", 1, "--speed", 1, "--allow-code", cwd=tmp_path)
     assert done.returncode == 3, done.stderr
     assert "beacon" in done.stderr
+
+
+def test_in_python_layers_from_files_are_drawn_if_it_is_said(recording: Recording, tmp_path: Path) -> None:
+    for allowed in (False, True):
+        run = sw.Run(Recording(recording.path))
+        assert has(run.picture(6, allow_code=allowed)) == allowed
+        run = sw.Run(Recording(recording.path))  # whose own code has not been run
+        page = run.report(tmp_path / "page.html", allow_code=allowed)
+        run.export(mcap=tmp_path / "run.mcap", allow_code=allowed)
+        film = run.film(tmp_path / f"{allowed}.gif", size=(480, 270), fps=1, cards=False, allow_code=allowed)
+        with (tmp_path / "run.mcap").open("rb") as file:
+            topics = {channel.topic for _, channel, _ in make_reader(file).iter_messages()}
+        assert ('"name":"glow"' in page.read_text(), "/beacon" in topics) == (allowed, allowed)
+        assert film.stat().st_size > 1000
+    assert (tmp_path / "False.gif").read_bytes() != (tmp_path / "True.gif").read_bytes()
 
 
 PLACE, ENDS, ONE = np.zeros((2, 2)), np.array([2]), np.array([0])

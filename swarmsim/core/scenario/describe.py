@@ -158,7 +158,7 @@ def seams_in_markdown() -> str:
     """The table of all seams in docs/parts.md."""
     rows = [("seam", "in a scenario", "default", "what a part does", "what it has"), ("---",) * 5]
     for seam in SEAMS.values():
-        place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else "in another part's table"
+        place = f"`[[{seam.at}]]`" if seam.many else f"`[{seam.at}]`" if seam.place else seam.elsewhere
         default = "must be named" if seam.required else f"`{seam.default}`" if seam.default else "none"
         does = _first_sentence(inspect.cleandoc(seam.protocol.__doc__ or "")).rstrip(".")
         rows.append((seam.name, place, default, does, ", ".join(f"`{verb}`" for verb in seam.verbs)))

@@ -136,7 +136,7 @@ class Part(Nested, Generic[P]):
         """
         try:
             parameters: Any = self.parameters
-            built: P = parameters.build(context)
+            built: P = parameters.build(context) if hasattr(parameters, "build") else parameters
         except InputError as problem:
             raise (problem.inside(key) if key else problem) from problem
         missing = [] if registry.is_ours(parameters) else SEAMS[self.seam].missing(built)

@@ -91,13 +91,17 @@ def _own(code: Snapshot, seam: str, use: str) -> type[msgspec.Struct]:
 
 def _part(seam: str, use: str, found: object) -> type[msgspec.Struct]:
     """The parameter struct behind what `use` names; a simpler form is adapted to its seam."""
-    if isinstance(found, type) and issubclass(found, msgspec.Struct) and callable(getattr(found, "build", None)):
-        return found
-    simpler = adapted(found, SEAMS[seam].function, SEAMS[seam].mind)
+    of_seam = SEAMS[seam]
+    if isinstance(found, type) and issubclass(found, msgspec.Struct):
+        is_part = not of_seam.missing(found)  # which needs nothing of a run to be built from
+        if is_part or callable(getattr(found, "build", None)):
+            return found
+    simpler = adapted(found, of_seam.function, of_seam.mind)
     if simpler is None:
         raise InputError(
-            f"use: {use!r} is not a {seam}: expected a msgspec.Struct with a method 'build', or one of the simpler "
-            "forms: a function or, for minds, a class with a method 'step(self, me)'"
+            f"use: {use!r} is not a {seam}: expected a msgspec.Struct with a method 'build', or with "
+            f"{', '.join(of_seam.verbs)} of its own, or one of the simpler forms: a function or, for minds, a class "
+            "with a method 'step(self, me)'"
         )
     return simpler
 

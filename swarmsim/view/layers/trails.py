@@ -18,10 +18,6 @@ class Trails(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     iterations: Annotated[int, Meta(ge=1, le=1000)] = 30  # how far back lines go
 
-    def build(self, shown: Shown) -> Trails:
-        """The layer."""
-        return self
-
     @property
     def name(self) -> str:
         """What it is called."""

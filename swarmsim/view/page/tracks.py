@@ -158,7 +158,9 @@ def _ride(mark: Mark, shot: Frame, words: dict[str, object], columns: dict[str, 
     if isinstance(mark, Lines) and mark.on is not None:
         columns["points"] = np.where(mark.on[:, None] >= 0, 0, columns["points"])
     if isinstance(mark, Polygons | Lines):
-        columns["ends"] = np.diff(mark.ends, prepend=0).astype(np.uint16)
+        sizes = mark.ends.astype(np.uint16)
+        sizes[1:] -= sizes[:-1].copy()  # what goes over the largest number comes back
+        columns["ends"] = sizes
 
 
 def _whole(name: str, value: Array) -> Array:

@@ -1,5 +1,6 @@
 """Figures of single runs and of many runs together, saved as the same bytes every time."""
 
+from swarmsim.view.plots.asked import asked
 from swarmsim.view.plots.building import building
 from swarmsim.view.plots.conditions import comparison, distributions
 from swarmsim.view.plots.imported import imported
@@ -15,7 +16,7 @@ from swarmsim.view.plots.style import COLOURS, FINEST
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "Ratios", "Steps", "address", "building", "comparison", "contact_times", "curves", "degrees",
-    "distributions", "imported", "local_maps", "network_course", "padded", "profiles", "provenance", "ratios",
-    "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
+    "COLOURS", "FINEST", "Ratios", "Steps", "address", "asked", "building", "comparison", "contact_times", "curves",
+    "degrees", "distributions", "imported", "local_maps", "network_course", "padded", "profiles", "provenance",
+    "ratios", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -36,18 +37,20 @@ from swarmsim.view.layers import Layers
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import Style
 from swarmsim.view.theme import DARK
-from swarmsim.view.viewers.cells import coloured
+from swarmsim.view.viewers.cells import table
 
 try:
     import foxglove
     from foxglove import channels
     from foxglove import messages as fm
+    from foxglove.mcap import MCAPWriteOptions
 except ImportError as problem:
     raise InputError("--mcap needs foxglove-sdk; install it with: pip install 'swarmsim-lab[mcap]'") from problem
 
 WORLD = "world"
 OWN_MAPS = 10  # iterations from one map of a single robot to the next
 HEIGHT = 1000.0  # z of a shape at a height of 1 m, so that later ones lie above the others
+CHUNK = 1 << 22  # bytes packed together: each of many grids is much like the one before
 THIN = 1e-3  # m: the height of discs
 
 
@@ -63,7 +66,8 @@ def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], N
     """
     scene = Scene(recording)
     context = foxglove.Context()
-    with foxglove.open_mcap(out, context=context, allow_overwrite=True):
+    options = MCAPWriteOptions(chunk_size=CHUNK, compression_level=9)
+    with foxglove.open_mcap(out, context=context, allow_overwrite=True, writer_options=options):
         frames = channels.FrameTransformsChannel("/tf", context=context)
         poses = channels.PosesInFrameChannel("/poses", context=context)
         drawn, layers = _Topics(context, scene), Layers(scene)
@@ -157,7 +161,8 @@ class _Topics:
 
 def _grid(stamp: fm.Timestamp, raster: Raster) -> fm.Grid:
     """Five bytes a cell: its value, and its colour."""
-    data = np.concatenate([raster.values[..., None], coloured(raster, DARK)], axis=2)
+    rows = np.column_stack([np.arange(256, dtype=np.uint8), table(raster, DARK)])
+    data = rows.view("V5").ravel()[raster.values]
     kind = fm.PackedElementFieldNumericType.Uint8
     return fm.Grid(
         timestamp=stamp, frame_id=WORLD, pose=_pose(*raster.corner), column_count=raster.values.shape[1],
@@ -238,13 +243,15 @@ def _areas(rings: Sequence[Reals], inks: Sequence[Ink], z: float, opacity: float
     """Areas that are star-shaped around their centres, as triangles around these."""
     corners: dict[Ink, list[fm.Point3]] = {}
     for ring, ink in zip(rings, inks, strict=True):
-        x, y = ring.mean(axis=0).tolist()
-        around = [fm.Point3(x=a, y=b, z=z) for a, b in ring.tolist()]
+        places = ring.tolist()
+        x, y = (sum(side) / len(places) for side in zip(*places, strict=True))
+        around = [fm.Point3(x=a, y=b, z=z) for a, b in places]
         for pair in pairwise([*around, around[0]]):
             corners.setdefault(ink, []).extend((fm.Point3(x=x, y=y, z=z), *pair))
     return [fm.TriangleListPrimitive(points=points, color=_colour(ink, opacity)) for ink, points in corners.items()]
 
 
+@lru_cache(maxsize=1024)
 def _colour(ink: Ink, opacity: float = 1.0) -> fm.Color:
     red, green, blue = (part / 255.0 for part in DARK.ink(ink))
     return fm.Color(r=red, g=green, b=blue, a=opacity)

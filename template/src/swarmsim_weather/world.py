@@ -1,8 +1,9 @@
-"""The world's effects on robots: wind moves them, fog hides walls, the day warms the floor, positions are coarse."""
+"""The world's effects on robots: wind, fog, the warmth of the day and coarse positions; and a picture of it."""
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
 from msgspec import Struct
 from numpy.typing import NDArray
 
@@ -13,6 +14,7 @@ from swarmsim.core.parts import Motion, Sensor
 from swarmsim.core.probes import ProbeTable, Sampled
 from swarmsim.core.readings import Channel, Channels, Readings
 from swarmsim.core.state import Knowledge, Moment, State
+from swarmsim.recording.reader import Recording
 from swarmsim.robots.particles import Particles, PointBodies
 from swarmsim.robots.sensors import IrRing
 
@@ -172,3 +174,13 @@ class Thermometer:
 def halos(shown: Shown, *, radius: float = 0.3) -> list[Mark]:
     """A faint disc around each robot."""
     return [Circles(shown.pose[:, :2], radius, "hot", None, opacity=0.3)]
+
+
+def climate(recording: Recording, *, probe: str = "warmth") -> Figure:
+    """How warm it was where robots were, over the samples of a probe that records `there` and `mean`."""
+    figure = Figure()
+    axes = figure.subplots()
+    axes.plot(recording[f"{probe}.there"], color="0.7")
+    axes.plot(recording[f"{probe}.mean"], color="tab:red")
+    axes.set(xlabel="samples", ylabel="warmth, degrees")
+    return figure

@@ -645,7 +645,8 @@ def test_two_robots_head_on_in_a_narrow_corridor_with_a_bay_get_past_each_other(
     mind = Mapper().build(place)
     parts = Parts(
         actuator=Rig((), ()), sensor=IrRing().build(place), localisation=PerfectLocalisation(),
-        computation=mind.computation, strategy=mind.strategy, topology=Isolated().build(place), channel=Perfect().build(place),
+        computation=mind.computation, strategy=mind.strategy,
+        topology=Isolated().build(place), channel=Perfect().build(place),
         motion=PurePursuit().build(place), bodies=bodies, task=Coverage().build(place), building=hall,
         schedule=Schedule(bodies.state()), lattice=lattice,
     )  # fmt: skip

@@ -1,0 +1,34 @@
+"""Values of keys as functions take them: by key, or in words as for `--set`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario.toml import parsed
+
+Overrides = Mapping[str, object] | Sequence[str]  # {"robots.count": 20}, or as for --set: ["robots.count=20"]
+
+
+def told_apart(overrides: Overrides | None) -> tuple[Sequence[str], Mapping[str, object]]:
+    """Overrides in words and overrides as values, one of which there are none of."""
+    if isinstance(overrides, Mapping):
+        return (), overrides
+    return ([overrides] if isinstance(overrides, str) else overrides or ()), {}
+
+
+def keys_of(overrides: Overrides | None) -> dict[str, object]:
+    """The keys of one table by name; in words a value is TOML, or else a text. Raises InputError."""
+    texts, changes = told_apart(overrides)
+    found = dict(changes)
+    for text in texts:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not key:
+            raise InputError(f"--set {text}: expected key=value, as in at=20")
+        try:
+            found[key] = parsed(f"value = {value}")["value"]
+        except ValueError as problem:
+            if not value or value[0] in "\"'[{":
+                raise InputError(f"--set {text}: {value!r} is not a TOML value: {problem}") from problem
+            found[key] = value
+    return found
