@@ -38,7 +38,7 @@ class PerfectChannel:
         return Delivery(letters(state.iteration, links, sizes), (), state.iteration)
 
 
-class Layer(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class StackedChannel(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A channel that lies over another, and gets only what that one delivers.
 
     `over` is the channel below, which may lie over a further one.

@@ -15,14 +15,14 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Links, NetworkChannel
 from swarmsim.core.state import State
-from swarmsim.network.channel import Layer, but_lost, in_order
+from swarmsim.network.channel import StackedChannel, but_lost, in_order
 
 SLACK: Final = 1e-9  # relative; sums of decimal fractions of a second miss whole seconds by rounding
 
 Income = Callable[[int], NDArray[np.float64]]  # bytes that each robot (n,) may send in an iteration
 
 
-class Latency(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Latency(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each message takes some iterations to arrive, even if its sender dies meanwhile.
 
     `fixed`: for exactly `delay` iterations. `geometric`: for k >= 0 with probability q (1 - q)^k, where
@@ -74,7 +74,7 @@ class LatentChannel:
         return _received(state, letters[arrived], below, self._letters)
 
 
-class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Bandwidth(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot sends at a limited rate (bytes/s), each message separately to each receiver, first in first out.
 
     Unsent messages wait. Idle time is not saved up.
@@ -95,7 +95,7 @@ class Bandwidth(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return QueueingChannel(self.below(context), queues, lambda iteration: income)
 
 
-class Tdma(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Tdma(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Time division: robots take turns, and send waiting messages when their own slot begins.
 
     Robot i's slot is number i mod `slots` of each frame of `slots` times `slot` seconds; the defaults are ten slots

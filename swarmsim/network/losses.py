@@ -16,7 +16,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Delivery, Packets
 from swarmsim.core.parts import Links, NetworkChannel
 from swarmsim.core.state import State
-from swarmsim.network.channel import Layer, but_lost
+from swarmsim.network.channel import StackedChannel, but_lost
 
 Law = Callable[[State, Packets], NDArray[np.bool_]]  # which of the messages (m, 4) are lost now
 
@@ -35,7 +35,7 @@ class LossyChannel:
         return but_lost(delivery, self._reason, self._law(state, delivery.heard))
 
 
-class Bernoulli(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Bernoulli(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each message is lost with the same probability, independently of all others."""
 
     loss: Annotated[float, Meta(ge=0.0, le=1.0)]  # probability that a message is lost
@@ -50,7 +50,7 @@ class Bernoulli(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return LossyChannel(self.below(context), "loss", law)
 
 
-class GilbertElliott(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class GilbertElliott(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Losses come in bursts: each directed pair of robots is in a good or a bad state, and the bad one loses all.
 
     In every iteration a good pair turns bad with probability p and a bad one good with probability r
@@ -98,7 +98,7 @@ class PairStates:
         return chance.uniform(self._salt, self._iteration, self._robots[:, None], self._robots)
 
 
-class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Range(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Messages arrive up to a distance between two robots, and never beyond."""
 
     metres: Annotated[float, Meta(gt=0.0)]  # m, range of messages
@@ -113,7 +113,7 @@ class Range(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return LossyChannel(self.below(context), "range", law)
 
 
-class PathLoss(Layer, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class PathLoss(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Messages arrive if enough power is left after distance, walls and shadowing.
 
     The loss in dB is pl0 + 10 exponent log10(d / 1 m) + wall_loss walls + X, with X normal of standard deviation

@@ -13,7 +13,7 @@ from swarmsim.core.drawing import Mark
 from swarmsim.view.background import FINEST, Background
 from swarmsim.view.camera import Camera
 from swarmsim.view.discs import Discs
-from swarmsim.view.layers import Layers
+from swarmsim.view.layers import LayerStack
 from swarmsim.view.lettering import Lettering
 from swarmsim.view.painter import Painter, opaque
 from swarmsim.view.panel import Panel
@@ -55,7 +55,7 @@ class Canvas:
         self._zoomed = camera is not None
         self.camera = camera or Camera.fitting(scene.bounds, (room.left, room.top, room.width, room.height))
         self._kept = 0  # the magnifier's corner
-        self._layers, self._painter = Layers(scene), Painter(theme, self.camera, unit, letters)
+        self._layers, self._painter = LayerStack(scene), Painter(theme, self.camera, unit, letters)
         self.discs = Discs(scene, self.camera.scale, max(8.0 * unit, 5.0))
         self.radius = self.discs.radius
         self._ground = Background(self._painter, size, finest)

@@ -7,7 +7,7 @@ import pygame
 
 from swarmsim.core.drawing import Polygons
 from swarmsim.view.camera import Camera
-from swarmsim.view.layers import Layers
+from swarmsim.view.layers import LayerStack
 from swarmsim.view.lettering import Lettering
 from swarmsim.view.painter import Painter
 from swarmsim.view.scene import Scene
@@ -19,7 +19,7 @@ from swarmsim.view.theme import Theme
 def signs(scene: Scene, look: Style, enlarged: float) -> list[Sign]:
     """Every sign in the pictures of a scene; robots are drawn `enlarged` times their size."""
     size = f", up to {enlarged:.2g} x its size" if enlarged > 1.0 else ""
-    found = Layers(scene).signs(scene, look)
+    found = LayerStack(scene).signs(scene, look)
     found = [sign._replace(means=sign.means + size * (sign.kind == "robot")) for sign in found]
     line = Polygons(np.array([(-1.0, -7.0), (1.0, -7.0), (1.0, 7.0), (-1.0, 7.0)]), np.array([4]), "mark", None)
     return [*found, *[Sign("mark", "event", [line])] * bool(scene.marks)]

@@ -19,7 +19,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.recording.reader import Recording
 from swarmsim.view.camera import Camera
 from swarmsim.view.canvas import Canvas
-from swarmsim.view.layers import Layers
+from swarmsim.view.layers import LayerStack
 from swarmsim.view.layers.own import left_out
 from swarmsim.view.lettering import Lettering
 from swarmsim.view.page.document import replay_page
@@ -76,7 +76,7 @@ def test_a_layer_is_seen_in_films_with_its_sign_and_can_be_hidden(recording: Rec
         assert tuple(picture[row, column]) == ODD
         hidden = Style(layers=frozenset(set(Style().layers) - {"own"}))
         assert not has(frame(recording, 6, (1280, 720), hidden))
-        assert {"glow", "trail"} <= {sign.kind for sign in Layers(scene).signs(scene, Style())}
+        assert {"glow", "trail"} <= {sign.kind for sign in LayerStack(scene).signs(scene, Style())}
 
 
 def test_a_layer_is_seen_in_the_window(recording: Recording, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

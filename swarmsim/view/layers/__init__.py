@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from swarmsim.core.drawing import Mark
-from swarmsim.view.layers.building import Boxes, Building
-from swarmsim.view.layers.doing import Beams, Links, Tiles, Ways
-from swarmsim.view.layers.known import FieldEstimates, Maps
+from swarmsim.view.layers.building import BoxLayer, BuildingLayer
+from swarmsim.view.layers.doing import BeamLayer, LinkLayer, TileLayer, WayLayer
+from swarmsim.view.layers.known import FieldLayer, MapLayer
 from swarmsim.view.layers.own import own_layers
-from swarmsim.view.layers.robots import Beliefs, Faults, Lights, People, Robots
+from swarmsim.view.layers.robots import BeliefLayer, FaultLayer, LightLayer, PeopleLayer, RobotLayer
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign
 from swarmsim.view.style import LAYERS, Style
@@ -33,14 +33,15 @@ class OurLayer(Protocol):
         ...
 
 
-class Layers:
+class LayerStack:
     """Every layer of a scene."""
 
     def __init__(self, scene: Scene) -> None:
         #: In the order of their signs.
         self.all: tuple[OurLayer, ...] = (
-            Robots(), Tiles(scene), Beams(scene), Ways(), Links(), Beliefs(), Faults(), Lights(), People(), Boxes(),
-            FieldEstimates(scene), Maps(scene), Building(scene),
+            RobotLayer(), TileLayer(scene), BeamLayer(scene), WayLayer(), LinkLayer(),
+            BeliefLayer(), FaultLayer(), LightLayer(), PeopleLayer(), BoxLayer(),
+            FieldLayer(scene), MapLayer(scene), BuildingLayer(scene),
         )  # fmt: skip
         self._own = own_layers(scene.scenario, scene.at(0))
         self.all += tuple(self._own)

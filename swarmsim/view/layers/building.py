@@ -15,7 +15,7 @@ from swarmsim.view.style import Style
 FLOOR, EDGES, BOXES = 0.0, 20.0, 30.0  # z
 
 
-class Building:
+class BuildingLayer:
     """The floor plan, constant over the run."""
 
     name = "building"
@@ -39,7 +39,7 @@ class Building:
         return []
 
 
-class Boxes:
+class BoxLayer:
     """Closed doors, furniture and rubble."""
 
     name = "boxes"

@@ -23,7 +23,7 @@ def shown(shot: Frame) -> Whole:
     return np.array([robot for robot in shot.chosen or range(len(shot.alive)) if shot.alive[robot]], np.int64)
 
 
-class Tiles:
+class TileLayer:
     """The tile that each robot senses."""
 
     name = "tiles"
@@ -49,7 +49,7 @@ def tiles(corners: Reals, size: Reals, of: Whole) -> Polygons:
     return Polygons(points, ends, inks, inks, 1.0, (0.13, 0.67), at=corners, of=of, name="tile", z=TILES)
 
 
-class Beams:
+class BeamLayer:
     """The beams of the chosen robots."""
 
     name = "beams"
@@ -75,7 +75,7 @@ class Beams:
         return [Sign("beams", "its beams", [fan])] * bool(look.chosen)
 
 
-class Ways:
+class WayLayer:
     """The way ahead and the goal of each robot."""
 
     name = "ways"
@@ -106,7 +106,7 @@ def goals(places: Reals, of: Whole) -> Polygons:
     return forms(places, DIAMOND, of, inks_of_robots(of), GOALS, "goal")
 
 
-class Links:
+class LinkLayer:
     """Links: solid lines for heard messages, dashed for lost ones, dotted for those under way."""
 
     name = "links"

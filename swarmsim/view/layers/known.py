@@ -18,7 +18,7 @@ MOST = 250  # distinct counts
 SEEN = 254
 
 
-class Maps:
+class MapLayer:
     """How many robots know each cell, or the focused robot's own map."""
 
     name = "map"
@@ -66,7 +66,7 @@ class Maps:
         return Raster(values, (lattice.x0, lattice.y0), lattice.cell, palette, each, name, FLOOR)
 
 
-class FieldEstimates:
+class FieldLayer:
     """The robots' mean estimate of the field."""
 
     name = "field"

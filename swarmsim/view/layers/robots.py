@@ -51,7 +51,7 @@ def rings(pose: Reals, of: Whole, ink: str, name: str) -> Circles:
     return Circles(pose[:, :2], 2.1, ink, stroke=0.3, unit="body", of=of, rides=True, name=name, z=FAULTS)
 
 
-class Robots:
+class RobotLayer:
     """Live robots: discs with noses and ids, and their estimates of the way to go."""
 
     name = "robots"
@@ -85,7 +85,7 @@ def headings(pose: Reals, of: Whole, yaw: Reals) -> Polygons:
     return forms(pose[:, :2], LINE, of, "curve", FAULTS + 0.5, "heading", yaw, rides=True)
 
 
-class Faults:
+class FaultLayer:
     """Rings around robots with a fault and latecomers; dead robots; places of removed ones."""
 
     name = "faults"
@@ -126,7 +126,7 @@ def removed(pose: Reals, of: Whole) -> Circles:
     return Circles(pose[:, :2], 1.0, "dead", stroke=0.45, unit="body", of=of, rides=True, name="removed", z=DEAD)
 
 
-class Lights:
+class LightLayer:
     """The colours of robots' lights."""
 
     name = "lights"
@@ -144,7 +144,7 @@ class Lights:
         return []
 
 
-class Beliefs:
+class BeliefLayer:
     """Robots' estimated positions, if they may differ from the true ones."""
 
     name = "beliefs"
@@ -169,7 +169,7 @@ def beliefs(places: Reals, there: Reals, of: Whole) -> list[Mark]:
     return [lines, Circles(there, 0.75, inks_of_robots(of), stroke=0.3, unit="body", of=of, name="belief", z=BELIEFS)]
 
 
-class People:
+class PeopleLayer:
     """People who walk about."""
 
     name = "people"

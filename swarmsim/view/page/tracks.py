@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.drawing import Ink, Lines, Mark, Polygons, Raster, Rays, count_of, inks_of
-from swarmsim.view.layers import Layers
+from swarmsim.view.layers import LayerStack
 from swarmsim.view.scene import Frame, Scene
 
 Array = NDArray[np.generic]
@@ -34,7 +34,7 @@ class Tracks:
         self._tracks: dict[object, Track] = {}
         self.inks: list[Ink] = []
         self.texts: list[str] = []
-        layers, everybody = Layers(scene), tuple(range(scene.robots))
+        layers, everybody = LayerStack(scene), tuple(range(scene.robots))
         refused: set[str] = set()
         for row in range(scene.iterations):
             shot = scene.at(row, None, everybody)

@@ -33,7 +33,7 @@ from swarmsim.core.drawing import (
 from swarmsim.core.errors import InputError
 from swarmsim.recording.columns import plain, shown
 from swarmsim.recording.reader import Recording
-from swarmsim.view.layers import Layers
+from swarmsim.view.layers import LayerStack
 from swarmsim.view.scene import Scene
 from swarmsim.view.style import Style
 from swarmsim.view.theme import DARK
@@ -70,7 +70,7 @@ def write_mcap(recording: Recording, out: Path, progress: Callable[[int, int], N
     with foxglove.open_mcap(out, context=context, allow_overwrite=True, writer_options=options):
         frames = channels.FrameTransformsChannel("/tf", context=context)
         poses = channels.PosesInFrameChannel("/poses", context=context)
-        drawn, layers = _Topics(context, scene), Layers(scene)
+        drawn, layers = _Topics(context, scene), LayerStack(scene)
         events = channels.LogChannel("/events", context=context)
         numbers = foxglove.Channel("/numbers", context=context)
         measured = {one: foxglove.Channel(f"/readings/{one.name}", context=context) for one in shown(recording)}

@@ -27,7 +27,7 @@ from swarmsim.core.drawing import (
 from swarmsim.core.errors import InputError
 from swarmsim.recording.columns import shown
 from swarmsim.recording.reader import Recording
-from swarmsim.view.layers import Layers
+from swarmsim.view.layers import LayerStack
 from swarmsim.view.scene import Scene
 from swarmsim.view.theme import DARK, Colour
 from swarmsim.view.viewers.cells import coloured
@@ -50,7 +50,7 @@ def write_rrd(recording: Recording, out: Path, progress: Callable[[int, int], No
     scene = Scene(recording)
     stream = rr.RecordingStream("swarmsim", recording_id=recording.digest())
     log = stream.binary_stream()  # a file of the SDK's own tells of a full disk in lines of a log and a RuntimeError
-    layers = Layers(scene)
+    layers = LayerStack(scene)
     before: dict[str, Mark] = {}
     for row in range(recording.iterations):
         shot = scene.at(row)
