@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT
 
 FUNCTION, FILE = 40, 300  # lines, docstring and all
-MOST_LONG_FUNCTIONS = 48
+MOST_LONG_FUNCTIONS = 43
 MOST_LONG_FILES = 28
 
 CODE = {file: file.read_text(encoding="utf-8") for file in sorted((ROOT / "swarmsim").rglob("*.py"))}

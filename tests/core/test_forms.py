@@ -178,7 +178,7 @@ def test_keys_of_a_class_are_those_of_its_constructor(own) -> None:
     assert gone[1].max() > 3 * gone[0].max()
     with pytest.raises(InputError, match=r"mind\.computation\.sped: unknown key; did you mean 'speed'"):
         own('mind={use="./mine.py:Follower", sped=1.0}')
-    with pytest.raises(InputError, match=r"room\.toml: mind\.use: stands for computation and strategy"):
+    with pytest.raises(InputError, match=r"room\.toml: mind\.use sets both computation and strategy"):
         own('mind={use="./mine.py:Follower", strategy={use="stand"}}')
 
 

@@ -444,7 +444,7 @@ def test_a_mind_that_takes_other_phases_is_told_the_line_to_write(own, key: str,
         own(key.format("use='./old.py:Old'"))
     told = str(refused.value)
     assert f"expected '{line}'\n" in told
-    assert "(observations) takes" in told
+    assert "with the wrong parameters (observations)" in told
     assert f"in {line.split('(')[0][4:]}: {line.split('(')[0]}(self, observations):" in told  # its own line
 
 

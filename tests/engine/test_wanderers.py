@@ -87,7 +87,7 @@ def test_a_comparison_leaves_out_what_only_maps_have(recording: Recording, room:
     assert head(recording.curve)[3] == "mean distance"
     assert [line[7:10] for line in lines(found)] == [("-", "-", "-")] * 2
     assert found[1].ratio == pytest.approx(found[1].mean / recording["distance"].mean(), rel=0.2)
-    with pytest.raises(InputError, match=r"about 'coverage' .*, that of the first run about 'distance'"):
+    with pytest.raises(InputError, match=r"measures 'coverage' .*, the first run's 'distance'"):
         costs({"wander": recording, "map": Recording(room)})
 
 

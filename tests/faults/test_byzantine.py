@@ -306,7 +306,7 @@ def test_a_lie_that_cannot_be_told_is_refused(keys: str, words: str) -> None:
 
 
 def test_a_robot_alone_cannot_pass_itself_off_as_another() -> None:
-    with pytest.raises(InputError, match="failure: a robot alone has nobody"):
+    with pytest.raises(InputError, match="failure: a single robot has no other"):
         Byzantine(at=0, failure="spoof", min_alive=0).build(context(1))
 
 

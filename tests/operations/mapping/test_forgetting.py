@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from mappers import Mapper, inbox_of
 from numpy.testing import assert_array_equal
 
+from swarmsim.core.errors import PlacedError
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.kernels import occupancy, search
+from swarmsim.operations.mapping.computation import OccupancyGrid
 from swarmsim.recording.digests import Digests
 
 CELL = 0.15
@@ -263,3 +265,10 @@ def test_a_map_that_forgets_shrinks_and_grows() -> None:
     run.simulation.run([Watch()])
     assert any(later < earlier for earlier, later in pairwise(curve))
     assert any(later > earlier for earlier, later in pairwise(curve[100:]))
+
+
+def test_maps_that_no_memory_holds_are_refused_before_they_are_made() -> None:
+    """Twenty thousand million cells take 100 GB and more."""
+    context = setting_of(100_000, shape=(500, 500), seed=1)
+    with pytest.raises(PlacedError, match=r"100000 robots with maps of 250000 cells each .* more than 20000000000"):
+        OccupancyGrid().build(context)

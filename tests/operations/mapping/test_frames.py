@@ -232,7 +232,7 @@ def test_a_film_of_frames_is_written_and_refused_for_other_runs(tmp_path, room) 
     assert "ends in .mp4" in refused.stderr
     refused = called("video", str(out), str(film), "--frames", "--focus", "1", "--quiet")
     assert refused.returncode == 2
-    assert "a look of its own" in refused.stderr
+    assert "such films have their own look" in refused.stderr
     refused = called("video", str(room), str(tmp_path / "no.mp4"), "--frames", "--quiet")
     assert refused.returncode == 2
     assert "expected mind.computation.sharing.use = merge" in refused.stderr
