@@ -58,9 +58,12 @@ class WaypointFollower:
         """Set velocities (n, 2 or 3)."""
         self._turning[:] = ~np.isnan(twists).any(axis=1)
         wanted = np.zeros((len(twists), 3))
-        wanted[:, 0], wanted[:, 2] = np.where(self._turning[:, None], twists[:, :2], 0.0).T
+        wanted[:, 0], wanted[:, 2] = twists[:, 0], twists[:, 1]
         if twists.shape[1] > 2:
-            wanted[:, 1] = np.where(self._turning, twists[:, 2], 0.0)
+            wanted[:, 1] = twists[:, 2]
+        if not self._turning.all():
+            wanted[~self._turning] = 0.0
+        if twists.shape[1] > 2:
             for robot in np.flatnonzero((wanted[:, 1] != 0.0) & ~self._drives.sideways).tolist():
                 raise InputError(
                     f"kinematics.use: robot {robot} shall move to the side at {wanted[robot, 1]:g} m/s, and is "

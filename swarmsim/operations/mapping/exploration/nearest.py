@@ -78,6 +78,7 @@ class PlannedStrategy(ABC):
         if parameters.ties == "row-order":
             self._tie_salts[:] = 0
         self._lattice, self._columns = lattice, lattice.columns
+        self._corner = np.array([lattice.x0, lattice.y0])
 
     @abstractmethod
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
@@ -89,7 +90,11 @@ class PlannedStrategy(ABC):
         longest = int((plans.steps - plans.cursor).max(initial=0)) + 1
         waypoints = np.zeros((len(plans.steps), longest, 2))
         counts = decide.way_ahead(plans, self._rules, self._columns, waypoints)
-        goals = self._lattice.centres(np.stack(np.divmod(plans.goal, self._columns), axis=1))
+        goals = np.empty((len(plans.goal), 2))  # the centres of cells, as from Lattice.centres
+        goals[:, 1], goals[:, 0] = np.divmod(plans.goal, self._columns)
+        goals += 0.5
+        goals *= self._lattice.cell
+        goals += self._corner
         goals[plans.goal < 0] = np.nan
         return Intents(goals, waypoints, counts, plans.planned.copy())
 
