@@ -11,7 +11,7 @@ Overrides = Mapping[str, object] | Sequence[str]  # {"robots.count": 20}, or as 
 
 
 def told_apart(overrides: Overrides | None) -> tuple[Sequence[str], Mapping[str, object]]:
-    """Overrides in words and overrides as values, one of which there are none of."""
+    """The overrides as texts and as values; one of the two is empty."""
     if isinstance(overrides, Mapping):
         return (), overrides
     return ([overrides] if isinstance(overrides, str) else overrides or ()), {}

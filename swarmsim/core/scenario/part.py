@@ -209,4 +209,4 @@ def plain(value: object) -> Table:
     """A part's form in a text, for msgspec, which knows all other types. Raises TypeError."""
     if isinstance(value, Part):
         return value.table
-    raise NotImplementedError(type(value).__name__)
+    raise NotImplementedError(type(value).__name__)  # which msgspec takes for "not mine", and raises TypeError
