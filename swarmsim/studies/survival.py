@@ -7,6 +7,7 @@ conditions with different limits can be compared up to the shortest limit: the c
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -116,13 +117,11 @@ class Endings:
             return Chance(done / n, (float(exact.low), float(exact.high)))
         if time > self.times.max() * (1.0 + 2.0 * ROUNDING):
             return Chance(None, (float(exact.low), 1.0))
-        curve = stats.ecdf(self._censored).sf
-        with np.errstate(divide="ignore", invalid="ignore"):
-            between = curve.confidence_interval(confidence, method="log-log")
-        at = np.searchsorted(curve.quantiles, time, side="right") - 1
-        ends = (1.0 - between.high.probabilities[at], 1.0 - between.low.probabilities[at]) if at >= 0 else (0.0, 1.0)
-        low, high = ends if np.isfinite(ends).all() else (float(exact.low), 1.0)
-        return Chance(1.0 - float(curve.evaluate(time)), (float(low), float(high)))
+        when, shares, ends = self._curve(confidence)
+        at = np.searchsorted(when, time, side="right") - 1
+        if at < 0:
+            return Chance(0.0, (0.0, 1.0))
+        return Chance(1.0 - float(shares[at]), (1.0 - float(ends[1, at]), 1.0 - float(ends[0, at])))
 
     def quantile(self, share: float, confidence: float = 0.95) -> Quantile:
         """The time by which a share of runs, between 0 and 1, is done, with an interval that supposes no distribution.
@@ -136,16 +135,29 @@ class Endings:
             found = stats.quantile_test(self.ranks, p=share).confidence_interval(confidence)
             low = min(float(np.nan_to_num(found.low, posinf=np.inf)), float(cut.min(initial=np.inf)))
             return Quantile(value, low, float(found.high) if np.isfinite(found.high) else None)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            curve = stats.ecdf(self._censored).sf
-            between = curve.confidence_interval(confidence, method="log-log")
-        met = [np.flatnonzero(end.probabilities <= 1.0 - share) for end in (between.low, between.high)]
-        first, last = (float(curve.quantiles[places[0]]) if len(places) else None for places in met)
-        return Quantile(value, self.times.max() if first is None else first, last)
+        when, _, ends = self._curve(confidence)
+        met = [np.flatnonzero(end <= 1.0 - share) for end in ends]
+        first, upper = (float(when[places[0]]) if len(places) else None for places in met)
+        return Quantile(value, float(self.times.max()) if first is None else first, upper)
 
-    @property
-    def _censored(self) -> stats.CensoredData:
-        return stats.CensoredData(uncensored=self.times[self.finished], right=self.times[~self.finished])
+    def _curve(self, confidence: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Times (j,), shares of unfinished runs after each, and the ends (2, j) of the shares' intervals.
+
+        Before any run finished the lower end is that of none in so many, since Greenwood's formula has none there;
+        after all finished the upper end stays what it was.
+        """
+        runs = stats.CensoredData(uncensored=self.times[self.finished], right=self.times[~self.finished])
+        curve = stats.ecdf(runs).sf
+        with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
+            warnings.simplefilter("ignore", RuntimeWarning)
+            found = curve.confidence_interval(confidence, method="log-log")
+        when, shares = curve.quantiles, curve.probabilities
+        low, high = found.low.probabilities.copy(), found.high.probabilities.copy()
+        at_risk = (self.times >= when[:, None]).sum(axis=1)
+        start, end = shares >= 1.0, shares <= 0.0
+        low[start], high[start] = ((1.0 - confidence) / 2.0) ** (1.0 / at_risk[start]), 1.0
+        low[end], high[end] = 0.0, high[~end][-1] if (~end).any() else 1.0
+        return when, shares, np.array([low, high])
 
 
 def common_horizon(several: Iterable[Endings]) -> float:
