@@ -272,17 +272,18 @@ def worst(
     Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
     """
     from swarmsim.api.worst import study_worst
+    from swarmsim.core.durations import told
     from swarmsim.studies.worst import HEAD, lines
 
     with progress_bar(quiet) as progress:
-        told = Counted(progress, "searching", "{} timelines")
+        counted = Counted(progress, "searching", "{} timelines")
 
         def tell(words: str) -> None:
             progress.console.print(words, markup=False, highlight=False)
 
         def move(timelines: int) -> None:
             end_if_asked()
-            told(timelines, budget)
+            counted(timelines, budget)
 
         answer = study_worst(
             scenario,
@@ -300,7 +301,9 @@ def worst(
             tell=tell,
         )
     sound = " / ".join(map(str, answer.sound))
-    print_table(f"{scenario}: not done in {factor:g} times the {sound} iterations without faults", HEAD, lines(answer))
+    span = " / ".join(told(took * answer.period) for took in answer.sound)
+    title = f"{scenario}: not done in {factor:g} times the {sound} iterations ({span}) without faults"
+    print_table(title, HEAD, lines(answer))
     print(f"{answer.timelines} timelines tried in {answer.runs} runs")
     if answer.smallest is None:
         raise typer.Exit(FAILED)

@@ -41,17 +41,17 @@ class Result:
     @property
     def times(self) -> NDArray[np.float64]:
         """Iterations of each run; an unfinished one has its iterations at the stop."""
-        return np.array([row.iterations for row in self.rows], np.float64)
+        return self.endings.times
 
     @property
     def finished(self) -> NDArray[np.bool_]:
         """Whether each run finished."""
-        return np.array([row.status == "finished" for row in self.rows], np.bool_)
+        return self.endings.finished
 
     @property
     def endings(self) -> Endings:
         """How its runs ended, in iterations."""
-        return Endings(self.times, self.finished, float(self.condition.scenario.limit))
+        return endings(self.rows, self.condition.scenario.limit)
 
     @property
     def seconds(self) -> Endings:
@@ -81,6 +81,12 @@ class Result:
         if len(defined) == 0:
             raise InputError(f"{name!r} is defined in no run of {self.condition.name!r}")
         return describe(defined)
+
+
+def endings(rows: Sequence[Row], limit: float) -> Endings:
+    """How runs ended, in iterations; `limit` is that of their scenario."""
+    times = np.array([row.iterations for row in rows], np.float64)
+    return Endings(times, np.array([row.status == "finished" for row in rows], np.bool_), float(limit))
 
 
 def filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:

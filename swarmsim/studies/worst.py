@@ -27,6 +27,7 @@ from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.identity import code_of
 from swarmsim.core.scenario.part import Part
 from swarmsim.studies.engine import Job
+from swarmsim.studies.results import endings
 from swarmsim.studies.store import Row
 
 #: The faults of entries, by their names in tables.
@@ -94,6 +95,7 @@ class Findings:
     smallest: Failure | None  # of all tried
     timelines: int  # tried
     runs: int  # done
+    period: float  # s, of one iteration
 
 
 class Search:
@@ -121,9 +123,13 @@ class Search:
         Raises InputError if a run without faults does not finish.
         """
         sound = self._rows([((), seed, self._scenario.limit) for seed in self._seeds])
-        if any(row.status != "finished" for row in sound):
-            raise InputError("study worst: the task is not done without faults; expected a scenario that finishes")
-        self.sound = tuple(int(row.iterations or 0) for row in sound)
+        healthy = endings(sound, self._scenario.limit)
+        if not healthy.whole:
+            raise InputError(
+                f"study worst: the task is not done without faults: {healthy.done} of {len(sound)} runs finished "
+                f"within {self._scenario.limit} iterations; expected a scenario that finishes with every seed"
+            )
+        self.sound = tuple(int(took) for took in healthy.times)
         self.limit = tuple(math.ceil(self._factor * took) for took in self.sound)
         robots, generator = self._scenario.robots.count, np.random.default_rng(seed)
         by_kind: dict[str, Failure | None] = {}
@@ -152,7 +158,7 @@ class Search:
                 if failing and (smallest is None or self._size(timeline) < (smallest.robots, smallest.size)):
                     smallest = min([self._shrunk(timeline), *([smallest] if smallest else [])], key=_order)
                     self._tell(f"smaller: {described(smallest)}")
-        return Findings(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs)
+        return Findings(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs, self._scenario.period)
 
     def _kinds(self) -> list[str]:
         known = registry.known("fault")
