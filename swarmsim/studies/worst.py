@@ -122,14 +122,7 @@ class Search:
 
         Raises InputError if a run without faults does not finish.
         """
-        sound = self._rows([((), seed, self._scenario.limit) for seed in self._seeds])
-        healthy = endings(sound, self._scenario.limit)
-        if not healthy.whole:
-            raise InputError(
-                f"study worst: the task is not done without faults: {healthy.done} of {len(sound)} runs finished "
-                f"within {self._scenario.limit} iterations; expected a scenario that finishes with every seed"
-            )
-        self.sound = tuple(int(took) for took in healthy.times)
+        self.sound = self._sound()
         self.limit = tuple(math.ceil(self._factor * took) for took in self.sound)
         robots, generator = self._scenario.robots.count, np.random.default_rng(seed)
         by_kind: dict[str, Failure | None] = {}
@@ -159,6 +152,17 @@ class Search:
                     smallest = min([self._shrunk(timeline), *([smallest] if smallest else [])], key=_order)
                     self._tell(f"smaller: {described(smallest)}")
         return Findings(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs, self._scenario.period)
+
+    def _sound(self) -> tuple[int, ...]:
+        """The iterations without faults, by seed. Raises InputError if a run does not finish."""
+        limit = self._scenario.limit
+        found = endings(self._rows([((), seed, limit) for seed in self._seeds]), limit)
+        if not found.whole:
+            raise InputError(
+                f"study worst: the task is not done without faults: {found.done} of {len(self._seeds)} runs finished "
+                f"within {limit} iterations; expected a scenario that finishes with every seed"
+            )
+        return tuple(int(took) for took in found.times)
 
     def _kinds(self) -> list[str]:
         known = registry.known("fault")

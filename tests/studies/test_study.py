@@ -307,6 +307,14 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     table = called("study", "table", study, *at, "--compare", "k=0", cwd=tmp_path)
     assert digest in table.stdout
     assert "A12" in table.stdout
+    asked = ("--by", "40", "--by", "2min", "--quantile", "0.5")
+    surely = " ".join(called("study", "table", study, *at, *asked, cwd=tmp_path).stdout.split())
+    assert "by 40 s" in surely
+    assert "beyond the limit" in surely  # of 60 iterations
+    assert "50 % done" in surely
+    for wrong in (("--by", "soon"), ("--quantile", "95")):
+        refused = called("study", "table", study, *at, *wrong, cwd=tmp_path)
+        assert (refused.returncode, wrong[0] in refused.stderr) == (2, True)
     assert "path_sum" in called("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
     wrong = called("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
     assert (wrong.returncode, "'paths' is not a measure" in wrong.stderr) == (2, True)
