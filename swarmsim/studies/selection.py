@@ -103,10 +103,10 @@ class TooFewError(InputError):
     def __init__(self, goal: Goal, ends: Mapping[str, Endings]) -> None:
         counts = ", ".join(f"{one.done} of {len(one.times)} {name}" for name, one in ends.items())
         if goal.chance:
-            by, how = f"by {goal.words}", "a later time --within, or a task that is done sooner"
+            by, how = f"by {goal.words}", "some: give a later time or an easier task"
         else:
             by = f"within {goal.words}{' iterations' if goal.period else ''}"
-            how = "half of the best's at least: a later limit, an easier task, or chances compared: --within TIME"
+            how = "at least half of the best's: give a later limit, an easier task, or a time: --within TIME"
         super().__init__(f"no condition can be called best, since too few runs finished {by}: {counts}; expected {how}")
 
 
