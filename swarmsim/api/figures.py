@@ -59,7 +59,10 @@ class TaskCurve(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         from swarmsim.view import plots
 
         curve, scenario = recording.curve, recording.scenario
-        return plots.curves({f"seed {scenario.seed}": [recording[curve.name]]}, scenario.title, curve=curve)
+        name = f"seed {scenario.seed}"
+        return plots.curves(
+            {name: [recording[curve.name]]}, scenario.title, curve=curve, periods={name: scenario.period}
+        )
 
 
 class LocalMaps(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

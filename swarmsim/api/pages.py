@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from swarmsim.core.code import distributions
+from swarmsim.core.durations import told
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.engine.build import build
@@ -38,15 +39,16 @@ def study_page(plan: Plan, found: dict[str, Result], out: Path, replays: bool) -
         raise InputError(f"{plan.path}: no runs yet; do them with: swarmsim study run {plan.path}")
     links = _replays(plan, found, out) if replays else {}
     runs = [
-        (f"{name}, seed {row.seed}", row.status, str(row.iterations), row.digest or "-")
+        (f"{name}, seed {row.seed}", row.status, str(row.iterations), told(seconds), row.digest or "-")
         for name, result in found.items()
-        for row in result.rows
+        for row, seconds in zip(result.rows, result.seconds.times.tolist(), strict=True)
     ]
+    head = ("run", "status", "iterations", "simulated time", "digest")
     first = [line for line in runs if line[0] in links]
     tables: dict[str, tuple[Sequence[str], Sequence[Sequence[str]]]] = {
         "Results": res.filled(res.HEAD, res.lines(found)),
-        **({"The median run of each condition": (("run", "status", "iterations", "digest"), first)} if first else {}),
-        "All runs": (("run", "status", "iterations", "digest"), runs),
+        **({"The median run of each condition": (head, first)} if first else {}),
+        "All runs": (head, runs),
         "Provenance": (("what", "value"), [("study", str(plan.path)), ("digest", res.digest(list(found.values()))),
                                            *versions().items(), ("swarmsim's code", distributions.ours()),
                                            *(("notice", notice) for notice in res.of_other_code(plan, found))]),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.api import frames as tables
 from swarmsim.api.overrides import Overrides, keys_of
+from swarmsim.core.durations import told
 from swarmsim.core.scenario import registry
 from swarmsim.recording.reader import Recording, Summary
 
@@ -258,6 +259,7 @@ class Run:
     def _repr_html_(self) -> str:
         shown = ("status", "iterations", "robots", "alive", "messages", "seed")
         rows = {name: value for name, value in self.summary.items() if name in shown}
+        rows["iterations"] = f"{self.iterations}, {told(self.iterations * self.recording.scenario.period)} simulated"
         rows |= {name: f"{value:.4g}" for name, value in self.summary["measures"].items()}
         table = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(str(v))}</td></tr>" for k, v in rows.items())
         title = html.escape(self.recording.scenario.title)

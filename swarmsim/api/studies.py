@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.api.frames import framed
+from swarmsim.core.durations import seconds_of
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
-from swarmsim.studies import methods, selection
+from swarmsim.studies import chances, methods, pairing, selection
 from swarmsim.studies import plan as plans
 from swarmsim.studies import report as reports
 from swarmsim.studies import results as found
@@ -183,11 +184,35 @@ class StudyRun:
             )
         return StudyTable(f"{self.plan.study.title}: {measure}", found.MEASURED, found.measured(self.results, measure))
 
+    def chances(self, *by: str | float) -> StudyTable:
+        """Chances of being done by these times, such as "8min" or seconds: `swarmsim study table --by`.
+
+        Raises InputError for what is no time.
+        """
+        times = [_seconds("--by", one) for one in by]
+        return StudyTable(f"{self.plan.study.title}: chance of being done", *chances.chances(self.results, times))
+
+    def quantiles(self, *quantile: float) -> StudyTable:
+        """Times by which these shares of the runs, between 0 and 1, are done: `swarmsim study table --quantile`.
+
+        Raises InputError for other shares.
+        """
+        for share in quantile:
+            if not 0.0 < share < 1.0:
+                raise InputError(f"--quantile {share:g}: expected a share between 0 and 1, such as 0.95")
+        return StudyTable(
+            f"{self.plan.study.title}: time until a share is done", *chances.quantiles(self.results, quantile)
+        )
+
     def compare(self, against: str) -> StudyTable:
-        """Every other condition tested against one: `swarmsim study table --compare`. Raises InputError."""
+        """Every other condition tested against one, in seconds: `swarmsim study table --compare`.
+
+        The test is by seed if equal seeds are shown to make times alike, by rank otherwise. Raises InputError for an
+        unknown condition.
+        """
         if against not in self.results:
             raise InputError(f"--compare {against}: no such condition; known: {', '.join(self.results)}")
-        return StudyTable(f"against {against}", found.COMPARED, found.compared(self.results, against))
+        return StudyTable(f"against {against}", pairing.COMPARED, pairing.compared(self.results, against))
 
     def digest(self) -> str:
         """One digest over all runs, independent of their order and machine."""
@@ -258,6 +283,7 @@ class StudyRun:
         confidence: float = 0.95,
         budget: int = 2000,
         tolerance: float = 0.03,
+        within: str | float | None = None,
         workers: int | None = None,
         scheduler: str | None = None,
         progress: Progress = untold,
@@ -265,12 +291,15 @@ class StudyRun:
         """Find the condition with the fewest iterations, with as few runs as possible: `swarmsim study best`.
 
         Seeds are added until, with this confidence, no other value needs fewer iterations by more than `tolerance`, a
-        share, or `budget` runs are spent. Other parameters are those of `run`. Raises InputError if too few runs
-        finish to find the best.
+        share, or `budget` runs are spent. Runs are compared up to the shortest limit of the conditions; seconds are,
+        if periods differ. With a time `within`, such as "8min" or seconds, the best has the highest chance of being
+        done by then, and `tolerance` is a difference of chances. Other parameters are those of `run`. Raises InputError
+        if too few runs finish to find the best.
         """
+        seconds = None if within is None else _seconds("--within", within)
         with registry.own_code(self._allow_code), Store(self.store) as kept:
             more = partial(run_jobs, store=kept, workers=workers, scheduler=scheduler, progress=progress)
-            answer = selection.best(self.plan, kept, more, confidence, budget, tolerance)
+            answer = selection.best(self.plan, kept, more, confidence, budget, tolerance, seconds)
         self.results = self._gathered()
         return answer
 
@@ -291,6 +320,14 @@ class StudyRun:
 
     def _repr_html_(self) -> str:
         return StudyTable(self.plan.study.title, found.HEAD, found.lines(self.results))._repr_html_()
+
+
+def _seconds(option: str, time: str | float) -> float:
+    """A time in seconds. Raises InputError, which names the option."""
+    try:
+        return seconds_of(time)
+    except ValueError as problem:
+        raise InputError(f"{option} {problem}") from problem
 
 
 def run_jobs(jobs: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, progress: Progress) -> None:

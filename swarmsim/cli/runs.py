@@ -132,6 +132,7 @@ def _table(run: Run) -> Table:
     from rich.markup import escape
     from rich.table import Table
 
+    from swarmsim.core.durations import told
     from swarmsim.view.timeline import noted
 
     summary, recording = run.summary, run.recording
@@ -141,8 +142,10 @@ def _table(run: Run) -> Table:
     shown: dict[str, object] = {}
     for name, value in summary.items():
         shown |= _measures(summary["measures"], recording) if name == "measures" else {name: value}
-    times = summary["reached"].items()
-    shown["reached"] = ", ".join(f"{share} at {'-' if at is None else at}" for share, at in times) or "-"
+    period, times = recording.scenario.period, summary["reached"].items()
+    shown["iterations"] = f"{summary['iterations']}, {told(summary['iterations'] * period)} simulated"
+    reached = (f"{share} at {'-' if at is None else f'{at} ({told(at * period)})'}" for share, at in times)
+    shown["reached"] = ", ".join(reached) or "-"
     shown["lost"] = ", ".join(f"{reason} {count}" for reason, count in summary["lost"].items()) or "none"
     shown["progress"] = f"{100.0 * summary['progress']:.2f} %"
     shown["events"] = "\n".join(lines[:EVENT_LINES] + ([f"and {hidden} more in summary.json"] if hidden > 0 else []))

@@ -115,15 +115,25 @@ def table(
     store: StoreFile = None,
     keep_old: KeepOld = False,
     measure: Annotated[str | None, typer.Option(help="A measure instead of the iterations, such as path_sum.")] = None,
+    by: Annotated[list[str] | None, typer.Option(help="Chance of being done by this time: 8min; repeatable.")] = None,
+    quantile: Annotated[
+        list[float] | None, typer.Option(help="Time by which this share is done: 0.95; repeatable.")
+    ] = None,
     compare: Annotated[str | None, typer.Option(help="Test every condition against this one.")] = None,
     allow_code: AllowCode = False,
 ) -> None:
     """Print the results of a study, with intervals.
 
     Example: swarmsim study table scenarios/studies/kit2018/network.toml --compare k=1
+
+    How sure, and by when: --by 8min --by 10min --quantile 0.95
     """
     opened = _opened(study, seeds, store, keep_old, allow_code)
     _print(opened.table(measure))
+    if by:
+        _print(opened.chances(*by))
+    if quantile:
+        _print(opened.quantiles(*quantile))
     if compare is not None:
         found = opened.compare(compare)
         _notice(opened.unlike())
@@ -185,12 +195,14 @@ def rank(
 
     Example: swarmsim study rank scenarios/studies/strategies/unseen.toml --out runs/figures
     """
-    from swarmsim.studies.methods import HEAD, lines
+    from swarmsim.studies.methods import HEAD, lines, notes
 
     opened = _opened(study, seeds, store, keep_old, allow_code)
     found = opened.rank(method=method, within=within, out=out)
     for group, standings in found.groups.items():
         print_table(f"{opened.plan.study.title}{group and f', {group}'}: {found.tasks} tasks", HEAD, lines(standings))
+        for note in notes(standings):
+            print(note)
     print(f"digest of the runs: {opened.digest()}")
     for path in found.figures:
         print(path)
@@ -202,6 +214,7 @@ def best(
     confidence: Annotated[float, typer.Option(help="Confidence in the answer.", min=0.5, max=0.999)] = 0.95,
     budget: Annotated[int, typer.Option(help="Runs to spend at most.", min=2)] = 2000,
     tolerance: Annotated[float, typer.Option(help="Negligible difference, as a share.", min=0.0)] = 0.03,
+    within: Annotated[str | None, typer.Option(help="Compare chances of being done by this time: 8min, 90s.")] = None,
     store: StoreFile = None,
     keep_old: KeepOld = False,
     workers: Workers = None,
@@ -211,10 +224,14 @@ def best(
 ) -> None:
     """Find the condition of a study with the fewest iterations, with as few runs as the confidence allows.
 
+    Unfinished runs are compared up to the shortest limit of the conditions; if too few finish, no condition is named.
+
     Example: swarmsim study best scenarios/studies/best-k/15.toml --budget 1000
+
+    The one with the highest chance of being done by a time: --within 8min --tolerance 0.05
     """
     from swarmsim.api.studies import open_study
-    from swarmsim.studies.selection import HEAD, lines
+    from swarmsim.studies.selection import head, lines
 
     opened = open_study(study, seeds=1, store=store, keep_old=keep_old, allow_code=allow_code)
     if not quiet:
@@ -224,11 +241,12 @@ def best(
             confidence=confidence,
             budget=budget,
             tolerance=tolerance,
+            within=within,
             workers=workers,
             scheduler=scheduler,
             progress=bar,
         )
-    print_table(opened.plan.study.title, HEAD, lines(answer))
+    print_table(opened.plan.study.title, head(answer), lines(answer))
     print(answer.sentence)
 
 
@@ -254,17 +272,18 @@ def worst(
     Example: swarmsim study worst scenarios/basilica.toml --set network.topology.k=1 --out runs/worst.toml
     """
     from swarmsim.api.worst import study_worst
+    from swarmsim.core.durations import told
     from swarmsim.studies.worst import HEAD, lines
 
     with progress_bar(quiet) as progress:
-        told = Counted(progress, "searching", "{} timelines")
+        counted = Counted(progress, "searching", "{} timelines")
 
         def tell(words: str) -> None:
             progress.console.print(words, markup=False, highlight=False)
 
         def move(timelines: int) -> None:
             end_if_asked()
-            told(timelines, budget)
+            counted(timelines, budget)
 
         answer = study_worst(
             scenario,
@@ -282,7 +301,9 @@ def worst(
             tell=tell,
         )
     sound = " / ".join(map(str, answer.sound))
-    print_table(f"{scenario}: not done in {factor:g} times the {sound} iterations without faults", HEAD, lines(answer))
+    span = " / ".join(told(took * answer.period) for took in answer.sound)
+    title = f"{scenario}: not done in {factor:g} times the {sound} iterations ({span}) without faults"
+    print_table(title, HEAD, lines(answer))
     print(f"{answer.timelines} timelines tried in {answer.runs} runs")
     if answer.smallest is None:
         raise typer.Exit(FAILED)

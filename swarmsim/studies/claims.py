@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.studies.results import Result
-from swarmsim.studies.statistics import RESAMPLES, Description, compare, describe, ranked, trend
+from swarmsim.studies.statistics import RESAMPLES, Description, compare, describe, trend
 
 ALPHA: Final = 0.05
 Reals = NDArray[np.float64]
@@ -76,7 +76,7 @@ class Runs:
         """
         result = self.of(name)
         if measure in ("iterations", "speed"):
-            times = ranked(result.times, result.finished)
+            times = result.endings.ranks
             return times if measure == "iterations" else 1.0 / times
         values = result.measure(measure)
         if not np.isfinite(values).all():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.durations import told
 from swarmsim.core.errors import InputError
 from swarmsim.core.events import Ended
 from swarmsim.core.parts import Curve
@@ -26,12 +27,13 @@ class Cost:
 
     name: str
     values: NDArray[np.float64]  # (t,): the task's measure after each iteration
+    period: float  # s, of one iteration
     finished: bool
     faults: tuple[int, ...]  # the iterations in which a fault began or ended
-    slowdown: float | None  # its iterations over the reference's, T_f / T_0, where both finished
+    slowdown: float | None  # its time over the reference's, T_f / T_0, where both finished
     mean: float | None  # of that measure, over the longest of the runs compared
     ratio: float | None  # of that mean to the reference's
-    lag: int | None  # iterations behind at half of what the reference had left to do at its first fault
+    lag: int | None  # its iterations behind at half of what the reference had left to do at its first fault
     recovery: int | None  # iterations from the first fault until its measure is back; None for never
     quality: Quality  # of the union's occupied cells in the domain, at the end
     messages: int
@@ -85,26 +87,30 @@ def costs(named: Mapping[str, Recording]) -> list[Cost]:
         mine, theirs = (f"{one.curve.name!r} ({one.curve.label})" for one in (run, reference))
         if mine != theirs:
             raise InputError(f"{name}: its task measures {mine}, the first run's {theirs}; expected runs of one task")
-    horizon = max(run.iterations for run in named.values())
+    horizon = max(run.iterations * run.scenario.period for run in named.values())
     return [_cost(name, run, reference, horizon) for name, run in named.items()]
 
 
-def _cost(name: str, run: Recording, reference: Recording, horizon: int) -> Cost:
+def _cost(name: str, run: Recording, reference: Recording, horizon: float) -> Cost:
+    """One run's cost; the horizon is in s."""
     values, mine, other = run[run.curve.name], course(run), course(reference)
+    period, theirs = run.scenario.period, reference.scenario.period
     events = [event for event in run.events() if not isinstance(event, Ended)]
     faults = tuple(sorted({event.iteration for event in events}))
     summary = run.summary()
     both = summary["status"] == reference.summary()["status"] == "finished"
-    mean, base = mean_value(values, horizon), mean_value(reference[run.curve.name], horizon)
+    mean = mean_value(values, round(horizon / period))
+    base = mean_value(reference[run.curve.name], round(horizon / theirs))
     return Cost(
         name=name,
         values=values,
+        period=period,
         finished=summary["status"] == "finished",
         faults=faults,
-        slowdown=len(mine) / len(other) if both else None,
+        slowdown=len(mine) / len(other) * (period / theirs) if both else None,
         mean=mean,
         ratio=mean / base if mean is not None and base else None,
-        lag=_lag(mine, other, faults),
+        lag=_lag(mine, other, faults, period / theirs),
         recovery=_recovery(mine, faults),
         quality=quality_of(run),
         messages=summary["messages"],
@@ -112,13 +118,16 @@ def _cost(name: str, run: Recording, reference: Recording, horizon: int) -> Cost
     )
 
 
-def _lag(mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequence[int]) -> int | None:
-    """How much later than the reference it had done half of the rest at the first fault."""
-    if not faults or faults[0] >= min(len(mine), len(theirs)):
+def _lag(
+    mine: NDArray[np.float64], theirs: NDArray[np.float64], faults: Sequence[int], period: float = 1.0
+) -> int | None:
+    """How much later than the reference it had done half of the rest at the first fault; `period`: its over theirs."""
+    first = round(faults[0] * period) if faults else 0  # the reference's iteration at that time
+    if not faults or faults[0] >= len(mine) or first >= len(theirs):
         return None
-    half = (1.0 + theirs[max(faults[0] - 1, 0)]) / 2.0
+    half = (1.0 + theirs[max(first - 1, 0)]) / 2.0
     late, early = reached(mine, half), reached(theirs, half)
-    return None if late is None or early is None else late - early
+    return None if late is None or early is None else late - round(early / period)
 
 
 def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
@@ -134,8 +143,8 @@ def _recovery(mine: NDArray[np.float64], faults: Sequence[int]) -> int | None:
 def head(curve: Curve) -> tuple[str, ...]:
     """The columns of the table of runs with this curve."""
     return (
-        "run", "iterations", "slowdown", f"mean {curve.name}", "ratio", "lag", "recovery", "precision", "recall", "IoU",
-        "messages", "lost", "faults at",
+        "run", "iterations", "time", "slowdown", f"mean {curve.name}", "ratio", "lag", "recovery", "precision",
+        "recall", "IoU", "messages", "lost", "faults at",
     )  # fmt: skip
 
 
@@ -145,6 +154,7 @@ def lines(found: Sequence[Cost]) -> list[tuple[str, ...]]:
         (
             one.name,
             str(len(one.values)) if one.finished else f"not finished ({len(one.values)})",
+            told(len(one.values) * one.period),
             _shown(one.slowdown, ".2f"),
             _shown(one.mean, ".3f" if one.mean is None or 0.001 <= one.mean <= 1.0 else ".4g"),
             _shown(one.ratio, ".3f"),
@@ -173,5 +183,6 @@ def draw(found: Sequence[Cost], curve: Curve, path: Path) -> tuple[Path, Path]:
         f"{name[:1].upper()}{name[1:]}, run by run",
         {one.name: one.faults for one in found if one.faults},
         curve,
+        {one.name: one.period for one in found},
     )
     return plots.save(figure, path)

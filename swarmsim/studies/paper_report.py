@@ -17,6 +17,7 @@ from swarmsim.core.scenario.files import write_whole
 from swarmsim.recording.digests import versions
 from swarmsim.studies import reproduction as rep
 from swarmsim.studies.paper import Figure
+from swarmsim.studies.plan import one_period
 from swarmsim.studies.report import page, sweep_figure
 from swarmsim.studies.reproduction import Reproduction
 from swarmsim.studies.results import Result
@@ -79,7 +80,8 @@ def _drawn(found: Reproduction, figure: Figure) -> Drawing:
         curves = {name: result.curves for name, result in results.items()}
         if not all(curves.values()):
             raise InputError(f"{found.plans[figure.study].path}: keeps no curves, which the figure {figure.name} shows")
-        return plots.curves(curves, title, figure.marks, next(iter(results.values())).condition.curve)
+        periods = {name: result.condition.scenario.period for name, result in results.items()}
+        return plots.curves(curves, title, figure.marks, next(iter(results.values())).condition.curve, periods)
     if figure.kind == "sweep":
         return sweep_figure(found.plans[figure.study].study, results, title, figure.measure)
     numbers = found.numbers if found.paper.about.published == "iterations" else ()
@@ -92,6 +94,7 @@ def _drawn(found: Reproduction, figure: Figure) -> Drawing:
         {name: result.finished for name, result in results.items()},
         title,
         published,
+        period=one_period(result.condition for result in results.values()),
     )
 
 
@@ -108,6 +111,7 @@ def _scaling(results: Mapping[str, Result], published: Mapping[str, float], titl
         {robots[name]: value for name, value in published.items()},
         title,
         [len(result.rows) for result in results.values()],
+        one_period(result.condition for result in results.values()),
     )
 
 

@@ -8,7 +8,7 @@ import itertools
 import math
 import os
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -112,6 +112,12 @@ class Plan:
         hashed = hashlib.blake2b(self.asks(condition, seed).encode(), digest_size=16)
         hashed.update(msgspec.json.encode([libraries(versions()), dict(condition.code.hashes)], order="sorted"))
         return hashed.hexdigest()
+
+
+def one_period(conditions: Iterable[Condition]) -> float | None:
+    """The period of all conditions in s; None if they have several, so that only their seconds can be compared."""
+    periods = {condition.scenario.period for condition in conditions}
+    return periods.pop() if len(periods) == 1 else None
 
 
 def asked(scenario: Scenario) -> bytes:
@@ -277,5 +283,5 @@ def trial(plan: Plan) -> float:
         while not simulation.over and simulation.state.iteration < TRIED:
             simulation.tick()
         each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
-        seconds.append(each * min(one.scenario.stop.iterations, USUAL))
+        seconds.append(each * min(one.scenario.limit, USUAL))
     return sum(seconds) / len(seconds)

@@ -13,13 +13,15 @@ import numpy as np
 
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.studies.methods import TAUS, Compared
-from swarmsim.studies.plan import Study
+from swarmsim.studies.plan import Study, one_period
 from swarmsim.studies.results import HEAD, Result, filled, lines
 from swarmsim.view import plots
 from swarmsim.view.page.document import hashed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+SECONDS = "seconds until done"  # where conditions have several periods
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1b1b1b }
@@ -64,11 +66,15 @@ def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) ->
     title, there = study.title, {name: result for name, result in results.items() if result.rows}
     if not there:
         raise InputError(f"{title}: no runs yet; do them with: swarmsim study run")
+    period = one_period(result.condition for result in there.values())
+    ends = {name: result.seconds if period is None else result.endings for name, result in there.items()}
     figures = {
         "iterations": plots.distributions(
-            {name: result.times for name, result in there.items()},
-            {name: result.finished for name, result in there.items()},
+            {name: one.times for name, one in ends.items()},
+            {name: one.finished for name, one in ends.items()},
             title,
+            period=period,
+            ylabel=plots.TIME if period else SECONDS,
         ),
         "table": plots.table(*filled(HEAD, lines(there)), title),
     }
@@ -78,7 +84,8 @@ def _drawn(study: Study, results: dict[str, Result], measures: Sequence[str]) ->
     if all(result.curves for result in there.values()):
         for curve in {result.condition.curve.name: result.condition.curve for result in there.values()}.values():
             alike = {name: result.curves for name, result in there.items() if result.condition.curve.name == curve.name}
-            figures[curve.name] = plots.curves(alike, title, curve=curve)
+            periods = {name: there[name].condition.scenario.period for name in alike}
+            figures[curve.name] = plots.curves(alike, title, curve=curve, periods=periods)
     return figures
 
 
@@ -88,32 +95,43 @@ def sweep_figure(study: Study, there: dict[str, Result], title: str, measure: st
         what = measure or "iterations"
         raise InputError(f"{title}: no axis to draw {what} along; expected numbers varied, or 'x' of conditions")
     axis = study.axis or (study.vary[0].key if study.vary else "x")
-    label = (measure.replace("_", " "),) if measure else ()
-    return plots.sweep(*_series(there, measure), axis, title, *label)
+    if measure:
+        return plots.sweep(*_series(there, measure), axis, title, measure.replace("_", " "))
+    period = one_period(result.condition for result in there.values())
+    if period is None:
+        return plots.sweep(*_series(there, in_seconds=True), axis, title, SECONDS)
+    return plots.sweep(*_series(there), axis, title, period=period)
 
 
-def _series(there: dict[str, Result], measure: str = "") -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
+def _series(
+    there: dict[str, Result], measure: str = "", in_seconds: bool = False
+) -> tuple[dict[str, plots.Steps], dict[str, plots.Steps]]:
     """The plot's lines over the study's axis, of iterations or a measure, and the conditions with no place on it."""
     lines_: dict[str, list[tuple[float, Result]]] = {}
     for result in there.values():
         if result.condition.x is not None:
             lines_.setdefault(result.condition.series, []).append((result.condition.x, result))
     series = {
-        name: _steps([x for x, _ in placed], [result for _, result in placed], measure)
+        name: _steps([x for x, _ in placed], [result for _, result in placed], measure, in_seconds)
         for name, placed in ((name, sorted(placed, key=itemgetter(0))) for name, placed in lines_.items())
     }
-    levels = {name: _steps((0.0,), (result,), measure) for name, result in there.items() if result.condition.x is None}
+    levels = {
+        name: _steps((0.0,), (result,), measure, in_seconds)
+        for name, result in there.items()
+        if result.condition.x is None
+    }
     return series, levels
 
 
-def _steps(values: Sequence[float], results: Sequence[Result], measure: str) -> plots.Steps:
-    """Means and intervals at each value: of finished runs' iterations, with the unfinished share, or of a measure."""
+def _steps(values: Sequence[float], results: Sequence[Result], measure: str, in_seconds: bool) -> plots.Steps:
+    """Means and intervals at each value: of a measure, or of times where all runs finished, with unfinished shares."""
     described = [result.describe_measure(measure) if measure else result.describe() for result in results]
     nowhere = (math.nan, math.nan)
+    scale = np.array([one.condition.scenario.period if in_seconds else 1.0 for one in results])
     return plots.Steps(
         values=np.array(values, np.float64),
-        means=np.array([math.nan if d.mean is None else d.mean for d in described]),
-        intervals=np.array([nowhere if d.interval is None else d.interval for d in described]),
+        means=scale * np.array([math.nan if d.mean is None else d.mean for d in described]),
+        intervals=scale[:, None] * np.array([nowhere if d.interval is None else d.interval for d in described]),
         unfinished=np.array([1.0 - d.finished / d.n for d in described]),
         runs=[d.n for d in described],
     )

@@ -240,8 +240,11 @@ def _count(d: Description) -> str:
 
 
 def scaling_lines(results: Mapping[str, Result]) -> list[tuple[str, ...]]:
-    """Speed-up, efficiency and Karp and Flatt's serial share against the first swarm, one line per swarm."""
-    sizes = [(name, _robots(result), float(result.times.mean())) for name, result in results.items()]
+    """Speed-up, efficiency and Karp and Flatt's serial share against the first swarm, one line per swarm.
+
+    Swarms with unfinished runs have no mean time, and no line.
+    """
+    sizes = [(name, _robots(result), float(result.times.mean())) for name, result in _whole(results).items()]
     rows: list[tuple[str, ...]] = []
     for name, robots, time in sizes:
         s = speed_up(time, robots, sizes[0][2], sizes[0][1])
@@ -250,10 +253,16 @@ def scaling_lines(results: Mapping[str, Result]) -> list[tuple[str, ...]]:
 
 
 def scaling_fit(results: Mapping[str, Result]) -> tuple[float, float]:
-    """The a and b of T = a + b / N, over all runs of swarms of several sizes. Raises ValueError for one size."""
-    robots = np.concatenate([np.full(len(r.times), _robots(r)) for r in results.values()])
-    fit = fit_scaling(robots, np.concatenate([r.times for r in results.values()]))
+    """The a and b of T = a + b / N, over all runs of swarms of several sizes that finish. Raises ValueError for one."""
+    whole = _whole(results).values()
+    robots = np.array([_robots(result) for result in whole for _ in result.rows])
+    fit = fit_scaling(robots, [time for result in whole for time in result.times.tolist()])
     return fit.serial, fit.parallel
+
+
+def _whole(results: Mapping[str, Result]) -> dict[str, Result]:
+    """The conditions whose runs all finished."""
+    return {name: result for name, result in results.items() if result.endings.whole}
 
 
 def _robots(result: Result) -> float:

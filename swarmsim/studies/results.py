@@ -14,14 +14,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.durations import told
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.engine import Job
 from swarmsim.studies.plan import Condition, Plan, libraries
-from swarmsim.studies.statistics import Description, compare, describe, ranked, runs_needed
+from swarmsim.studies.statistics import Description, describe
 from swarmsim.studies.store import Row, Store
+from swarmsim.studies.survival import Endings
 
 MOST = 3  # differences in code that a sentence lists
 
@@ -39,12 +41,22 @@ class Result:
     @property
     def times(self) -> NDArray[np.float64]:
         """Iterations of each run; an unfinished one has its iterations at the stop."""
-        return np.array([row.iterations for row in self.rows], np.float64)
+        return self.endings.times
 
     @property
     def finished(self) -> NDArray[np.bool_]:
         """Whether each run finished."""
-        return np.array([row.status == "finished" for row in self.rows], np.bool_)
+        return self.endings.finished
+
+    @property
+    def endings(self) -> Endings:
+        """How its runs ended, in iterations."""
+        return endings(self.rows, self.condition.scenario.limit)
+
+    @property
+    def seconds(self) -> Endings:
+        """How its runs ended, in simulated seconds."""
+        return self.endings.scaled(self.condition.scenario.period)
 
     @property
     def curves(self) -> list[NDArray[np.float64]]:
@@ -60,7 +72,7 @@ class Result:
 
     def describe(self) -> Description:
         """The statistics of its iterations; None values without runs."""
-        return describe(self.times, self.finished, float(self.condition.scenario.stop.iterations))
+        return describe(self.times, self.finished, float(self.condition.scenario.limit))
 
     def describe_measure(self, name: str) -> Description:
         """The statistics of a measure over the runs that define it. Raises InputError if none does."""
@@ -69,6 +81,12 @@ class Result:
         if len(defined) == 0:
             raise InputError(f"{name!r} is defined in no run of {self.condition.name!r}")
         return describe(defined)
+
+
+def endings(rows: Sequence[Row], limit: float) -> Endings:
+    """How runs ended, in iterations; `limit` is that of their scenario."""
+    times = np.array([row.iterations for row in rows], np.float64)
+    return Endings(times, np.array([row.status == "finished" for row in rows], np.bool_), float(limit))
 
 
 def filled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
@@ -182,7 +200,10 @@ def digest(results: Sequence[Result]) -> str:
     return hashed.hexdigest()
 
 
-HEAD = ("condition", "n", "finished", "mean", "95 % interval", "sd", "median", "quartiles", "restricted mean")
+HEAD = (
+    "condition", "n", "finished", "mean", "95 % interval", "mean in time", "sd", "median", "quartiles",
+    "restricted mean", "restricted in time",
+)  # fmt: skip
 
 
 def lines(results: dict[str, Result]) -> list[tuple[str, ...]]:
@@ -193,7 +214,7 @@ def lines(results: dict[str, Result]) -> list[tuple[str, ...]]:
 def _described(result: Result) -> tuple[str, ...]:
     if not result.rows:
         return ("0", *["-"] * (len(HEAD) - 2))
-    d = result.describe()
+    d, period = result.describe(), result.condition.scenario.period
     restricted = d.restricted
     error = "" if restricted.error is None else f" ± {restricted.error:.1f}"
     return (
@@ -201,10 +222,12 @@ def _described(result: Result) -> tuple[str, ...]:
         str(d.finished),
         number(d.mean),
         "-" if d.interval is None else f"{d.interval[0]:.1f} to {d.interval[1]:.1f}",
+        "-" if d.mean is None else told(d.mean * period),
         number(d.sd),
         number(d.median),
         "-" if d.lower is None or d.upper is None else f"{d.lower:.0f} to {d.upper:.0f}",
         "-" if d.finished == d.n else f"{restricted.mean:.1f}{error} to {restricted.horizon:.0f}",
+        "-" if d.finished == d.n else told(restricted.mean * period),
     )
 
 
@@ -293,20 +316,4 @@ def measured(results: dict[str, Result], name: str) -> list[tuple[str, ...]]:
         between = "-" if d.interval is None else f"{d.interval[0]:.4g} to {d.interval[1]:.4g}"
         sd = "-" if d.sd is None else f"{d.sd:.4g}"
         table.append((label, str(len(values)), str(len(defined)), f"{d.mean:.4g}", between, sd, f"{d.median:.4g}"))
-    return table
-
-
-COMPARED = ("condition", "A12", "p", "p after Holm", "seeds to tell apart")
-
-
-def compared(results: dict[str, Result], against: str) -> list[tuple[str, ...]]:
-    """Every other condition against one, one per line, under COMPARED; unfinished runs rank last."""
-    groups = {name: ranked(r.times, r.finished) for name, r in results.items() if len(r.rows) > 1}
-    table: list[tuple[str, ...]] = []
-    for found in compare(groups, against) if against in groups else ():
-        first, second = results[found.first].times, results[found.second].times
-        difference, sd = first.mean() - second.mean(), np.sqrt((first.var(ddof=1) + second.var(ddof=1)) / 2)
-        whole = bool(results[found.first].finished.all() and results[found.second].finished.all())
-        needed = str(runs_needed(difference, sd, test="mann-whitney")) if whole and difference and sd else "-"
-        table.append((found.first, f"{found.a12:.2f}", f"{found.p:.2g}", f"{found.adjusted:.2g}", needed))
     return table

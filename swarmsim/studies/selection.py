@@ -3,22 +3,72 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from swarmsim.core.durations import told
 from swarmsim.core.errors import InputError
 from swarmsim.studies.engine import Job
-from swarmsim.studies.plan import Plan, with_seeds
+from swarmsim.studies.plan import Plan, one_period, with_seeds
 from swarmsim.studies.results import Result, gather, missing
+from swarmsim.studies.sequential import interval
 from swarmsim.studies.statistics import bootstrap_mean
 from swarmsim.studies.store import Store
+from swarmsim.studies.survival import ROUNDING, Endings
 
 FIRST = 10  # seeds of every condition in the first round
 MORE = 10  # further seeds of every remaining condition in each later round
+ENOUGH = 0.5  # share of the leader's runs that must finish: else restricted means tell little but the limit
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """What is compared: the mean of min(time, horizon) or, if `chance`, the chance of being done by the horizon.
+
+    Both are known of every run, finished or not, as the horizon is no later than any condition's limit.
+    """
+
+    horizon: float
+    period: float | None  # s, of one iteration; None: conditions have several, and times are in seconds
+    chance: bool
+
+    def endings(self, result: Result) -> Endings:
+        """How a condition's runs ended, up to the horizon."""
+        return (result.seconds if self.period is None else result.endings).within(self.horizon)
+
+    def values(self, endings: Endings) -> NDArray[np.float64]:
+        """What is averaged over runs (n,), less being better: the time up to the horizon, or 1 for a run not done."""
+        return (~endings.finished).astype(np.float64) if self.chance else endings.times
+
+    def upper(self, change: NDArray[np.float64], alpha: float, rounds: int) -> float:
+        """The upper end, in this round, of an interval for the mean difference (n,) of two conditions' values.
+
+        Means have Student's interval with a part of alpha for every round. Chances have the difference of the chances
+        that either alone is done, each within its confidence sequence, which is valid in all rounds at once.
+        """
+        n = len(change)
+        if self.chance:
+            worse, better = (interval(int((sign * change > 0.0).sum()), n, alpha / 2.0) for sign in (1.0, -1.0))
+            return worse[1] - better[0]
+        spent = alpha * 6.0 / (math.pi * rounds) ** 2
+        return float(change.mean() + stats.t.ppf(1.0 - spent / 2.0, n - 1) * change.std(ddof=1) / math.sqrt(n))
+
+    def may_lead(self, endings: Endings, alpha: float) -> bool:
+        """Whether a condition may be called best: too many unfinished runs are not shown."""
+        return endings.done > 0 if self.chance else interval(endings.done, len(endings.times), alpha)[1] >= ENOUGH
+
+    def leads(self, endings: Endings) -> bool:
+        """Whether enough of its runs finished to call it best."""
+        return endings.done >= (1 if self.chance else ENOUGH * len(endings.times))
+
+    @property
+    def words(self) -> str:
+        """The horizon."""
+        return told(self.horizon * (self.period or 1.0)) if self.chance or self.period is None else f"{self.horizon:g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,20 +76,38 @@ class Arm:
     """A condition at the end of the race."""
 
     name: str
-    times: tuple[float, ...]  # iterations, by seed; an unfinished run has its iterations at the stop
-    finished: int  # of these runs
-    dropped: int | None  # the round in which it was shown to be slower, None if never
+    endings: Endings  # of its runs by seed, up to the horizon
+    dropped: int | None  # the round in which it was shown to be worse, None if never
+
+    @property
+    def runs(self) -> int:
+        """The number of its runs."""
+        return len(self.endings.times)
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The condition that needs the fewest iterations, and how sure that is."""
+    """The best condition by a goal, and how sure that is."""
 
+    goal: Goal
     arms: tuple[Arm, ...]
     best: str
     decided: bool  # before the budget ended
     runs: int
     sentence: str
+
+
+class TooFewError(InputError):
+    """Too few runs finished to call any condition the best."""
+
+    def __init__(self, goal: Goal, ends: Mapping[str, Endings]) -> None:
+        counts = ", ".join(f"{one.done} of {len(one.times)} {name}" for name, one in ends.items())
+        if goal.chance:
+            by, how = f"by {goal.words}", "some: give a later time or an easier task"
+        else:
+            by = f"within {goal.words}{' iterations' if goal.period else ''}"
+            how = "at least half of the best's: give a later limit, an easier task, or a time: --within TIME"
+        super().__init__(f"no condition can be called best, since too few runs finished {by}: {counts}; expected {how}")
 
 
 def best(
@@ -49,102 +117,142 @@ def best(
     confidence: float,
     budget: int,
     tolerance: float,
+    within: float | None = None,
 ) -> Answer:
     """Race a study's conditions by successive elimination (Even-Dar, Mannor and Mansour 2006).
 
-    A condition is dropped when it is slower than the leader with confidence; the race ends when none of the
-    rest can be faster than the leader by more than `tolerance` (a share of the leader's mean). Differences are
-    taken seed by seed, since equal seeds give equal starts; their Student intervals share 1 - `confidence`
-    among all conditions and rounds. `perform` does the missing runs; at most `budget` are used.
+    The best has the lowest mean of min(time, horizon), the horizon being the shortest limit of all conditions: that
+    is its mean time if all its runs finish. Or, with a time `within` in s, the highest chance of being done by it.
 
-    An unfinished run took longer than its limit, by an unknown amount. A condition that has one can be shown to be
-    slower, but it never leads. Raises InputError if all remaining conditions, or an earlier leader, have one: then
-    the best is unknown.
+    A condition is dropped when it is worse than the leader with confidence; the race ends when none of the rest can be
+    better than the leader by more than `tolerance`, a share of the leader's mean or a difference of chances.
+    Differences are taken seed by seed, since equal seeds give equal starts; their intervals share 1 - `confidence`
+    among all conditions and rounds. `run_jobs` does the missing runs; at most `budget` are used.
+
+    Raises InputError if too few runs finish to call any condition the best, and for a time beyond a limit.
     """
-    names = [condition.name for condition in plan.conditions]
+    goal = goal_of(plan, within)
+
+    def run(names: Sequence[str], seeds: int) -> dict[str, Endings]:
+        part = with_seeds(plan, seeds, names)
+        run_jobs(missing(part, store))
+        return _ended(plan, gather(part, store), goal)
+
+    try:
+        return race([condition.name for condition in plan.conditions], goal, run, confidence, budget, tolerance)
+    except TooFewError as problem:
+        raise InputError(f"{plan.path}: {problem}") from problem
+
+
+def race(
+    names: Sequence[str],
+    goal: Goal,
+    run: Callable[[Sequence[str], int], Mapping[str, Endings]],
+    confidence: float,
+    budget: int,
+    tolerance: float,
+) -> Answer:
+    """The race of `best`; `run` gives how the runs of these conditions with so many seeds ended. Raises TooFewError."""
     dropped: dict[str, int] = {}
-    seeds, rounds, decided = FIRST, 0, False
-    times: dict[str, NDArray[np.float64]] = {}
-    found: dict[str, Result] = {}
-    leader, led = names[0], set[str]()
+    seeds, rounds, decided, leader = FIRST, 0, False, names[0]
+    ends: dict[str, Endings] = {}
+    alpha = (1.0 - confidence) / max(len(names) - 1, 1)
     while True:
         racing = [name for name in names if name not in dropped]
-        spent = sum(len(times[name]) for name in dropped)
+        spent = sum(len(ends[name].times) for name in dropped)
         if rounds and (spent + len(racing) * seeds > budget or decided):
             break
         rounds += 1
-        part = with_seeds(plan, seeds, racing)
-        run_jobs(missing(part, store))
-        found |= gather(part, store)
-        times |= {name: found[name].times for name in racing}
-        whole = _whole(plan, found, racing, led)
-        leader = min(whole, key=lambda name: float(times[name].mean()))
-        led.add(leader)
-        alpha = (1.0 - confidence) * 6.0 / (math.pi * rounds) ** 2 / max(len(names) - 1, 1)
-        highs = {name: _difference(times[leader], times[name], alpha) for name in racing if name != leader}
+        ends |= run(racing, seeds)
+        if not any(goal.may_lead(ends[name], 1.0 - confidence) for name in racing):
+            raise TooFewError(goal, ends)
+        values = {name: goal.values(ends[name]) for name in racing}
+        leader = min(racing, key=lambda name: float(values[name].mean()))
+        highs = {name: goal.upper(values[leader] - values[name], alpha, rounds) for name in racing if name != leader}
         dropped |= {name: rounds for name, high in highs.items() if high < 0.0}
-        decided = not any(high > tolerance * times[leader].mean() for high in highs.values())
+        margin = tolerance if goal.chance else tolerance * float(values[leader].mean())
+        decided = goal.leads(ends[leader]) and not any(high > margin for high in highs.values())
         seeds += MORE
-    arms = tuple(
-        Arm(name, tuple(times[name].tolist()), int(found[name].finished.sum()), dropped.get(name)) for name in names
-    )
-    return Answer(
-        arms, leader, decided, sum(len(arm.times) for arm in arms), _said(arms, leader, decided, confidence, tolerance)
-    )
+    if not goal.leads(ends[leader]):
+        raise TooFewError(goal, ends)
+    arms = tuple(Arm(name, ends[name], dropped.get(name)) for name in names)
+    said = _said(goal, arms, leader, decided, confidence, tolerance)
+    return Answer(goal, arms, leader, decided, sum(arm.runs for arm in arms), said)
 
 
-def _whole(plan: Plan, found: dict[str, Result], racing: Sequence[str], led: set[str]) -> list[str]:
-    """The remaining conditions whose runs have all finished. Raises InputError as `best`, or for failed runs."""
-    for name in racing:
-        if found[name].failed:
-            row = found[name].failed[0]
+def goal_of(plan: Plan, within: float | None) -> Goal:
+    """What is compared. Raises InputError for a time beyond a condition's limit."""
+    period = one_period(plan.conditions)
+    scenarios = {condition.name: condition.scenario for condition in plan.conditions}
+    if within is None:
+        limits = [one.limit * (one.period if period is None else 1.0) for one in scenarios.values()]
+        return Goal(min(limits), period, False)
+    for name, one in scenarios.items():
+        if one.limit * one.period < within * (1.0 - ROUNDING):
+            raise InputError(
+                f"{plan.path}: --within {told(within)}: beyond the limit of {name}, {told(one.limit * one.period)}; "
+                f"expected at most that, or a later stop.seconds or stop.iterations"
+            )
+    return Goal(within, None, True)
+
+
+def _ended(plan: Plan, found: Mapping[str, Result], goal: Goal) -> dict[str, Endings]:
+    """How the runs of all conditions ended. Raises InputError for failed runs."""
+    for name, result in found.items():
+        if result.failed:
+            row = result.failed[0]
             raise InputError(f"{plan.path}: {name}, seed {row.seed}: failed, and cannot be compared: {row.message}")
-    whole = [name for name in racing if found[name].finished.all()]
-    if not whole or not led.intersection(racing) <= set(whole):
-        counts = ", ".join(
-            f"{int(result.finished.sum())} of {len(result.rows)} {name}" for name, result in found.items()
-        )
-        raise InputError(
-            f"{plan.path}: no condition can be called best, since too few runs finished: {counts}; an unfinished run "
-            f"has no time; expected one condition at least whose runs all finish: raise stop.iterations, ask less of "
-            f"the task, or compare what did finish with: swarmsim study table"
-        )
-    return whole
+    return {name: goal.endings(result) for name, result in found.items()}
 
 
-def _difference(first: NDArray[np.float64], second: NDArray[np.float64], alpha: float) -> float:
-    """The upper end of Student's interval for the mean of first - second, paired by seed."""
-    change = first - second
-    reach = float(stats.t.ppf(1.0 - alpha / 2.0, len(change) - 1)) * float(change.std(ddof=1)) / math.sqrt(len(change))
-    return float(change.mean()) + reach
-
-
-def _said(arms: Sequence[Arm], leader: str, decided: bool, confidence: float, tolerance: float) -> str:
-    runs = sum(len(arm.times) for arm in arms)
+def _said(goal: Goal, arms: Sequence[Arm], leader: str, decided: bool, confidence: float, tolerance: float) -> str:
+    runs = sum(arm.runs for arm in arms)
     level = [arm.name for arm in arms if arm.dropped is None and arm.name != leader]
+    cut = not all(arm.endings.whole for arm in arms)
+    if goal.chance:
+        claim = f"has a chance of being done by {goal.words} that is higher by more than {100 * tolerance:g} points"
+        what = f" by the chance of being done by {goal.words}"
+    elif goal.period is None:
+        claim = f"needs less time{f', of the first {goal.words},' * cut} by more than {tolerance:.0%}"
+        what = f" by the first {goal.words}" * cut
+    else:
+        claim = f"needs fewer iterations{f', of the first {goal.words},' * cut} by more than {tolerance:.0%}"
+        what = f" by the first {goal.words} iterations" * cut
     if decided:
-        beside = f"; not shown to be slower: {', '.join(level)}" if level else ""
-        return (
-            f"{leader} is best: with {confidence:.0%} confidence no other needs fewer iterations by more than "
-            f"{tolerance:.0%}{beside} ({runs} runs)"
-        )
-    cut = any(arm.finished < len(arm.times) for arm in arms if arm.name in level)
-    leads = "leads those whose runs all finished" if cut else "leads"
-    return f"not decided within the budget ({runs} runs): {leader} {leads}, not told apart from {', '.join(level)}"
+        beside = f"; not shown to be worse: {', '.join(level)}" if level else ""
+        return f"{leader} is best: with {confidence:.0%} confidence no other {claim}{beside} ({runs} runs)"
+    return f"not decided within the budget ({runs} runs): {leader} leads{what}, not told apart from {', '.join(level)}"
 
 
-HEAD = ("condition", "runs", "finished", "mean", "95 % interval", "dropped in round")
+def head(answer: Answer) -> tuple[str, ...]:
+    """The columns of the table of a race."""
+    goal, cut = answer.goal, not all(arm.endings.whole for arm in answer.arms)
+    if goal.chance:
+        return ("condition", "runs", "finished", f"done by {goal.words}", "interval, any time", "dropped in round")
+    unit = "iterations" if goal.period else "seconds"
+    mean = f"mean of min({unit}, {goal.horizon:g})" if cut else f"mean {unit}"
+    return ("condition", "runs", "finished", mean, "95 % interval", "mean in time", "dropped in round")
 
 
 def lines(answer: Answer) -> list[tuple[str, ...]]:
-    """The table of the race, one line per condition, under HEAD."""
-    rows: list[tuple[str, ...]] = []
-    for arm in answer.arms:
-        cut = arm.finished < len(arm.times)
-        interval = None if cut else bootstrap_mean(arm.times)
-        between = "-" if interval is None else f"{interval[0]:.1f} to {interval[1]:.1f}"
-        mean = f"{'over ' if cut else ''}{np.mean(arm.times):.1f}"
-        mark = " (best)" if arm.name == answer.best else ""
-        round_ = "-" if arm.dropped is None else str(arm.dropped)
-        rows.append((arm.name + mark, str(len(arm.times)), str(arm.finished), mean, between, round_))
-    return rows
+    """The table of the race, one line per condition, under `head`."""
+    return [
+        (
+            arm.name + " (best)" * (arm.name == answer.best and answer.decided),
+            str(arm.runs),
+            str(arm.endings.done),
+            *_averages(answer.goal, arm),
+            "-" if arm.dropped is None else str(arm.dropped),
+        )
+        for arm in answer.arms
+    ]
+
+
+def _averages(goal: Goal, arm: Arm) -> tuple[str, ...]:
+    """The cells of what is compared."""
+    if goal.chance:
+        low, high = interval(arm.endings.done, arm.runs, 0.05)
+        return f"{100 * arm.endings.done / arm.runs:.0f} %", f"{100 * low:.0f} to {100 * high:.0f} %"
+    mean, found = float(arm.endings.times.mean()), bootstrap_mean(arm.endings.times)
+    between = "-" if found is None else f"{found[0]:.1f} to {found[1]:.1f}"
+    return f"{mean:.1f}", between, told(mean * (goal.period or 1.0))

@@ -128,17 +128,11 @@ def prediction_interval(
     return float(low), float(high)
 
 
-def ranked(times: ArrayLike, finished: ArrayLike) -> NDArray[np.float64]:
-    """Times (n,) for rank tests: inf for unfinished runs, which assumes one limit for all."""
-    values, ended = sample_of(times, finished)
-    return np.where(ended, values, np.inf)
-
-
 def compare(groups: Mapping[str, ArrayLike], against: str | None = None) -> list[Paired]:
     """Mann and Whitney's test (1947) of every two conditions, or of `against` with every other one.
 
-    Times may be infinite (`ranked`). All returned p-values form one family for Holm's correction. Raises
-    KeyError for an unknown `against`.
+    Times may be infinite, as `Endings.ranks` of unfinished runs are. All returned p-values form one family for Holm's
+    correction. Raises KeyError for an unknown `against`.
     """
     samples = {name: np.asarray(times, np.float64) for name, times in groups.items()}
     if against is not None and against not in samples:

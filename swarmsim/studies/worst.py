@@ -22,11 +22,12 @@ import tomli_w
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.parts import Fault
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.file import Scenario, table_of
+from swarmsim.core.scenario.file import Scenario, Stop, table_of
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.identity import code_of
 from swarmsim.core.scenario.part import Part
 from swarmsim.studies.engine import Job
+from swarmsim.studies.results import endings
 from swarmsim.studies.store import Row
 
 #: The faults of entries, by their names in tables.
@@ -94,6 +95,7 @@ class Findings:
     smallest: Failure | None  # of all tried
     timelines: int  # tried
     runs: int  # done
+    period: float  # s, of one iteration
 
 
 class Search:
@@ -120,10 +122,7 @@ class Search:
 
         Raises InputError if a run without faults does not finish.
         """
-        sound = self._rows([((), seed, self._scenario.stop.iterations) for seed in self._seeds])
-        if any(row.status != "finished" for row in sound):
-            raise InputError("study worst: the task is not done without faults; expected a scenario that finishes")
-        self.sound = tuple(int(row.iterations or 0) for row in sound)
+        self.sound = self._sound()
         self.limit = tuple(math.ceil(self._factor * took) for took in self.sound)
         robots, generator = self._scenario.robots.count, np.random.default_rng(seed)
         by_kind: dict[str, Failure | None] = {}
@@ -152,7 +151,18 @@ class Search:
                 if failing and (smallest is None or self._size(timeline) < (smallest.robots, smallest.size)):
                     smallest = min([self._shrunk(timeline), *([smallest] if smallest else [])], key=_order)
                     self._tell(f"smaller: {described(smallest)}")
-        return Findings(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs)
+        return Findings(self.sound, self.limit, by_kind, smallest, self.timelines, self.runs, self._scenario.period)
+
+    def _sound(self) -> tuple[int, ...]:
+        """The iterations without faults, by seed. Raises InputError if a run does not finish."""
+        limit = self._scenario.limit
+        found = endings(self._rows([((), seed, limit) for seed in self._seeds]), limit)
+        if not found.whole:
+            raise InputError(
+                f"study worst: the task is not done without faults: {found.done} of {len(self._seeds)} runs finished "
+                f"within {limit} iterations; expected a scenario that finishes with every seed"
+            )
+        return tuple(int(took) for took in found.times)
 
     def _kinds(self) -> list[str]:
         known = registry.known("fault")
@@ -234,7 +244,7 @@ class Search:
         """The rows of these timelines, seeds and limits, in order."""
         tasks = []
         for number, (timeline, seed, limit) in enumerate(wanted):
-            stop = msgspec.structs.replace(self._scenario.stop, iterations=limit)
+            stop = Stop(when_done=self._scenario.stop.when_done, iterations=limit)
             faults = (*self._scenario.faults, *(entry.part() for entry in timeline))
             scenario = msgspec.structs.replace(self._scenario, seed=seed, stop=stop, faults=faults)
             name = "; ".join(entry.words() for entry in timeline) or "no faults"
@@ -271,7 +281,7 @@ def described(failure: Failure) -> str:
 
 def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> None:
     """Write the scenario with a failing timeline, stopped at its limit. Raises InputError."""
-    stop = msgspec.structs.replace(scenario.stop, iterations=limit)
+    stop = Stop(when_done=scenario.stop.when_done, iterations=limit)
     faults = (*scenario.faults, *(entry.part() for entry in timeline))
     world = scenario.world
     if world.file:

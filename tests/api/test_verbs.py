@@ -35,7 +35,7 @@ FUNCTIONS = {
     "study plan": "StudyRun.estimate",
     "study run": "StudyRun.run",
     "study status": "StudyRun.status",
-    "study table": "StudyRun.table StudyRun.compare",
+    "study table": "StudyRun.table StudyRun.chances StudyRun.quantiles StudyRun.compare",
     "study plot": "StudyRun.plot",
     "study export": "StudyRun.export",
     "study rank": "StudyRun.rank",

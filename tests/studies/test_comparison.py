@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from conftest import made
 
+from swarmsim.core.durations import told
+from swarmsim.recording.measures import mean_value
 from swarmsim.recording.reader import Recording
 from swarmsim.studies.comparison import _lag, _recovery, costs, head, lines
 
@@ -41,5 +43,20 @@ def test_runs_are_compared_with_the_first_over_the_longest_of_all(tmp_path: Path
     assert faulty.slowdown == runs["faulty"].iterations / runs["sound"].iterations
     assert faulty.ratio == pytest.approx(faulty.mean / sound.mean)
     assert faulty.recovery > 0
-    assert head(runs["sound"].curve)[3] == "mean coverage"
+    assert head(runs["sound"].curve)[1:5] == ("iterations", "time", "slowdown", "mean coverage")
+    assert lines([sound])[0][1:3] == (str(runs["sound"].iterations), told(runs["sound"].iterations))
     assert all(len(line) == len(head(runs["sound"].curve)) for line in lines([sound, faulty]))
+
+
+def test_runs_with_other_periods_are_compared_by_seconds(tmp_path: Path) -> None:
+    runs = {}
+    for name, period in (("slow", 1.0), ("quick", 0.5)):
+        run = made(f"period={period}")
+        with run.recorder(tmp_path / f"{name}.h5") as recorder:
+            run.simulation.run([recorder])
+        runs[name] = Recording(tmp_path / f"{name}.h5")
+    _, quick = costs(runs)
+    assert quick.slowdown == pytest.approx(0.5 * runs["quick"].iterations / runs["slow"].iterations)
+    horizon = max(runs["slow"].iterations, 0.5 * runs["quick"].iterations)
+    assert quick.mean == pytest.approx(mean_value(quick.values, round(2 * horizon)))
+    assert _lag(np.repeat([0.2, 0.4, 0.5, 0.7, 1.0], 2), np.array([0.2, 0.4, 0.5, 0.7, 1.0]), (4,), 0.5) == -1

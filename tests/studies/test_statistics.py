@@ -16,12 +16,11 @@ from swarmsim.studies.statistics import (
     fit_scaling,
     holm,
     prediction_interval,
-    ranked,
     runs_needed,
     speed_up,
     trend,
 )
-from swarmsim.studies.survival import kaplan_meier, log_rank, restricted_mean
+from swarmsim.studies.survival import Endings, kaplan_meier, log_rank, restricted_mean
 
 # Weeks of remission of 42 children (Freireich et al. 1963), the textbooks' example of censored times.
 DRUG = [6, 6, 6, 6, 7, 9, 10, 10, 11, 13, 16, 17, 19, 20, 22, 23, 25, 32, 32, 34, 35]
@@ -208,9 +207,9 @@ def test_comparison_with_one_reference():
 
 
 def test_unfinished_runs_rank_last():
-    times = ranked([10, 500, 20], [True, False, True])
+    times = Endings(np.array([10.0, 500, 20]), np.array([True, False, True]), 500.0).ranks
     assert times.tolist() == [10.0, math.inf, 20.0]
-    (found,) = compare({"a": times, "b": ranked([500, 500], [False, False])})
+    (found,) = compare({"a": times, "b": Endings(np.array([500.0, 500]), np.array([False, False]), 500.0).ranks})
     assert (found.u, found.a12) == (1.0, 1 / 6)  # the one unfinished run ties with two
     (found,) = compare({"a": [math.inf, math.inf], "b": [math.inf]})
     assert (found.u, found.p, found.a12) == (1.0, 1.0, 0.5)

@@ -21,10 +21,8 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.recording import measures
 from swarmsim.studies import results as res
-from swarmsim.studies import selection
 from swarmsim.studies.engine import execute, run_job
 from swarmsim.studies.plan import open_study
-from swarmsim.studies.selection import Answer, best
 from swarmsim.studies.store import Row, Store
 
 STUDY = f"""
@@ -309,6 +307,14 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     table = called("study", "table", study, *at, "--compare", "k=0", cwd=tmp_path)
     assert digest in table.stdout
     assert "A12" in table.stdout
+    asked = ("--by", "40", "--by", "2min", "--quantile", "0.5")
+    surely = " ".join(called("study", "table", study, *at, *asked, cwd=tmp_path).stdout.split())
+    assert "by 40 s" in surely
+    assert "beyond the limit" in surely  # of 60 iterations
+    assert "50 % done" in surely
+    for wrong in (("--by", "soon"), ("--quantile", "95")):
+        refused = called("study", "table", study, *at, *wrong, cwd=tmp_path)
+        assert (refused.returncode, wrong[0] in refused.stderr) == (2, True)
     assert "path_sum" in called("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
     wrong = called("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
     assert (wrong.returncode, "'paths' is not a measure" in wrong.stderr) == (2, True)
@@ -348,70 +354,3 @@ def test_rows_of_another_edition_of_the_measures_are_not_mixed_in(study: Path, m
     before = {plan.identity(condition, seed) for condition, seed in plan.runs}
     monkeypatch.setattr(measures, "EDITION", measures.EDITION + 1)
     assert not before & {plan.identity(condition, seed) for condition, seed in plan.runs}
-
-
-def race(folder: Path, times, tolerance: float = 0.03, budget: int = 500) -> Answer:
-    """What a race of k=0 and k=1 ends with; `times` gives iterations by condition and seed, below 0 if unfinished."""
-    study, text = folder / "race.toml", STUDY.replace("[0, 1, 2]", "[0, 1]")
-    study.write_text(text[: text.index("[[condition]]")])
-    with Store(folder / "race.sqlite") as store:
-
-        def invent(tasks) -> None:
-            for task in tasks:
-                took = int(times(task.condition, task.seed))
-                status = "finished" if took > 0 else "not finished"
-                store.add(
-                    Row(task.identity, task.condition, task.seed, status, abs(took), {}, None, "d", {}, 0.1, None)
-                )
-
-        return best(open_study(study, 1), store, invent, 0.95, budget, tolerance)
-
-
-def test_the_race_finds_the_better_condition_with_few_runs(tmp_path: Path) -> None:
-    generator = np.random.default_rng(0)
-    answer = race(tmp_path, lambda name, seed: generator.normal({"k=0": 200, "k=1": 100}[name], 15))
-    assert (answer.best, answer.decided, answer.runs) == ("k=1", True, 20)
-    assert "k=1 is best: with 95% confidence" in answer.sentence
-
-
-def test_a_race_between_equals_ends_with_the_budget(tmp_path: Path) -> None:
-    generator = np.random.default_rng(0)
-    answer = race(tmp_path, lambda name, seed: generator.normal(100, 30), 0.0, 60)
-    assert not answer.decided
-    assert answer.runs <= 60
-    assert "not decided within the budget" in answer.sentence
-
-
-def test_a_condition_with_unfinished_runs_can_lose_and_never_lead(tmp_path: Path) -> None:
-    """A run that was cut took longer than its limit: enough to be slower, never to be faster."""
-    slower = race(tmp_path, lambda name, seed: -400 if name == "k=0" and seed % 2 else 100 + seed % 3)
-    assert (slower.best, slower.decided) == ("k=1", True)
-    assert [row[1:4] for row in selection.lines(slower)] == [("10", "5", "over 250.6"), ("10", "10", "101.0")]
-    (tmp_path / "other").mkdir()
-    cut_early = race(tmp_path / "other", lambda name, seed: -60 if name == "k=0" else 100 + seed % 3, 0.03, 40)
-    assert (cut_early.best, cut_early.decided) == ("k=1", False)
-    assert "k=1 leads those whose runs all finished, not told apart from k=0" in cut_early.sentence
-
-
-@pytest.mark.parametrize(
-    ("times", "counts"),
-    [
-        (lambda name, seed: -60, "0 of 10 k=0, 0 of 10 k=1"),
-        (lambda name, seed: -60 if seed == 3 else 50, "9 of 10 k=0, 9 of 10 k=1"),
-        (lambda name, seed: 50 + seed % 7 if name == "k=0" else -99 if seed == 13 else 49 + 3 * seed % 7,
-         "20 of 20 k=0, 19 of 20 k=1"),
-    ],
-    ids=["none finished", "each has one that did not", "the leader's later"],
-)  # fmt: skip
-def test_no_condition_is_best_if_those_that_lead_have_unfinished_runs(tmp_path: Path, times, counts: str) -> None:
-    with pytest.raises(InputError, match=f"no condition can be called best.*: {counts}; .*expected.*stop.iterations"):
-        race(tmp_path, times, 0.0, 100)
-
-
-def test_best_ends_with_2_if_nothing_finished(tmp_path: Path) -> None:
-    study = tmp_path / "race.toml"
-    text = STUDY.replace("[0, 1, 2]", "[0, 1]").replace('"stop.iterations" = 60', '"stop.iterations" = 3')
-    study.write_text(text[: text.index("[[condition]]")])
-    done = called("study", "best", study, "--store", tmp_path / "race.sqlite", "--quiet", "--workers", "1")
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "0 of 10 k=0, 0 of 10 k=1" in " ".join(done.stderr.split())

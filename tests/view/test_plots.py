@@ -341,3 +341,25 @@ def test_places_are_spread_until_none_is_too_close_and_lonely_ones_stay():
     assert apart.min() >= 1.0
     assert moved[-1].tolist() == [50.0, 50.0]
     np.testing.assert_allclose(moved.mean(axis=0), crowd.mean(axis=0))
+
+
+def test_iterations_have_an_axis_in_time_beside_them() -> None:
+    times = {"a": np.array([300.0, 600.0, 900.0])}
+    figure = plots.distributions(times, {"a": np.ones(3, dtype=bool)}, "Times", period=0.5)
+    (axes,) = figure.axes
+    (second,) = axes.child_axes
+    assert second.get_ylabel() == "min"
+    assert second.get_ylim() == pytest.approx(np.array(axes.get_ylim()) * 0.5 / 60.0)
+    steps = plots.Steps(100.0 * LOST, MEANS, SPANS, np.zeros(4), [30] * 4)
+    assert [one.get_ylabel() for one in plots.sweep({"": steps}, {}, "k", "", period=10.0).axes[0].child_axes] == ["h"]
+    assert not plots.sweep({"": steps}, {}, "k", "").axes[0].child_axes
+
+
+def test_curves_of_one_period_have_an_axis_in_time_and_those_of_several_lie_along_seconds() -> None:
+    runs = {"a": [np.linspace(0, 1, 100)], "b": [np.linspace(0, 1, 40)]}
+    (axes,) = plots.curves(runs, "Coverage", {"b": (10,)}, periods={"a": 1.0, "b": 1.0}).axes
+    assert [one.get_xlabel() for one in axes.child_axes] == ["s"]
+    assert axes.get_xlabel() == "iteration"
+    (axes,) = plots.curves(runs, "Coverage", {"b": (10,)}, periods={"a": 1.0, "b": 4.0}).axes
+    assert (axes.get_xlabel(), axes.child_axes) == ("s", [])
+    assert [line.get_xdata()[-1] for line in axes.lines] == [100.0, 160.0, 40.0]  # the last is the fault

@@ -12,11 +12,11 @@ from swarmsim.view.plots.over_time import curves, padded
 from swarmsim.view.plots.provenance import provenance
 from swarmsim.view.plots.rewiring import rewiring
 from swarmsim.view.plots.sheet import address, save
-from swarmsim.view.plots.style import COLOURS, FINEST
+from swarmsim.view.plots.style import COLOURS, FINEST, TIME
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "Ratios", "Steps", "address", "asked", "building", "comparison", "contact_times", "curves",
-    "degrees", "distributions", "imported", "local_maps", "network_course", "padded", "profiles", "provenance",
-    "ratios", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
+    "COLOURS", "FINEST", "TIME", "Ratios", "Steps", "address", "asked", "building", "comparison", "contact_times",
+    "curves", "degrees", "distributions", "imported", "local_maps", "network_course", "padded", "profiles",
+    "provenance", "ratios", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
 ]  # fmt: skip

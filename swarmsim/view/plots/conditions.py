@@ -9,15 +9,16 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swarmsim.view.plots.fault_marks import area_key, counted, estimate_bars, line_key, places_of, quartile_box
-from swarmsim.view.plots.scales import name_conditions, span_axis
+from swarmsim.view.plots.scales import name_conditions, span_axis, time_axis
 from swarmsim.view.plots.sheet import settled, sheet
-from swarmsim.view.plots.style import BLACK, BLUE, PALE, PURPLE, VERMILLION, Reals, styled
+from swarmsim.view.plots.style import BLACK, BLUE, PALE, PURPLE, TIME, VERMILLION, Reals, styled
 
 
 @styled
 def distributions(
     times: Mapping[str, Reals], finished: Mapping[str, NDArray[np.bool_]], title: str,
     published: Mapping[str, float] = {}, estimates: Mapping[str, tuple[float, float, float]] = {},
+    period: float | None = None, ylabel: str = TIME,
 ) -> Figure:  # fmt: skip
     """Every run's iterations to 100 %: a box and points for each condition.
 
@@ -25,6 +26,7 @@ def distributions(
     median and the quartiles of all runs, unfinished ones counted at their limits: a lower bound where the box
     touches them. `published` values stand left of the box, `estimates` (a mean, and the low and the high end of
     its 95 % interval) right of it. The scale is logarithmic if the numbers differ more than eightfold.
+    With the `period` of iterations in s there is a second axis in time.
     """
     figure = sheet(max(6.4, 1.6 + 0.68 * len(times)), 5.2, title)
     axes = figure.subplots()
@@ -40,19 +42,22 @@ def distributions(
         handles += [line_key("unfinished, at its limit", VERMILLION, "^", face="none")]
     handles += [line_key("mean, 95 % interval", BLACK, "o", "-")] if estimates else []
     handles += [line_key("published", PURPLE, "D", edge=BLACK)] if published else []
-    name_conditions(figure, axes, list(times), [len(taken) for taken in times.values()])
+    name_conditions(figure, axes, list(times), [len(taken) for taken in times.values()], ylabel)
+    if period is not None:
+        time_axis(axes, period, "y")
     return settled(figure, handles)
 
 
 @styled
 def comparison(
     labels: Sequence[str], ours_mean: Reals, interval: Reals, prediction: Reals, published: Reals, title: str,
-    runs: Sequence[int] = (),
+    runs: Sequence[int] = (), period: float | None = None,
 ) -> Figure:  # fmt: skip
     """Our means beside the published ones, for m conditions, in iterations on a logarithmic scale.
 
     `ours_mean` (m,); `interval` (m, 2), the 95 % interval of the mean, thick; `prediction` (m, 2), where 95 % of
     single runs are expected, thin; `published` (m,). NaN where there is no number. `runs`: how many made each mean.
+    With the `period` of iterations in s there is a second axis in time.
     """
     figure = sheet(max(6.4, 1.6 + 0.6 * len(labels)), 5.0, title)
     axes = figure.subplots()
@@ -64,4 +69,6 @@ def comparison(
     ours = line_key(f"our mean, 95 % interval{counted(runs)}", BLUE, "o", "-", width=4.0)
     expected = line_key("95 % of single runs expected", BLUE, "", "-", width=1.2)
     name_conditions(figure, axes, labels, runs)
+    if period is not None:
+        time_axis(axes, period, "y")
     return settled(figure, [ours, expected, line_key("published", PURPLE, "D", edge=BLACK)])

@@ -41,10 +41,10 @@ def area_key(label: str, face: str, edge: str, alpha: float = 1.0) -> Rectangle:
     return Rectangle((0, 0), 1, 1, facecolor=face, edgecolor=edge, alpha=alpha, label=label)
 
 
-def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[int]]) -> list[Artist]:
+def fault_marks(axes: Axes, labels: Sequence[str], marks: Mapping[str, Sequence[float]]) -> list[Artist]:
     """Vertical dashes in the conditions' colours, alternating where they coincide; gives the legend's entries."""
     rows = places_of(marks, labels).astype(int)
-    owners: dict[int, list[int]] = {}
+    owners: dict[float, list[int]] = {}
     for row, iterations in zip(rows, marks.values(), strict=True):
         for at in iterations:
             owners.setdefault(at, []).append(row)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, FormatStrFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from swarmsim.view.plots.style import DPI, TIME, Reals
+from swarmsim.view.plots.style import DPI, GREY, TIME, Reals
+
+UNITS: Final = ((1.0, "s", 180.0), (60.0, "min", 10_800.0), (3600.0, "h", math.inf))  # s, name, used below so many s
 
 
 def span_axis(axes: Axes, numbers: Reals, scale: Literal["linear", "log"] = "linear") -> None:
@@ -31,6 +34,23 @@ def span_axis(axes: Axes, numbers: Reals, scale: Literal["linear", "log"] = "lin
         axes.set_ylim(min(0.0, 1.06 * low), 1.06 * max(0.0, high))
 
 
+def time_axis(axes: Axes, period: float, along: Literal["x", "y"]) -> None:
+    """A second axis in time opposite one in iterations of `period` s; its unit suits the longest."""
+    longest = period * (axes.get_xlim() if along == "x" else axes.get_ylim())[1]
+    unit, name = next((unit, name) for unit, name, most in UNITS if longest < most)
+    factor = period / unit
+    convert = (lambda count: np.multiply(count, factor), lambda time: np.divide(time, factor))
+    second = axes.secondary_xaxis("top", convert) if along == "x" else axes.secondary_yaxis("right", convert)
+    axis, scale = (second.xaxis, axes.get_xscale()) if along == "x" else (second.yaxis, axes.get_yscale())
+    second.spines[:].set_visible(True)
+    second.spines[:].set_color(GREY)
+    if scale == "log":
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FormatStrFormatter("%g"))
+    axis.set_label_text(name)
+
+
 def is_crowded(figure: Figure, axes: Axes) -> bool:
     """Whether neighbouring tick labels along x touch."""
     figure.draw_without_rendering()
@@ -38,11 +58,11 @@ def is_crowded(figure: Figure, axes: Axes) -> bool:
     return any(right.x0 - left.x1 < 0.04 * DPI for left, right in pairwise(boxes))
 
 
-def name_conditions(figure: Figure, axes: Axes, labels: Sequence[str], runs: Sequence[int]) -> None:
+def name_conditions(figure: Figure, axes: Axes, labels: Sequence[str], runs: Sequence[int], ylabel: str = TIME) -> None:
     """The names of conditions along x, with the number of their runs; turned where they would overlap."""
     counts = [f"n = {count}" for count in runs] or [""] * len(labels)
     both = list(zip(labels, counts, strict=True))
-    axes.set(ylabel=TIME, xlim=(-0.6, len(labels) - 0.4))
+    axes.set(ylabel=ylabel, xlim=(-0.6, len(labels) - 0.4))
     axes.grid(False, axis="x")
     axes.set_xticks(range(len(labels)), [f"{label}\n{count}".strip() for label, count in both])
     if is_crowded(figure, axes):

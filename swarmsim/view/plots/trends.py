@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swarmsim.view.plots.fault_marks import counted, estimate_bars, line_key
-from swarmsim.view.plots.scales import mark_values, span_axis
+from swarmsim.view.plots.scales import mark_values, span_axis, time_axis
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPLE, TIME, VERMILLION, Line, Reals, styled
 
@@ -21,11 +21,12 @@ from swarmsim.view.plots.style import BLACK, BLUE, COLOURS, GREY, MARKERS, PURPL
 @styled
 def scaling(
     robots: NDArray[np.generic], means: Reals, intervals: Reals, fit: tuple[float, float],
-    published: Mapping[int, float], title: str, runs: Sequence[int] = (),
+    published: Mapping[int, float], title: str, runs: Sequence[int] = (), period: float | None = None,
 ) -> Figure:  # fmt: skip
     """Iterations against the number of robots with the line T = a + b / N, and the speed-up over the fewest robots.
 
     `robots` (m,), `means` (m,), `intervals` (m, 2), 95 %; `fit` is (a, b) in iterations; `runs`: how many made each.
+    With the `period` of iterations in s there is a second axis in time.
     """
     figure = sheet(9.6, 4.6, title)
     left: Axes
@@ -46,6 +47,8 @@ def scaling(
     left.set(xlabel="robots", ylabel=TIME)
     mark_values(figure, left, numbers)
     mark_values(figure, right, numbers)
+    if period is not None:
+        time_axis(left, period, "y")
     formula = f"T = {fit[0]:.4g} {'-' if fit[1] < 0 else '+'} {abs(fit[1]):.4g} / N"
     handles = [line_key(f"mean, 95 % interval{counted(runs)}", BLUE, "o", "-"), line_key(formula, VERMILLION, "", "--")]
     handles += [line_key("published", PURPLE, "D", edge=BLACK)] if published else []
@@ -68,11 +71,13 @@ class Steps:
 
 @styled
 def sweep(
-    series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str, title: str, ylabel: str = TIME
-) -> Figure:
+    series: Mapping[str, Steps], levels: Mapping[str, Steps], xlabel: str, title: str, ylabel: str = TIME,
+    period: float | None = None,
+) -> Figure:  # fmt: skip
     """Iterations, or a measure, against the varied parameter, a line per series; below, unfinished runs if any.
 
-    `levels` have one value each, off the axis: they are drawn as lines across. The label names the unit.
+    `levels` have one value each, off the axis: they are drawn as lines across. The label names the unit; with the
+    `period` of iterations in s there is a second axis in time.
     """
     everything = [*series.values(), *levels.values()]
     unfinished = any(steps.unfinished.any() for steps in series.values())
@@ -103,4 +108,6 @@ def sweep(
         panel.set(ylabel="unfinished\nruns, %", ylim=(-5.0, 105.0), yticks=(0, 50, 100))
     (lower or [upper])[-1].set_xlabel(xlabel)
     mark_values(figure, (lower or [upper])[-1], np.concatenate([steps.values for steps in series.values()]))
+    if period is not None:
+        time_axis(upper, period, "y")
     return settled(figure, handles)
