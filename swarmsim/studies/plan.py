@@ -192,7 +192,7 @@ def planned(
     notices = dict.fromkeys(files_outside(base))
 
     def condition(name: str, change: dict[str, object]) -> Condition:
-        place = f"{path}: condition {name!r}"
+        place = f"{path}: condition {name!r}" if name else str(path)
         scenario = changed(place, table, {**study.set, **change}, base.parent)
         key = _world_key(scenario)
         if key not in worlds:
