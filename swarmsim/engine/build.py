@@ -143,9 +143,9 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     used = [foreign(one) for one in all_parts(scenario)]
     files = {file: name for each in used for file, name in each.items()}
     beams, length = max(beams_of(one, context.lattice.cell)[:2] for _, one in case.sensors)
-    budget.begin(budget.running(context.swarm, stop.iterations, beams, length))
+    budget.begin(budget.running(context.swarm, scenario.limit, beams, length))
     simulation = Simulation(
-        parts, scenario.period, stop.iterations, stop.when_done, lambda problem: blamed(problem, files), name, clock
+        parts, scenario.period, scenario.limit, stop.when_done, lambda problem: blamed(problem, files), name, clock
     )
     return BuiltRun(
         scenario, world, ground.arena, start, simulation, context, ground.reachable, ground.notices, probes,

@@ -293,5 +293,5 @@ def trial(plan: Plan) -> float:
         while not simulation.over and simulation.state.iteration < TRIED:
             simulation.tick()
         each = (time.perf_counter() - begun) / max(simulation.state.iteration - 1, 1)
-        seconds.append(each * min(one.scenario.stop.iterations, USUAL))
+        seconds.append(each * min(one.scenario.limit, USUAL))
     return sum(seconds) / len(seconds)

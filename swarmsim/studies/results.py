@@ -60,7 +60,7 @@ class Result:
 
     def describe(self) -> Description:
         """The statistics of its iterations; None values without runs."""
-        return describe(self.times, self.finished, float(self.condition.scenario.stop.iterations))
+        return describe(self.times, self.finished, float(self.condition.scenario.limit))
 
     def describe_measure(self, name: str) -> Description:
         """The statistics of a measure over the runs that define it. Raises InputError if none does."""

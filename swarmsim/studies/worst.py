@@ -22,7 +22,7 @@ import tomli_w
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.parts import Fault
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.file import Scenario, table_of
+from swarmsim.core.scenario.file import Scenario, Stop, table_of
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.identity import code_of
 from swarmsim.core.scenario.part import Part
@@ -120,7 +120,7 @@ class Search:
 
         Raises InputError if a run without faults does not finish.
         """
-        sound = self._rows([((), seed, self._scenario.stop.iterations) for seed in self._seeds])
+        sound = self._rows([((), seed, self._scenario.limit) for seed in self._seeds])
         if any(row.status != "finished" for row in sound):
             raise InputError("study worst: the task is not done without faults; expected a scenario that finishes")
         self.sound = tuple(int(row.iterations or 0) for row in sound)
@@ -234,7 +234,7 @@ class Search:
         """The rows of these timelines, seeds and limits, in order."""
         tasks = []
         for number, (timeline, seed, limit) in enumerate(wanted):
-            stop = msgspec.structs.replace(self._scenario.stop, iterations=limit)
+            stop = Stop(when_done=self._scenario.stop.when_done, iterations=limit)
             faults = (*self._scenario.faults, *(entry.part() for entry in timeline))
             scenario = msgspec.structs.replace(self._scenario, seed=seed, stop=stop, faults=faults)
             name = "; ".join(entry.words() for entry in timeline) or "no faults"
@@ -271,7 +271,7 @@ def described(failure: Failure) -> str:
 
 def write(scenario: Scenario, timeline: Timeline, limit: int, path: Path) -> None:
     """Write the scenario with a failing timeline, stopped at its limit. Raises InputError."""
-    stop = msgspec.structs.replace(scenario.stop, iterations=limit)
+    stop = Stop(when_done=scenario.stop.when_done, iterations=limit)
     faults = (*scenario.faults, *(entry.part() for entry in timeline))
     world = scenario.world
     if world.file:

@@ -41,7 +41,7 @@ def opened(
 
 def limited(overrides: Sequence[str], iterations: int) -> tuple[str, ...]:
     """The overrides, extended to make a run last exactly this many iterations."""
-    return (*overrides, f"stop.iterations={iterations}", 'stop.when_done="continue"')
+    return (*overrides, f'stop={{iterations={iterations}, when_done="continue"}}')
 
 
 def check_strictly(

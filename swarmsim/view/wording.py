@@ -45,7 +45,7 @@ def cause_of(event: Event, scenario: Scenario) -> str:
     """The event's cause or place."""
     if isinstance(event, Ended):
         if not event.finished:
-            return f"limit of {scenario.stop.iterations} iterations"
+            return f"limit of {scenario.limit} iterations"
         name, share = _name(scenario.task), scenario.task.declares("share", None)
         return f"{100.0 * share:g} % {name} reached" if isinstance(share, float) else f"{name} done"
     if isinstance(event, Begins | Ends):

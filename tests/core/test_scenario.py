@@ -333,3 +333,40 @@ def test_quantities_that_nothing_has_are_refused_with_what_can_be(change: str) -
     key = change.partition("=")[0]
     with pytest.raises(InputError, match=rf"{key.partition('.')[2] or key}: .*(>=|<=)"):
         made(change)
+
+
+@pytest.mark.parametrize(
+    ("stop", "period", "limit", "text"),
+    [
+        ({}, 1.0, 5000, {"iterations": 5000}),
+        ({"iterations": 300}, 0.1, 300, {"iterations": 300}),
+        ({"seconds": 12_000}, 1.0, 12_000, {"seconds": 12_000.0}),
+        ({"seconds": 90}, 0.1, 900, {"seconds": 90.0}),
+        ({"seconds": 90.05}, 0.1, 900, {"seconds": 90.05}),  # whole iterations alone
+        ({"seconds": 0.3}, 0.1, 3, {"seconds": 0.3}),  # 2.9999999999999996 by floats
+        ({"seconds": 90, "iterations": 300}, 0.1, 300, {"iterations": 300, "seconds": 90.0}),
+        ({"seconds": 20, "iterations": 300}, 0.1, 200, {"iterations": 300, "seconds": 20.0}),
+    ],
+)
+def test_the_limit_is_in_iterations_or_seconds_and_the_earlier_of_both(
+    stop: dict[str, Any], period: float, limit: int, text: dict[str, Any]
+) -> None:
+    given = {**tomllib.loads(SMALL), "stop": stop, "period": period}
+    jsonschema.validate(given, schema())
+    scenario = decode(given, "x.toml")
+    assert scenario.limit == limit
+    assert table_of(scenario)["stop"] == {"when_done": "stop", **text}
+    assert decode(table_of(scenario), "x.toml") == scenario
+
+
+def test_a_run_ends_at_its_limit_in_seconds() -> None:
+    run = made("stop={seconds=4.5}", "period=0.5", 'task={use="coverage"}').simulation
+    while not run.over:
+        run.tick()
+    assert (run.state.iteration, run.finished) == (9, False)
+
+
+@pytest.mark.parametrize("seconds", [0.4, 60_000.0])
+def test_a_limit_in_seconds_that_is_no_number_of_iterations_is_refused(seconds: float) -> None:
+    with pytest.raises(InputError, match=r"x\.toml: stop\.seconds: .* expected 1 to 100000 iterations"):
+        decode({**tomllib.loads(SMALL), "stop": {"seconds": seconds}, "period": 0.5}, "x.toml")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeGuard, cast
 
 import msgspec
-from msgspec import UNSET, Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType
 from msgspec import inspect as types
 
 from swarmsim.core.context import Field
@@ -42,7 +43,7 @@ from swarmsim.core.scenario.expect import without_expectations
 from swarmsim.core.scenario.files import Table, outside
 from swarmsim.core.scenario.part import NONE, Part, plain
 from swarmsim.core.scenario.platforms import with_platforms
-from swarmsim.core.scenario.robots import Count, Group, GroupMind, Positive, Robots
+from swarmsim.core.scenario.robots import LONGEST, Count, Group, GroupMind, Positive, Robots
 from swarmsim.core.scenario.toml import DEEPEST, TOO_DEEP, parsed, read_toml
 from swarmsim.core.seams import PLACED, at_place
 
@@ -143,13 +144,19 @@ class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 class Stop(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """When a run ends: with its task or, unfinished, after `iterations`.
+    """When a run ends: with its task or, unfinished, at its limit, in `iterations` or in simulated `seconds`.
 
-    A run that continues when its task is done ends after `iterations`, and counts as finished.
+    With both, the earlier is the limit; with neither, 5000 iterations. A run that continues when its task is done
+    ends at the limit, and counts as finished.
     """
 
     when_done: Literal["stop", "continue"] = "stop"
-    iterations: Count = 5000
+    iterations: Annotated[Count, Meta(extra_json_schema={"default": 5000})] | UnsetType = UNSET
+    seconds: Annotated[float, Meta(gt=0.0, le=1e9)] | UnsetType = UNSET  # s, simulated
+
+    def __post_init__(self) -> None:
+        if self.iterations is UNSET and self.seconds is UNSET:  # written out, as texts of older scenarios have it
+            msgspec.structs.force_setattr(self, "iterations", 5000)
 
 
 class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -177,6 +184,19 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     layers: tuple[Part[Layer], ...] = ()  # shown in pictures as well
     stop: Stop = Stop()
     budget: Annotated[float, Meta(ge=1.0, le=1e9)] = BUDGET  # s, limit for preparing the run and for doing it
+
+    def __post_init__(self) -> None:
+        if self.stop.seconds is not UNSET and not 1 <= self.limit <= LONGEST:
+            raise ValueError(
+                f"stop.seconds: {self.stop.seconds:g} s are {self.stop.seconds / self.period:.4g} iterations with a "
+                f"period of {self.period:g} s; expected 1 to {LONGEST} iterations"
+            )
+
+    @property
+    def limit(self) -> int:
+        """The iterations after which a run that is not done ends: the whole ones within `stop.seconds`."""
+        within = math.inf if self.stop.seconds is UNSET else math.floor(self.stop.seconds / self.period * (1 + 1e-12))
+        return int(min(within, math.inf if self.stop.iterations is UNSET else self.stop.iterations))
 
 
 Tables = Table | list[Table]

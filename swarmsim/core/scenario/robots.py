@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -16,7 +16,8 @@ from swarmsim.core.scenario.part import NONE, Part
 from swarmsim.core.scenario.platforms import PLAIN
 
 Positive = Annotated[float, Meta(gt=0.0)]
-Count = Annotated[int, Meta(ge=1, le=100_000)]
+LONGEST: Final = 100_000  # most iterations of a run
+Count = Annotated[int, Meta(ge=1, le=LONGEST)]
 
 
 class GroupMind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
