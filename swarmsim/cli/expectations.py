@@ -122,8 +122,8 @@ class _Bar:
     def tried(self, one: Tried) -> None:
         """Print what mutants do to an expectation."""
         killed = f"fails with {len(one.killers)} of {len(one.fates) - len(one.equivalent)} mutants"
-        if one.sound != "holds":
-            killed = f"{one.sound} with nothing broken"
+        if one.sound == "fails":
+            killed = "fails with nothing broken"
         self._say(one.expectation.name, killed, "green" if one.killers else "red", "")
 
     def _say(self, name: str, words: str, colour: str, after: str) -> None:
@@ -171,15 +171,15 @@ def _print_cost(opened: Expectations) -> None:
 
 def _print_broken(found: Sequence[Tried]) -> int:
     """Print which expectations no mutant fails, and give the exit code."""
-    told = [one for one in found if one.sound == "holds"]
+    told = [one for one in found if one.sound != "fails"]
     for one in (one for one in told if one.met_standing):
         more = f"; fails with: {', '.join(one.killers)}" if one.killers else ""
         print(f"met even by robots that stand still: {one.expectation.name}{more}")
     blind = [one for one in told if not one.killers]
     for one in blind:
         print(f"shown to fail with no mutant: {one.expectation.name}")
-    for one in (one for one in found if one.sound != "holds"):
-        print(f"not tried, as it does not hold with nothing broken ({one.sound}): {one.expectation.name}")
+    for one in (one for one in found if one.sound == "fails"):
+        print(f"not tried, as it fails with nothing broken: {one.expectation.name}")
     rows = []
     for mutant in dict.fromkeys(name for one in told for name in (*one.fates, *one.left_out)):
         fates = [one.fates.get(mutant) for one in told]

@@ -130,6 +130,24 @@ def test_wrong_expectations_are_refused_by_every_reader_of_the_scenario(text: st
         decode(table, "room", ROOM.parent)
 
 
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-2, 9) | st.floats() | st.sampled_from(["finished", "crash at=3", ""]),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["that", "k"]), inner, max_size=2),
+    max_leaves=6,
+)
+KEYS = st.sampled_from([*Expect.__struct_fields__, "other"])
+
+
+@given(st.lists(st.dictionaries(KEYS, VALUES, max_size=5), max_size=3) | VALUES)
+def test_any_table_is_read_or_refused_by_its_key(given_: object) -> None:
+    try:
+        found = expectations_in({"expect": given_})
+    except InputError as problem:
+        assert str(problem).startswith("expect")  # noqa: PT017 - either is right
+        return
+    assert all(one.that == "finished" and one.numbers and one.slack > 0.0 for one in found)
+
+
 def test_no_run_depends_on_what_is_expected_of_it() -> None:
     plain = load(ROOM)
     table = {key: value for key, value in parsed(ROOM.read_text()).items() if key != "expect"}

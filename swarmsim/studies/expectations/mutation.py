@@ -27,7 +27,8 @@ MUTANTS: Final[Mapping[str, Table]] = {
     "mind always reboots": {"use": "mind", "failure": "reboot", "duration": 100_000},
     "position drifts": {"use": "localisation", "failure": "drift", "sigma": 0.1},
 }
-ALL: Final[Table] = {"at": 0, "fraction": 1.0}
+PATIENCE: Final = 300  # runs of a mutant that may pass for the sound swarm; one that is broken takes a few
+ALL: Final[Table] = {"at": 0, "fraction": 1.0, "min_alive": 0}
 Fate = Literal["fails", "holds", "undecided", "same"]
 
 
@@ -45,7 +46,7 @@ class Tried:
     """What mutants do to one expectation."""
 
     expectation: Expectation
-    sound: Answer  # with nothing broken; where it does not hold, no mutant is tried
+    sound: Answer  # with nothing broken; where it fails, no mutant is tried
     fates: Mapping[str, Fate]  # by mutant; `same`: its runs are those of the sound swarm, to the bit
     left_out: Mapping[str, str]  # mutants that this swarm cannot have, with the reason
 
@@ -78,12 +79,13 @@ def tried(
     """
     mutants = installed() | dict(own or {})
     chances = sum(one.expect.chance is not None for one in expectations)
-    session = ExpectationSession(runner, Levels.of(alpha, chances * len(mutants)), budget)
+    alone = ExpectationSession(runner, Levels.of(alpha, chances), budget)
+    session = ExpectationSession(runner, Levels.of(alpha, chances * len(mutants)), budget or PATIENCE)
     made: dict[tuple[int, str, str], tuple[Plan, Condition] | InputError] = {}
     for one in expectations:
         fates, left_out = dict[str, Fate](), dict[str, str]()
-        sound = _answer(one, session)
-        for name, broken in mutants.items() if sound == "holds" else ():
+        sound = _answer(one, alone)
+        for name, broken in mutants.items() if sound != "fails" else ():
             key = (id(one.plan), one.condition.name, name)
             if key not in made:
                 made[key] = _mutant(one, name, broken)
@@ -117,7 +119,7 @@ def _mutant(one: Expectation, name: str, broken: Broken) -> tuple[Plan, Conditio
     changes = {**one.condition.changes, **broken.changes}
     if broken.fault is not None:
         before = [part.table for part in one.condition.scenario.faults]
-        changes["faults"] = [*before, {"min_alive": 0, **({} if broken.own else ALL), **broken.fault}]
+        changes["faults"] = [*before, {**({} if broken.own else ALL), **broken.fault}]
     try:
         plan = planned(one.plan.path, one.plan.study, {f"{one.condition.name}, {name}".lstrip(", "): changes}, (1,))
     except InputError as problem:

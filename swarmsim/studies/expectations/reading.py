@@ -200,13 +200,13 @@ def _until(sentence: Sentence, condition: Condition) -> int | None:
     """The iterations that a sentence's time takes; None without one. Raises InputError if runs end before."""
     if sentence.seconds is None:
         return None
-    period, limit = condition.scenario.period, condition.scenario.stop.iterations
+    period, limit = condition.scenario.period, condition.scenario.limit
     count = iterations_in(sentence.seconds, period)
     if isinstance(sentence, NoRobot):
         count = math.ceil(sentence.seconds / period - ROUNDING)
     if count > limit:
         raise InputError(
-            f"{told(sentence.seconds)} are {count} iterations, but runs end after {limit} (stop.iterations); "
+            f"{told(sentence.seconds)} are {count} iterations, but runs end after {limit} ([stop]); "
             f"expected a time up to {told(limit * period)}, or a later limit"
         )
     if count < 1:
