@@ -22,13 +22,12 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.engine.build import build
 from swarmsim.faults.in_words import fault_in_words
-from swarmsim.studies import plan as plans
 from swarmsim.studies.engine import Job, run_job, worker_pool
 from swarmsim.studies.expectations.junit import junit_of
 from swarmsim.studies.expectations.mutation import Broken, Tried, tried
 from swarmsim.studies.expectations.nights import Nights
 from swarmsim.studies.expectations.reading import Expectation, expectations_of, files_of
-from swarmsim.studies.expectations.session import ExpectationCost, ExpectationSession, Runner, costs
+from swarmsim.studies.expectations.session import ExpectationSession, Forecast, Runner, forecast
 from swarmsim.studies.expectations.verdicts import Answer, Levels, Verdict
 from swarmsim.studies.store import Row, Store
 
@@ -154,16 +153,10 @@ class Expectations:
                 tell(verdicts[-1])
         return Tested(tuple(verdicts), session.runner.done, begun, time.perf_counter() - start)
 
-    def cost(self) -> tuple[list[ExpectationCost], float]:
-        """The runs that expectations will take, and the seconds of one core for each run: `swarmsim test --plan`.
-
-        The time is the mean of stored runs or, without any, from simulating each condition briefly.
-        """
+    def cost(self) -> Forecast:
+        """The runs that expectations will take, and about how long, without doing any: `swarmsim test --plan`."""
         with self._session(1, None, lambda runs: None) as session:
-            seconds = session.runner.seconds()
-            if not seconds:
-                seconds = [plans.trial(plan) for plan in {id(one.plan): one.plan for one in self.found}.values()]
-            return costs(session, self.found), sum(seconds) / len(seconds)
+            return forecast(session, self.found)
 
     def mutants(
         self,

@@ -158,15 +158,10 @@ def _print(tested: Tested, quiet: bool) -> None:
 
 
 def _print_cost(opened: Expectations) -> None:
-    from swarmsim.studies.expectations.session import together
-
-    costs, each = opened.cost()
-    rows = [(one.expectation.name, str(one.least), str(one.most), str(one.lacking)) for one in costs]
+    found = opened.cost()
+    rows = [(one.expectation.name, str(one.least), str(one.most), str(one.lacking)) for one in found.costs]
     print_table("what it will cost", ("expectation", "runs, if all are good", "at most", "still to do"), rows)
-    runs = together(costs)
-    print(
-        f"{runs} runs to do if all are good; about {each:.2f} s of one core each, {runs * each / 60:.1f} core minutes"
-    )
+    print(f"{found.runs} runs to do if all are good; about {found.seconds / 60.0:.1f} core minutes")
 
 
 def _print_broken(found: Sequence[Tried]) -> int:

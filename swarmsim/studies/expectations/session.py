@@ -12,7 +12,7 @@ from swarmsim.studies.engine import Job
 from swarmsim.studies.expectations.nights import ALIKE, Nights
 from swarmsim.studies.expectations.reading import Expectation
 from swarmsim.studies.expectations.verdicts import LEAST, Levels, Verdict, clear, decided, outcome, verdict_of
-from swarmsim.studies.plan import Condition, Plan
+from swarmsim.studies.plan import Condition, Plan, trial
 from swarmsim.studies.results import job
 from swarmsim.studies.store import Row, Store
 
@@ -57,10 +57,6 @@ class Runner:
         if seed not in known:
             known[seed] = plan.identity(condition, seed)
         return known[seed]
-
-    def seconds(self) -> list[float]:
-        """The times of all stored runs, of one core each."""
-        return [row.seconds for row in self._rows.values()]
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,28 +162,33 @@ class ExpectationCost:
     lacking: int  # of the least, how many are not stored
 
 
-def costs(session: ExpectationSession, expectations: Sequence[Expectation]) -> list[ExpectationCost]:
-    """The runs that each expectation will take, without doing any."""
-    found = []
-    for one in expectations:
-        series = None if one.expect.chance is not None else one.expect.numbers
-        if series is None:
-            most = session.most(one)
-            least = min(clear(one.expect, session.levels), most)
-            seeds: Sequence[int] = range(1, least + 1)
-        else:
-            least = most = len(series)
-            seeds = series
-        lacking = least if session.nights and series is None else session.runner.lacks(one.plan, one.condition, seeds)
-        found.append(ExpectationCost(one, least, most, lacking))
-    return found
+@dataclass(frozen=True, slots=True)
+class Forecast:
+    """What a session will take."""
+
+    costs: tuple[ExpectationCost, ...]
+    runs: int  # to do, if all are good; expectations of one condition share runs
+    seconds: float  # of one core, about
 
 
-def together(costs: Sequence[ExpectationCost]) -> int:
-    """The runs to do for all of them, since expectations of one condition share runs."""
-    found: dict[tuple[int, str], int] = {}
+def forecast(session: ExpectationSession, expectations: Sequence[Expectation]) -> Forecast:
+    """The runs that expectations will take, timed by simulating each file's conditions briefly."""
+    costs = tuple(_cost(session, one) for one in expectations)
+    runs: dict[tuple[int, str], tuple[Plan, int]] = {}
     for cost in costs:
         one = cost.expectation
         key = (id(one.plan), one.condition.name)
-        found[key] = max(found.get(key, 0), cost.lacking)
-    return sum(found.values())
+        runs[key] = one.plan, max(cost.lacking, runs[key][1] if key in runs else 0)
+    each = {id(plan): trial(plan) for plan in {id(plan): plan for plan, lacking in runs.values() if lacking}.values()}
+    seconds = sum(lacking * each.get(id(plan), 0.0) for plan, lacking in runs.values())
+    return Forecast(costs, sum(lacking for _, lacking in runs.values()), seconds)
+
+
+def _cost(session: ExpectationSession, one: Expectation) -> ExpectationCost:
+    if one.expect.chance is None:
+        seeds: Sequence[int] = one.expect.numbers
+        return ExpectationCost(one, len(seeds), len(seeds), session.runner.lacks(one.plan, one.condition, seeds))
+    most = session.most(one)
+    least = min(clear(one.expect, session.levels), most)
+    lacking = session.runner.lacks(one.plan, one.condition, range(1, least + 1)) if session.nights is None else least
+    return ExpectationCost(one, least, most, lacking)
