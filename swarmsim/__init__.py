@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from swarmsim.api.doctor import doctor
+    from swarmsim.api.expectations import Expectations, open_expectations, test
     from swarmsim.api.imports import world_import
     from swarmsim.api.papers import reproduce
     from swarmsim.api.recorded import Run
@@ -36,12 +37,14 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example", "examples",
-    "examples_copy", "new", "open", "open_study", "parts", "reproduce", "run", "schema", "simulate", "study",
-    "study_worst", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
+    "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example",
+    "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce", "run",
+    "schema", "simulate", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
+    "world_import", "world_preview",
 ]  # fmt: skip
 
 _PLACES = {
+    "Expectations": "api.expectations:Expectations",
     "InputError": "core.errors:InputError",
     "PartError": "core.errors:PartError",
     "Run": "api.recorded:Run",
@@ -54,6 +57,7 @@ _PLACES = {
     "examples_copy": "core.scenario.shipped:copy",
     "new": "api.skeletons:new",
     "open": "api.runs:open",
+    "open_expectations": "api.expectations:open_expectations",
     "open_study": "api.studies:open_study",
     "parts": "core.scenario.describe:parts",
     "reproduce": "api.papers:reproduce",
@@ -62,6 +66,7 @@ _PLACES = {
     "simulate": "api.runs:simulate",
     "study": "api.studies:study",
     "study_worst": "api.worst:study_worst",
+    "test": "api.expectations:test",
     "world_check": "api.worlds:world_check",
     "world_convert": "api.worlds:world_convert",
     "world_generate": "api.worlds:world_generate",

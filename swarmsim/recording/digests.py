@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from importlib.metadata import version
+from functools import cache
+from importlib import metadata
 from typing import Final
 
 import numpy as np
@@ -61,6 +62,12 @@ def hashed(*arrays: NDArray[np.generic]) -> bytes:
     for array in arrays:
         made.update(array.data if array.flags.c_contiguous else array.tobytes())
     return made.digest()
+
+
+@cache  # reading it takes a millisecond
+def version(distribution: str) -> str:
+    """The version of an installed distribution."""
+    return metadata.version(distribution)
 
 
 def versions() -> dict[str, str]:

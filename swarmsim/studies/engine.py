@@ -28,6 +28,7 @@ from swarmsim.engine.build import build
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.measures import RunMeasures
 from swarmsim.studies.store import Row
+from swarmsim.studies.watching import Watch, Watcher
 
 ANSWER = 20.0  # s within which a user's scheduler must answer
 AHEAD = 4  # runs in hand per core: enough to keep all busy, few enough to lose little
@@ -48,6 +49,7 @@ class Job:
     allow_code: bool = False  # whether the scenario may run its own code
     asks: str = ""  # a hash of the request
     code: Code = field(default_factory=Code)  # that must make it; the user's own is sent along
+    watched: tuple[Watch, ...] = ()  # what else its row says of the iterations
 
 
 class CurveKeeper:
@@ -102,8 +104,9 @@ def _simulate(task: Job) -> Row:
     simulation, digests = made.simulation, Digests()
     asked = simulation.parts.task
     summaries = [RunMeasures(task.scenario.robots, task.scenario.period, asked.curve), *asked.summaries()]
+    watcher = Watcher(task.watched, task.scenario.robots.radius)
     curve = CurveKeeper(asked.curve.name)
-    observers: list[Observer] = [digests, curve, *summaries]
+    observers: list[Observer] = [digests, curve, watcher, *summaries]
     with ExitStack() as stack:
         if task.recording is not None:
             task.recording.parent.mkdir(parents=True, exist_ok=True)
@@ -116,7 +119,7 @@ def _simulate(task: Job) -> Row:
         seed=task.seed,
         status="finished" if finished else "not finished",
         iterations=simulation.finished_after or simulation.state.iteration,
-        summary={name: value for one in summaries for name, value in one.summary().items()},
+        summary={name: value for one in (*summaries, watcher) for name, value in one.summary().items()},
         curve=np.array(curve.values, np.float32) if task.curves else None,
         digest=digests.total(),
         versions=versions(),

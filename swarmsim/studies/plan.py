@@ -8,7 +8,7 @@ import itertools
 import math
 import os
 import time
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -20,6 +20,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import budget
 from swarmsim.core.scenario.decoding import read_struct
+from swarmsim.core.scenario.expect import Expect
 from swarmsim.core.scenario.file import Scenario, assign, decode, every_part, files_outside, without_later
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.identity import Code, known
@@ -28,6 +29,7 @@ from swarmsim.core.scenario.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
 from swarmsim.recording.digests import versions
+from swarmsim.studies.watching import Watch
 from swarmsim.world.source import read_world
 
 MOST_RUNS = 1_000_000
@@ -63,6 +65,7 @@ class Study(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     axis: str | None = None  # the meaning of the conditions' `x`, with its unit: plots show iterations against it
     vary: tuple[Axis, ...] = ()
     condition: tuple[Named, ...] = ()
+    expect: tuple[Expect, ...] = ()  # of every condition's runs; `swarmsim test`
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +79,7 @@ class Condition:
     code: Code  # that makes its runs
     x: float | None = None  # its place on the study's axis
     series: str = ""
+    watched: tuple[Watch, ...] = ()  # what else its rows say of the iterations
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +109,8 @@ class Plan:
         hashed.update(asked(msgspec.structs.replace(condition.scenario, seed=seed)))
         hashed.update(self.world_of(condition).encode())
         hashed.update(str(measures.EDITION).encode())
+        for watch in condition.watched:
+            hashed.update(watch.key.encode())
         return hashed.hexdigest()
 
     def identity(self, condition: Condition, seed: int) -> str:
@@ -171,18 +177,28 @@ def open_study(
     numbers = tuple(range(1, chosen + 1)) if isinstance(chosen, int) else tuple(chosen)
     if len(set(numbers)) < len(numbers):
         raise InputError(f"{path}: seeds: a seed is listed twice; expected each once")
-    base = path.parent / study.scenario
-    table = read_toml(base, "the study's scenario file")
     cells = changes_of(path, study)
     if len(cells) * len(numbers) > MOST_RUNS:
         raise InputError(f"{path}: {len(cells)} conditions x {len(numbers)} seeds are more than {MOST_RUNS} runs")
+    return planned(path, study, cells, numbers, keep_old)
+
+
+def planned(
+    path: Path, study: Study, cells: Mapping[str, dict[str, object]], seeds: tuple[int, ...], keep_old: bool = False
+) -> Plan:
+    """The plan of a study with these conditions, each one's changes by its name; every swarm is built as a check.
+
+    Raises InputError as `open_study`.
+    """
+    base = path.parent / study.scenario
+    table = read_toml(base, "the study's scenario file")
     named = {condition.name: condition for condition in study.condition}
 
     worlds: dict[bytes, str] = {}
     notices = dict.fromkeys(files_outside(base))
 
     def condition(name: str, change: dict[str, object]) -> Condition:
-        place = f"{path}: condition {name!r}"
+        place = f"{path}: condition {name!r}" if name else str(path)
         scenario = changed(place, table, {**study.set, **change}, base.parent)
         key = _world_key(scenario)
         if key not in worlds:
@@ -199,7 +215,7 @@ def open_study(
         return Condition(name, change, scenario, curve, code, *_place(study, change))
 
     conditions = tuple(condition(name, change) for name, change in cells.items())
-    return Plan(path, study, conditions, numbers, worlds, tuple(notices), keep_old)
+    return Plan(path, study, conditions, seeds, worlds, tuple(notices), keep_old)
 
 
 def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
@@ -230,7 +246,7 @@ def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:
 
 def _place(study: Study, cell: dict[str, object]) -> tuple[float | None, str]:
     """A grid cell's x, its value on the first axis if that is a number, and its series, the other values."""
-    if not cell:
+    if not study.vary or study.vary[0].key not in cell:
         return None, ""
     first = study.vary[0]
     value = cell[first.key]

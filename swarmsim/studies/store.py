@@ -114,7 +114,11 @@ class Store:
     def rows(self, identities: Iterable[str]) -> dict[str, Row]:
         """The stored rows among the requested runs, by identity. Raises InputError if one is damaged."""
         wanted = set(identities)
-        return {row.identity: row for row in self._read("order by identity") if row.identity in wanted}
+        return {identity: row for identity, row in self.every().items() if identity in wanted}
+
+    def every(self) -> dict[str, Row]:
+        """All stored rows, by identity. Raises InputError if one is damaged."""
+        return {row.identity: row for row in self._read("order by identity")}
 
     def of_other_code(self, asked: Mapping[str, str]) -> dict[str, Row]:
         """Other code's latest successful run, by request; `asked` has the present code's identities.

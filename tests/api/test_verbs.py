@@ -28,6 +28,7 @@ FUNCTIONS = {
     "compare": "compare",
     "reproduce": "reproduce",
     "network": "Run.network",
+    "test": "test open_expectations",
     "parts": "parts",
     "new": "new",
     "schema": "schema",
@@ -75,6 +76,11 @@ CALLED = {
     "compare of study table": "against",
     "yes": "answers",
     "what": "",
+    "plan of test": "",  # open_expectations(...).cost()
+    "mutate of test": "",  # open_expectations(...).mutants()
+    "mutant of test": "",
+    "junit of test": "",  # test(...).junit()
+    "allow_undecided of test": "",
     "video": "",  # run(...).film(...)
     "calibrate": "",  # of those who made the readings
     "name of run": "",

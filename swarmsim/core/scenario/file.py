@@ -39,6 +39,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.budget import BUDGET
 from swarmsim.core.scenario.decoding import Take, convert
 from swarmsim.core.scenario.describe import words
+from swarmsim.core.scenario.expect import without_expectations
 from swarmsim.core.scenario.files import Table, outside
 from swarmsim.core.scenario.part import NONE, Part, plain
 from swarmsim.core.scenario.platforms import with_platforms
@@ -433,7 +434,7 @@ def _scenario(table: Table, name: str, take: Take) -> Scenario:
         _check_halves(table.get("mind"), "mind")
         for number, group in enumerate(groups if isinstance(groups, list) else ()):
             _check_halves(group.get("mind") if isinstance(group, dict) else None, f"robots[{number}].mind")
-        table = with_platforms(spelled_out(table))
+        table = with_platforms(spelled_out(without_expectations(table)))
         if table.get("sensors") and not table.get("sensor"):
             table = {**table, "sensor": NONE}
         for key, now in MOVED.items():

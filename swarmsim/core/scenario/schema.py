@@ -8,6 +8,7 @@ from typing import Annotated, Any, get_args, get_origin
 import msgspec
 
 from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.expect import ExpectTable
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part, seam_of
 from swarmsim.core.seams import SEAMS
@@ -20,6 +21,8 @@ def schema() -> dict[str, Any]:
     root["properties"]["world"] = {"anyOf": [{"type": "string"}, {"$ref": "#/$defs/World"}]}
     both = {"type": "object", "properties": {"use": {"type": "string"}}, "required": ["use"]}
     root["properties"]["mind"] = {"anyOf": [{"$ref": "#/$defs/Mind"}, both]}
+    defs |= _components(ExpectTable)
+    root["properties"] |= defs.pop(ExpectTable.__name__)["properties"]
     group = defs["Group"]
     group["properties"]["mind"] = {"anyOf": [{"$ref": "#/$defs/GroupMind"}, both]}
     of_a_kind = {**group, "properties": {**group["properties"], "spawn": {"type": "string"}}}

@@ -1,0 +1,1 @@
+"""Expectations of scenarios and studies, and what their runs say of them."""
