@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from swarmsim.api.papers import reproduce
     from swarmsim.api.recorded import Run
     from swarmsim.api.runs import compare, open, run, simulate  # noqa: A004
+    from swarmsim.api.sizes import size
     from swarmsim.api.skeletons import new
     from swarmsim.api.studies import StudyRun, open_study, study
     from swarmsim.api.worlds import world_check, world_convert, world_generate, world_preview
@@ -33,18 +34,20 @@ if TYPE_CHECKING:
     from swarmsim.core.scenario.schema import schema
     from swarmsim.core.scenario.shipped import copy as examples_copy
     from swarmsim.core.scenario.shipped import example, examples
+    from swarmsim.studies.sizing_report import Sizing
 
 __version__ = "0.1.0"
 __all__ = [
-    "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example", "examples",
-    "examples_copy", "new", "open", "open_study", "parts", "reproduce", "run", "schema", "simulate", "study",
-    "study_worst", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
+    "InputError", "PartError", "Run", "Sizing", "StorageError", "StudyRun", "compare", "doctor", "example", "examples",
+    "examples_copy", "new", "open", "open_study", "parts", "reproduce", "run", "schema", "simulate", "size",
+    "study", "study_worst", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
 ]  # fmt: skip
 
 _PLACES = {
     "InputError": "core.errors:InputError",
     "PartError": "core.errors:PartError",
     "Run": "api.recorded:Run",
+    "Sizing": "studies.sizing_report:Sizing",
     "StorageError": "core.errors:StorageError",
     "StudyRun": "api.studies:StudyRun",
     "compare": "api.runs:compare",
@@ -60,6 +63,7 @@ _PLACES = {
     "run": "api.runs:run",
     "schema": "core.scenario.schema:schema",
     "simulate": "api.runs:simulate",
+    "size": "api.sizes:size",
     "study": "api.studies:study",
     "study_worst": "api.worst:study_worst",
     "world_check": "api.worlds:world_check",

@@ -138,21 +138,26 @@ def missing(plan: Plan, store: Store, retry: bool = False) -> list[Job]:
         asks = plan.asks(condition, seed)
         if plan.keep_old and identity not in found and asks in older:
             continue
-        keep = plan.study.keep
-        tasks[identity] = Job(
-            identity=identity,
-            condition=condition.name,
-            seed=seed,
-            scenario=msgspec.structs.replace(condition.scenario, seed=seed),
-            world=plan.world_of(condition),
-            curves=keep != "summary",
-            recording=store.path.with_suffix("") / f"{identity}.h5" if keep == "recordings" else None,
-            command=command(plan, condition, seed),
-            allow_code=registry.own_code_is_allowed(),
-            asks=asks,
-            code=condition.code,
-        )
+        tasks[identity] = job_of(plan, condition, seed, store)
     return list(tasks.values())
+
+
+def job_of(plan: Plan, condition: Condition, seed: int, store: Store) -> Job:
+    """One run of a study."""
+    keep, identity = plan.study.keep, plan.identity(condition, seed)
+    return Job(
+        identity=identity,
+        condition=condition.name,
+        seed=seed,
+        scenario=msgspec.structs.replace(condition.scenario, seed=seed),
+        world=plan.world_of(condition),
+        curves=keep != "summary",
+        recording=store.path.with_suffix("") / f"{identity}.h5" if keep == "recordings" else None,
+        command=command(plan, condition, seed),
+        allow_code=registry.own_code_is_allowed(),
+        asks=plan.asks(condition, seed),
+        code=condition.code,
+    )
 
 
 def command(plan: Plan, condition: Condition, seed: int) -> str:

@@ -26,7 +26,7 @@ HALVINGS: Final = 50  # of the range that holds an end of an interval
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedChance:
     """What the runs so far show of the chance P. Inside the slack both may be shown, and both are right."""
 
     runs: int
@@ -58,7 +58,7 @@ def evidence(successes: ArrayLike, failures: ArrayLike, bound: ArrayLike) -> NDA
     return np.asarray(mixed - special.xlogy(s, b) - special.xlog1py(f, -b))
 
 
-def judge(outcomes: ArrayLike, chance: float, slack: float, alpha: float) -> Judged:
+def judge(outcomes: ArrayLike, chance: float, slack: float, alpha: float) -> JudgedChance:
     """What runs with these outcomes (n,), in the order of their seeds, show of P; see `bounds`.
 
     P > bounds[0] is shown if its evidence reaches 1 / alpha after any of the runs, and likewise P < bounds[1]: each is
@@ -74,7 +74,7 @@ def judge(outcomes: ArrayLike, chance: float, slack: float, alpha: float) -> Jud
     successes = int(good[-1]) if len(good) else 0
     ends = interval(successes, len(ended), 2.0 * alpha)
     within = (max(ends[0], low) if above >= needed else ends[0], min(ends[1], high) if below >= needed else ends[1])
-    return Judged(
+    return JudgedChance(
         runs=len(ended),
         successes=successes,
         above=bool(above >= needed),
@@ -86,24 +86,27 @@ def judge(outcomes: ArrayLike, chance: float, slack: float, alpha: float) -> Jud
     )
 
 
-def interval(successes: int, runs: int, alpha: float) -> Interval:
+def interval(successes: float, runs: int, alpha: float) -> Interval:
     """All P that `evidence` of these runs does not refute at alpha / 2 on each side: a confidence sequence.
 
     It is computed from the last run alone, and holds P with probability 1 - alpha for all numbers of runs at once, so
     it stays valid whatever made the runs stop. Without runs it is (0, 1).
     """
-    return _lower(successes, runs - successes, alpha / 2.0), 1.0 - _lower(runs - successes, successes, alpha / 2.0)
+    low, high = intervals([successes], runs, alpha)[0].tolist()
+    return low, high
 
 
-def _lower(successes: int, failures: int, alpha: float) -> float:
+def intervals(successes: ArrayLike, runs: int, alpha: float) -> NDArray[np.float64]:
+    """The interval (m, 2) for each of these numbers of successes (m,), as `interval` gives it."""
+    good = np.asarray(successes, np.float64)
+    return np.stack([_lower(good, runs - good, alpha / 2.0), 1.0 - _lower(runs - good, good, alpha / 2.0)], axis=1)
+
+
+def _lower(good: NDArray[np.float64], other: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
     """The largest bound b of which P > b is shown, by bisection: below s / n evidence falls as the bound rises."""
-    if successes == 0:
-        return 0.0
-    low, high = 0.0, successes / (successes + failures)
+    low, high = np.zeros_like(good), good / np.maximum(good + other, 1.0)
     for _ in range(HALVINGS):
         middle = (low + high) / 2.0
-        if evidence(successes, failures, middle) >= -math.log(alpha):
-            low = middle
-        else:
-            high = middle
-    return low
+        shown = evidence(good, other, middle) >= -math.log(alpha)
+        low, high = np.where(shown, middle, low), np.where(shown, high, middle)
+    return np.where(good > 0.0, low, 0.0)
