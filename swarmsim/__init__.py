@@ -34,11 +34,10 @@ if TYPE_CHECKING:
     from swarmsim.core.scenario.schema import schema
     from swarmsim.core.scenario.shipped import copy as examples_copy
     from swarmsim.core.scenario.shipped import example, examples
-    from swarmsim.studies.sizing_report import Sizing
 
 __version__ = "0.1.0"
 __all__ = [
-    "InputError", "PartError", "Run", "Sizing", "StorageError", "StudyRun", "compare", "doctor", "example", "examples",
+    "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example", "examples",
     "examples_copy", "new", "open", "open_study", "parts", "reproduce", "run", "schema", "simulate", "size",
     "study", "study_worst", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
 ]  # fmt: skip
@@ -47,7 +46,6 @@ _PLACES = {
     "InputError": "core.errors:InputError",
     "PartError": "core.errors:PartError",
     "Run": "api.recorded:Run",
-    "Sizing": "studies.sizing_report:Sizing",
     "StorageError": "core.errors:StorageError",
     "StudyRun": "api.studies:StudyRun",
     "compare": "api.runs:compare",

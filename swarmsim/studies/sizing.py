@@ -58,16 +58,24 @@ class Question:
         """The largest chance that one statement is wrong."""
         return (1.0 - self.confidence) / 2.0
 
-    def settled(self, done: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """After each run of outcomes (n,), by seed, whether a value is settled: it suffices (n,), it does not (n,)."""
+    def shown(self, done: NDArray[np.bool_], since: int = 0) -> NDArray[np.bool_]:
+        """What outcomes (n,) by seed show, (3, n - since), after each run but the first `since`.
+
+        The rows are P > sure - slack, P < sure + slack, and P < sure, the last with less evidence.
+        """
         low, high = sequential.bounds(self.sure, self.slack)
-        good, runs = np.cumsum(done), np.arange(1, len(done) + 1)
+        good, runs = np.cumsum(done)[since:], np.arange(since + 1, len(done) + 1)
         needed = -np.log(self.alpha)
         above = sequential.evidence(good, runs - good, low) >= needed
         below = sequential.evidence(runs - good, good, 1.0 - high) >= needed
         less = sequential.evidence(runs - good, good, 1.0 - self.sure) >= np.log(ODDS)
-        ever = np.logical_or.accumulate
-        return ever(above), ever(below) & ever(less)
+        return np.stack([above, below, less])
+
+
+def settled(shown: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """After each run, by what was shown (3, n), whether a value is settled: it suffices (n,), it does not (n,)."""
+    above, below, less = np.logical_or.accumulate(shown, axis=1)
+    return above, below & less
 
 
 @dataclass(frozen=True)
@@ -91,7 +99,7 @@ class Asked:
     @cached_property
     def verdict(self) -> Verdict:
         """Whether it suffices; where both are shown, within the slack, it does."""
-        suffices, does_not = self.question.settled(self.done)
+        suffices, does_not = settled(self.question.shown(self.done))
         if suffices[-1:].any():
             return "suffices"
         return "does not" if does_not[-1:].any() else "may"
@@ -235,12 +243,13 @@ class LadderSearch:
         return self.found[place].verdict == "suffices"
 
     def _asked(self, place: int, most: int) -> Asked:
-        runs, stop, times = 0, None, np.empty(0)
-        while stop is None and runs < most:
-            runs = min(most, max(self.step(runs), runs + 1))
-            times = self.ask(place, runs)
-            settled = np.flatnonzero(np.logical_or(*self.question.settled(times <= self.question.within)))
-            stop = int(settled[0]) + 1 if len(settled) else None
+        stop, times, shown = None, np.empty(0), np.empty((3, 0), np.bool_)
+        while stop is None and len(times) < most:
+            times = self.ask(place, min(most, max(self.step(len(times)), len(times) + 1)))
+            new = self.question.shown(times <= self.question.within, shown.shape[1])
+            shown = np.concatenate([shown, new], axis=1)
+            hits = np.flatnonzero(np.logical_or(*settled(shown)))
+            stop = int(hits[0]) + 1 if len(hits) else None
         return Asked(place, times[:stop], self.question)
 
     def _anywhere(self, order: Sequence[int]) -> int | None:

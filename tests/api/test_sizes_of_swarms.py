@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -12,10 +14,21 @@ from typer.testing import CliRunner
 import swarmsim as sw
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError
+from swarmsim.studies.engine import run_job
+from swarmsim.studies.sizing_report import Sizing
 
 ROOM = ROOT / "scenarios" / "room.toml"
 #: Three answers from few runs: a wide slack, and a low chance asked for.
-EASY = {"sure": 0.7, "slack": 0.25, "confidence": 0.8, "workers": 1}
+EASY = {"sure": 0.7, "slack": 0.25, "confidence": 0.8}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def no_processes() -> Iterator[None]:
+    """Runs are done here and now: processes take seconds to start."""
+    with pytest.MonkeyPatch.context() as patched:
+        here = nullcontext(lambda jobs: map(run_job, jobs))
+        patched.setattr("swarmsim.api.sizes.pool_when_needed", lambda workers, scheduler: here)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +37,11 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(store: Path) -> sw.Sizing:
+def found(store: Path) -> Sizing:
     return sw.size(ROOM, "40s", high=12, store=store, plot=store.with_name("room"), price="robot=2,minute=9", **EASY)
 
 
-def test_the_smallest_swarm_is_found_told_and_drawn(found: sw.Sizing) -> None:
+def test_the_smallest_swarm_is_found_told_and_drawn(found: Sizing) -> None:
     (ladder,) = found.answers
     best = ladder.answer.at(ladder.answer.best)
     assert found.answered
@@ -42,7 +55,7 @@ def test_the_smallest_swarm_is_found_told_and_drawn(found: sw.Sizing) -> None:
     assert found.record()["runs"] == found.used
 
 
-def test_resuming_does_no_run_again_and_says_the_same(found: sw.Sizing, store: Path) -> None:
+def test_resuming_does_no_run_again_and_says_the_same(found: Sizing, store: Path) -> None:
     again = sw.size(ROOM, 40, high=12, store=store, price={"robot": 2, "minute": 9}, **EASY)
     assert again.simulated == 0
     assert found.simulated >= found.used
@@ -50,7 +63,7 @@ def test_resuming_does_no_run_again_and_says_the_same(found: sw.Sizing, store: P
     assert again.rows == found.rows
 
 
-def test_a_run_is_the_same_as_by_hand(found: sw.Sizing) -> None:
+def test_a_run_is_the_same_as_by_hand(found: Sizing) -> None:
     (ladder,) = found.answers
     asked = ladder.answer.asked[-1]
     for seed, seconds in enumerate(asked.times[:2], 1):
@@ -108,9 +121,9 @@ def test_bad_input_is_refused(settings: dict, said: str, tmp_path: Path) -> None
     assert not (tmp_path / "s.sqlite-journal").exists()
 
 
-def test_the_verb_prints_and_has_exit_codes(found: sw.Sizing, store: Path) -> None:
+def test_the_verb_prints_and_has_exit_codes(found: Sizing, store: Path) -> None:
     words = ["size", str(ROOM), "--within", "40s", "--high", "12", "--sure", "0.7", "--slack", "0.25"]
-    words += ["--confidence", "0.8", "--workers", "1", "--store", str(store), "--price", "robot=2,minute=9"]
+    words += ["--confidence", "0.8", "--store", str(store), "--price", "robot=2,minute=9"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert found.sentences[0] in done.output

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from swarmsim.studies.sizing import LadderAnswer, LadderSearch, Question, halved
+from swarmsim.studies.sizing import LadderAnswer, LadderSearch, Question, halved, settled
 
 COUNTS = np.arange(1, 33)
 QUESTION = Question(100.0)  # 95 in 100, with a slack of 2
@@ -86,9 +86,9 @@ def calibrated(numbers: range) -> dict[str, float]:
 
 
 def test_few_answers_are_wrong_and_most_are_decided() -> None:
-    found = calibrated(range(30))
+    found = calibrated(range(24))
     assert found["wrong"] <= 0.05
-    assert found["decided where clear"] >= 0.96
+    assert found["decided where clear"] >= 0.95
 
 
 @pytest.mark.slow
@@ -128,9 +128,9 @@ def test_runs_by_distance_from_the_bound() -> None:
 
 
 def test_a_chance_of_exactly_what_is_asked_is_no_coin() -> None:
-    verdicts = [searched(Drawn(np.array([0.95]), seed)).asked[0].verdict for seed in range(60)]
-    assert verdicts.count("does not") <= 9  # one in ten at most, and then some luck
-    assert verdicts.count("suffices") >= 40
+    verdicts = [searched(Drawn(np.array([0.95]), seed)).asked[0].verdict for seed in range(40)]
+    assert verdicts.count("does not") <= 7  # one in ten at most, and then some luck
+    assert verdicts.count("suffices") >= 28
 
 
 def test_a_swarm_that_never_finishes() -> None:
@@ -179,13 +179,16 @@ def test_a_larger_budget_goes_on_with_the_same_runs() -> None:
 def test_shuffled_seeds_rarely_change_a_verdict() -> None:
     draw = np.random.default_rng(1)
     for chance, verdict in ((0.99, "suffices"), (0.85, "does not")):
-        outcomes = draw.random(2000) < chance
-        settled = [QUESTION.settled(draw.permutation(outcomes)) for _ in range(100)]
-        first = [
-            ("suffices", "does not")[int(np.argmax(b) < np.argmax(a) if a.any() and b.any() else b.any())]
-            for a, b in settled
-        ]
-        assert first.count(verdict) >= 95
+        outcomes = draw.random(1000) < chance
+        verdicts = [verdict_of(draw.permutation(outcomes)) for _ in range(60)]
+        assert verdicts.count(verdict) >= 57
+
+
+def verdict_of(outcomes: np.ndarray) -> str:
+    """The first thing that is settled by outcomes, by seed."""
+    suffices, does_not = settled(QUESTION.shown(outcomes))
+    first = [int(np.argmax(one)) if one.any() else len(one) for one in (suffices, does_not)]
+    return "may" if min(first) == len(outcomes) else ("suffices", "does not")[int(first[1] < first[0])]
 
 
 def test_less_may_be_better_and_is_found_out() -> None:
