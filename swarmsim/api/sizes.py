@@ -32,7 +32,7 @@ from swarmsim.studies.store import Store
 STEPS: Final = 17  # values of a key between two numbers that are not whole
 MOST_VALUES: Final = 10_000
 DOUBLED: Final = (2, 4, 8)  # times the scenario's count: what is asked first without --high
-Varied = Mapping[str, Sequence[object]] | Sequence[str]  # {"robots.preset": ["epuck"]}, or ["robots.preset=epuck"]
+Varied = Mapping[str, Sequence[object]] | Sequence[str]  # {"robots.use": ["e-puck"]}, or ["robots.use=e-puck"]
 
 
 def size(
@@ -234,7 +234,7 @@ def _choices(vary: Varied) -> list[dict[str, object]]:
         for text in [vary] if isinstance(vary, str) else vary:
             key, equals, values = text.partition("=")
             if not equals or not key.strip():
-                raise InputError(f"--vary {text}: expected key=value,value, as in robots.preset=e-puck2,kilobot")
+                raise InputError(f"--vary {text}: expected key=value,value, as in robots.use=e-puck,thymio")
             axes[key.strip()] = _listed(f"--vary {key}", values)
     return [dict(zip(axes, chosen, strict=True)) for chosen in itertools.product(*axes.values())]
 
