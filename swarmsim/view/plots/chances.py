@@ -101,7 +101,7 @@ def front(ways: Sequence[Way], title: str) -> Figure:
         handles += [line_key(group, colour, marker)] if group else []
     handles += [
         line_key("on the front (beside it: swarm, share not done in time)", GREY, "o"),
-        line_key("another is better in price, time and risk", GREY, "o", face="white"),
+        line_key("another beats it in price, time or risk, and in none is worse", GREY, "o", face="white"),
         line_key("interval of the price", GREY, "", "-", width=1.0),
     ]
     ends = np.array([way.interval for way in ways])
