@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from swarmsim.api.papers import reproduce
     from swarmsim.api.recorded import Run
     from swarmsim.api.runs import compare, open, run, simulate  # noqa: A004
+    from swarmsim.api.sizes import size
     from swarmsim.api.skeletons import new
     from swarmsim.api.studies import StudyRun, open_study, study
     from swarmsim.api.worlds import world_check, world_convert, world_generate, world_preview
@@ -39,7 +40,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example",
     "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce", "run",
-    "schema", "simulate", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
+    "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
     "world_import", "world_preview",
 ]  # fmt: skip
 
@@ -64,6 +65,7 @@ _PLACES = {
     "run": "api.runs:run",
     "schema": "core.scenario.schema:schema",
     "simulate": "api.runs:simulate",
+    "size": "api.sizes:size",
     "study": "api.studies:study",
     "study_worst": "api.worst:study_worst",
     "test": "api.expectations:test",

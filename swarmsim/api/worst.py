@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from swarmsim.api.runs import prepared
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.studies import worst as search
-from swarmsim.studies.engine import Job, worker_pool
+from swarmsim.studies.engine import Job, pool_when_needed
 from swarmsim.studies.store import Row
 
 
@@ -41,9 +40,8 @@ def study_worst(
     """
     if out is not None and Path(out).exists():
         raise InputError(f"{out}: exists already; expected the name of a new file")
-    with registry.own_code(allow_code):
+    with registry.own_code(allow_code), pool_when_needed(workers, scheduler) as run_all:
         made = prepared(scenario, None, overrides, ())
-    with registry.own_code(allow_code), worker_pool(workers or os.cpu_count() or 1, scheduler) as run_all:
 
         def performed(jobs: Sequence[Job]) -> Iterator[Row]:
             for row in run_all(jobs):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import time
@@ -140,6 +141,22 @@ def worker_pool(workers: int, scheduler: str | None = None) -> Iterator[Callable
     with ExitStack() as stack:
         client = stack.enter_context(_client(stack, workers, scheduler))
         yield lambda tasks: _performed(client, tasks)
+
+
+@contextmanager
+def pool_when_needed(
+    workers: int | None = None, scheduler: str | None = None
+) -> Iterator[Callable[[Sequence[Job]], Iterator[Row]]]:
+    """The same, but it starts with the first run; by default with a process for each core."""
+    with ExitStack() as stack:
+        started: list[Callable[[Sequence[Job]], Iterator[Row]]] = []
+
+        def perform(jobs: Sequence[Job]) -> Iterator[Row]:
+            if not started:
+                started.append(stack.enter_context(worker_pool(workers or os.cpu_count() or 1, scheduler)))
+            return started[0](jobs)
+
+        yield perform
 
 
 def execute(tasks: Sequence[Job], workers: int, scheduler: str | None = None) -> Iterator[Row]:

@@ -200,22 +200,38 @@ def planned(
     def condition(name: str, change: dict[str, object]) -> Condition:
         place = f"{path}: condition {name!r}" if name else str(path)
         scenario = changed(place, table, {**study.set, **change}, base.parent)
-        key = _world_key(scenario)
-        if key not in worlds:
-            try:
-                with budget.of(scenario.budget):
-                    worlds[key] = read_world(scenario.world, scenario.grid.cell)
-            except InputError as problem:
-                raise InputError(f"{place}: {problem}") from problem
-        made = build(scenario, place, worlds[key])
-        curve, code = made.simulation.parts.task.curve, known(made.code, place)
-        notices.update(dict.fromkeys(made.notices))
+        made = checked(place, name, change, scenario, worlds, notices)
         if name in named:
-            return Condition(name, change, scenario, curve, code, named[name].x, named[name].series)
-        return Condition(name, change, scenario, curve, code, *_place(study, change))
+            return replace(made, x=named[name].x, series=named[name].series)
+        x, series = _place(study, change)
+        return replace(made, x=x, series=series)
 
     conditions = tuple(condition(name, change) for name, change in cells.items())
     return Plan(path, study, conditions, seeds, worlds, tuple(notices), keep_old)
+
+
+def checked(
+    place: str,
+    name: str,
+    changes: dict[str, object],
+    scenario: Scenario,
+    worlds: dict[bytes, str],
+    notices: dict[str, None],
+) -> Condition:
+    """A condition, checked by building its swarm; its floor plan joins `worlds`, what is to be noticed `notices`.
+
+    Raises InputError that starts with `place`.
+    """
+    key = _world_key(scenario)
+    if key not in worlds:
+        try:
+            with budget.of(scenario.budget):
+                worlds[key] = read_world(scenario.world, scenario.grid.cell)
+        except InputError as problem:
+            raise InputError(f"{place}: {problem}") from problem
+    made = build(scenario, place, worlds[key])
+    notices.update(dict.fromkeys(made.notices))
+    return Condition(name, changes, scenario, made.simulation.parts.task.curve, known(made.code, place))
 
 
 def changes_of(path: Path, study: Study) -> dict[str, dict[str, object]]:

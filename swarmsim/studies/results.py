@@ -156,11 +156,11 @@ def missing(plan: Plan, store: Store, retry: bool = False) -> list[Job]:
         asks = plan.asks(condition, seed)
         if plan.keep_old and identity not in found and asks in older:
             continue
-        tasks[identity] = job(plan, condition, seed, store)
+        tasks[identity] = job_of(plan, condition, seed, store)
     return list(tasks.values())
 
 
-def job(plan: Plan, condition: Condition, seed: int, store: Store) -> Job:
+def job_of(plan: Plan, condition: Condition, seed: int, store: Store) -> Job:
     """One run of a study; recordings go beside the store."""
     identity, keep = plan.identity(condition, seed), plan.study.keep
     return Job(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 
 FORMAT = 2
+AT_ONCE = 900  # identities in one query: older SQLite takes 999 at most
 TABLES = """
 create table if not exists runs (
     identity text primary key,
@@ -113,8 +114,13 @@ class Store:
 
     def rows(self, identities: Iterable[str]) -> dict[str, Row]:
         """The stored rows among the requested runs, by identity. Raises InputError if one is damaged."""
-        wanted = set(identities)
-        return {identity: row for identity, row in self.every().items() if identity in wanted}
+        wanted = list(dict.fromkeys(identities))
+        found: dict[str, Row] = {}
+        for start in range(0, len(wanted), AT_ONCE):
+            some = wanted[start : start + AT_ONCE]
+            marks = ", ".join("?" * len(some))
+            found |= {row.identity: row for row in self._read(f"where identity in ({marks}) order by identity", some)}
+        return found
 
     def every(self) -> dict[str, Row]:
         """All stored rows, by identity. Raises InputError if one is damaged."""
@@ -128,9 +134,9 @@ class Store:
         rows = self._read("where asks != '' and status != 'failed' order by kept, identity")
         return {row.asks: row for row in rows if row.asks in asked and row.identity != asked[row.asks]}
 
-    def _read(self, which: str) -> list[Row]:
+    def _read(self, which: str, of: Sequence[str] = ()) -> list[Row]:
         try:
-            return [_row(values) for values in self._base.execute(f"select * from runs {which}")]
+            return [_row(values) for values in self._base.execute(f"select * from runs {which}", of)]
         except (sqlite3.Error, ValueError, TypeError, msgspec.ValidationError) as problem:
             if _of_the_machine(problem):
                 raise StorageError(f"{self.path}: cannot be read ({problem})") from problem

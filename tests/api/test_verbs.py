@@ -26,6 +26,7 @@ FUNCTIONS = {
     "verify": "Run.verify",
     "export": "Run.export",
     "compare": "compare",
+    "size": "size",
     "reproduce": "reproduce",
     "network": "Run.network",
     "test": "test open_expectations",

@@ -13,7 +13,7 @@ from swarmsim.studies.expectations.nights import ALIKE, Nights
 from swarmsim.studies.expectations.reading import Expectation
 from swarmsim.studies.expectations.verdicts import LEAST, Levels, Verdict, clear, decided, outcome, verdict_of
 from swarmsim.studies.plan import Condition, Plan, trial
-from swarmsim.studies.results import job
+from swarmsim.studies.results import job_of
 from swarmsim.studies.store import Row, Store
 
 FIRST: Final = 12  # runs of an expectation with a chance before its first verdict may end it
@@ -41,7 +41,7 @@ class Runner:
         """The runs of these seeds, in their order."""
         identities = [self._identity(plan, condition, seed) for seed in seeds]
         lacking = [seed for seed, key in zip(seeds, identities, strict=True) if key not in self._rows]
-        for row in self._perform([job(plan, condition, seed, self._store) for seed in lacking]) if lacking else ():
+        for row in self._perform([job_of(plan, condition, seed, self._store) for seed in lacking]) if lacking else ():
             self._store.add(row)
             self._rows[row.identity] = row
             self.done += 1

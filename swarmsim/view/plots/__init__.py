@@ -2,6 +2,7 @@
 
 from swarmsim.view.plots.asked import asked
 from swarmsim.view.plots.building import building
+from swarmsim.view.plots.chances import Chances, Way, chances, front
 from swarmsim.view.plots.conditions import comparison, distributions
 from swarmsim.view.plots.imported import imported
 from swarmsim.view.plots.listing import table
@@ -16,7 +17,8 @@ from swarmsim.view.plots.style import COLOURS, FINEST, TIME
 from swarmsim.view.plots.trends import Steps, scaling, sweep
 
 __all__ = [
-    "COLOURS", "FINEST", "TIME", "Ratios", "Steps", "address", "asked", "building", "comparison", "contact_times",
-    "curves", "degrees", "distributions", "imported", "local_maps", "network_course", "padded", "profiles",
-    "provenance", "ratios", "rewiring", "save", "scaling", "sweep", "table", "who_heard_whom",
+    "COLOURS", "FINEST", "TIME", "Chances", "Ratios", "Steps", "Way", "address", "asked", "building", "chances",
+    "comparison", "contact_times", "curves", "degrees", "distributions", "front", "imported", "local_maps",
+    "network_course", "padded", "profiles", "provenance", "ratios", "rewiring", "save", "scaling", "sweep", "table",
+    "who_heard_whom",
 ]  # fmt: skip
