@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swarmsim.api.frames import framed
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
-from swarmsim.studies import methods, selection
+from swarmsim.studies import methods, peak, selection
 from swarmsim.studies import plan as plans
 from swarmsim.studies import report as reports
 from swarmsim.studies import results as found
@@ -188,6 +188,14 @@ class StudyRun:
         if against not in self.results:
             raise InputError(f"--compare {against}: no such condition; known: {', '.join(self.results)}")
         return StudyTable(f"against {against}", found.COMPARED, found.compared(self.results, against))
+
+    def peaks(self, measure: str, which: peak.Extreme = "highest") -> list[peak.Peak]:
+        """The best value on the study's axis by a measure's mean, in each series: `swarmsim study table --peak`.
+
+        With the interval of the best value and the values not shown to be worse. Raises InputError for a study
+        without an axis and for an unknown measure.
+        """
+        return peak.peaks(self.results, measure, which)
 
     def digest(self) -> str:
         """One digest over all runs, independent of their order and machine."""
