@@ -165,7 +165,7 @@ def _one_set(published: Reals, times: Reals) -> Interval:
     return min(found), max(found)
 
 
-TITLE: Final = "if each published number is the mean of so many runs"
+TITLE: Final = "If each published number is the mean of so many runs"
 MEANING: Final = (
     "The error of a perfect model is the root-mean-square log-ratio of such means of our runs to our own; `p` is that "
     "of the chi-square over all numbers; `farther` is the share of such means, over runs of equal seeds, that lie "

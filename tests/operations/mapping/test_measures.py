@@ -198,8 +198,8 @@ def test_discovery_time_is_the_mean_over_cells():
 def test_quality_counts_only_where_asked():
     occupied, truth = np.array([1, 1, 0, 0, 1], bool), np.array([1, 0, 1, 0, 0], bool)
     where = np.array([1, 1, 1, 1, 0], bool)
-    assert quality(occupied, truth, where) == Quality(0.5, 0.5, 0.5, 1 / 3, 1, 0.5, 1 / np.count_nonzero(where))
-    assert quality(occupied, truth, np.zeros(5, bool)) == Quality(None, None, None, None, 0, None, None)
+    assert quality(occupied, truth, where) == Quality(0.5, 0.5, 0.5, 1 / 3, 1)
+    assert quality(occupied, truth, np.zeros(5, bool)) == Quality(None, None, None, None, 0)
 
 
 def test_entropy_of_certainty_and_of_ignorance():

@@ -25,8 +25,6 @@ class Quality:
     f1: float | None  # 2 TP / (2 TP + FP + FN)
     iou: float | None  # TP / (TP + FP + FN)
     false_occupied: int  # FP, cells
-    false_called: float | None  # FP / (TP + FP)
-    false_known: float | None  # FP over all cells that the map holds
 
 
 def discovery_time(curve: NDArray[np.float64]) -> float | None:
@@ -47,10 +45,7 @@ def quality(occupied: NDArray[np.bool_], truth: NDArray[np.bool_], where: NDArra
     fp = int(np.count_nonzero(occupied & ~truth & where))
     fn = int(np.count_nonzero(~occupied & truth & where))
     precision, recall = share_of(tp, tp + fp), share_of(tp, tp + fn)
-    return Quality(
-        precision, recall, share_of(2 * tp, 2 * tp + fp + fn), share_of(tp, tp + fp + fn), fp,
-        share_of(fp, tp + fp), share_of(fp, int(np.count_nonzero(where))),
-    )  # fmt: skip
+    return Quality(precision, recall, share_of(2 * tp, 2 * tp + fp + fn), share_of(tp, tp + fp + fn), fp)
 
 
 def probability(log_odds: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -262,8 +257,8 @@ def _judge(
         "f1": found.f1,
         "iou": found.iou,
         "false_occupied": found.false_occupied,
-        "false_called": found.false_called,
-        "false_known": found.false_known,
+        "false_called": None if found.precision is None else 1.0 - found.precision,
+        "false_known": share_of(found.false_occupied, int(np.count_nonzero(observed))),
         "entropy": entropy(belief),
         "brier": brier(belief, truth, observed),
     }
