@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -49,19 +49,22 @@ def peaks(results: Mapping[str, Result], measure: str, which: Extreme) -> list[P
     return [_peak(name, dict(sorted(of.items())), measure, which) for name, of in series.items()]
 
 
-def _peak(
-    name: str, of: Mapping[float, Mapping[int, float]], measure: str, which: Literal["highest", "lowest"]
-) -> Peak:
+def _peak(name: str, of: Mapping[float, Mapping[int, float]], measure: str, which: Extreme) -> Peak:
     common = sorted(set.intersection(*(set(values) for values in of.values())))
     table = np.array([[values[seed] for values in of.values()] for seed in common], np.float64).reshape(-1, len(of))
     table = table[np.isfinite(table).all(axis=1)]
     if len(table) == 0:
         raise InputError(f"{name or 'the study'}: no seed has {measure} all along the axis; expected 'study run' first")
-    places, sign = np.array(list(of)), 1.0 if which == "highest" else -1.0
+    return peak(name, list(of), table, which)
+
+
+def peak(name: str, axis: Sequence[float], table: NDArray[np.float64], which: Extreme) -> Peak:
+    """The best of the values (m,) on an axis by a table (seeds, m) of a measure; as `peaks`."""
+    places, sign = np.array(axis), 1.0 if which == "highest" else -1.0
     best = int((sign * table.mean(axis=0)).argmax())
     means = sign * _resampled(table)
     low, high = np.quantile(places[means.argmax(axis=1)], [ALPHA / 2.0, 1.0 - ALPHA / 2.0], method="nearest")
-    least = np.quantile(means[:, [best]] - means, ALPHA / max(len(of) - 1, 1), axis=0)
+    least = np.quantile(means[:, [best]] - means, ALPHA / max(len(axis) - 1, 1), axis=0)
     level = tuple(float(place) for at, place in enumerate(places) if at != best and least[at] <= 0.0)
     at_end = best in (0, len(places) - 1)
     mean = float(table[:, best].mean())

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 
 import networkx as nx
 import numpy as np
 import pytest
 from conftest import made, moments_of
+from linear_consensus import linear_response, linear_responses
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
-from scipy.spatial import KDTree
 
 from swarmsim.core.errors import InputError
 from swarmsim.operations.consensus.alignment import correlation_length, following, order
@@ -127,30 +126,6 @@ def responses(
     hears = np.zeros((robots, robots))
     hears[tuple(links.T)] = 1.0 / k
     return summary.summary()["response"], linear_response(hears, frequency, period)
-
-
-def linear_response(hears: np.ndarray, frequency: float, period: float) -> float:
-    """H^2 of robots 1, 2, ... to robot 0 by Eq. 1 without wrapping, once transients have died out.
-
-    `hears` (n, n) are the weights 1 / k of those that each robot hears; z is one step of the drive, per second.
-    """
-    z = (np.exp(2j * np.pi * frequency * period) - 1.0) / period
-    h = np.linalg.solve((z + 1.0) * np.eye(len(hears) - 1) - hears[1:, 1:], hears[1:, 0])
-    return float((np.abs(h) ** 2).sum())
-
-
-def linear_responses(
-    ks: Sequence[int], frequency: float, period: float, robots: int = 100, networks: int = 300
-) -> np.ndarray:
-    """The linear H^2 (networks, k) of the nearest among robots scattered evenly in an arena without edges."""
-    found = np.empty((networks, len(ks)))
-    for network, places in enumerate(np.random.default_rng(0).random((networks, robots, 2))):
-        near = KDTree(places, boxsize=1.0).query(places, max(ks) + 1)[1][:, 1:]
-        for column, k in enumerate(ks):
-            hears = np.zeros((robots, robots))
-            np.put_along_axis(hears, near[:, :k], 1.0 / k, axis=1)
-            found[network, column] = linear_response(hears, frequency, period)
-    return found
 
 
 def worse_by(table: np.ndarray, best: int) -> np.ndarray:
