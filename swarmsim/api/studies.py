@@ -192,8 +192,8 @@ class StudyRun:
     def peaks(self, measure: str, which: peak.Extreme = "highest") -> list[peak.Peak]:
         """The best value on the study's axis by a measure's mean, in each series: `swarmsim study table --peak`.
 
-        With the interval of the best value and the values not shown to be worse. Raises InputError for a study
-        without an axis and for an unknown measure.
+        `which` mean of the `measure` is best; with the interval of the best value and the values not shown to be
+        worse. Raises InputError for a study without an axis and for an unknown measure.
         """
         return peak.peaks(self.results, measure, which)
 
