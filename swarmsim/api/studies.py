@@ -17,7 +17,7 @@ from swarmsim.api.frames import framed
 from swarmsim.core.durations import seconds_of
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
-from swarmsim.studies import chances, methods, pairing, selection
+from swarmsim.studies import chances, methods, pairing, peak, selection
 from swarmsim.studies import plan as plans
 from swarmsim.studies import report as reports
 from swarmsim.studies import results as found
@@ -213,6 +213,14 @@ class StudyRun:
         if against not in self.results:
             raise InputError(f"--compare {against}: no such condition; known: {', '.join(self.results)}")
         return StudyTable(f"against {against}", pairing.COMPARED, pairing.compared(self.results, against))
+
+    def peaks(self, measure: str, which: peak.Extreme = "highest") -> list[peak.Peak]:
+        """The best value on the study's axis by a measure's mean, in each series: `swarmsim study table --peak`.
+
+        `which` mean of the `measure` is best; with the interval of the best value and the values not shown to be
+        worse. Raises InputError for a study without an axis and for an unknown measure.
+        """
+        return peak.peaks(self.results, measure, which)
 
     def digest(self) -> str:
         """One digest over all runs, independent of their order and machine."""

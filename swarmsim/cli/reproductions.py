@@ -71,12 +71,15 @@ def reproduce(
 
 def _print(found: Reproduction) -> None:
     """The tables of one reading."""
-    from swarmsim.studies import reproduction
+    from swarmsim.studies import fit, reproduction
 
     about, title = found.paper.about, found.reading.title
     if found.numbers:
         print_table(f"{about.cite}, {title}, {found.seed_count} seeds", reproduction.HEAD, reproduction.lines(found))
-        print(found.error_sentence)
+        fitted = found.fit
+        print(found.error_sentences(fitted))
+        if fitted is not None:
+            print_table(f"{fit.TITLE}, {title}", fit.HEAD, fit.lines(fitted))
     for listing in about.table:
         shown = f"{about.cite}, {title}, {found.seed_count} seeds: {listing.title}"
         print_table(shown, reproduction.LISTED, reproduction.listed(found, listing))

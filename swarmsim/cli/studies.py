@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -31,6 +31,7 @@ FAILED = 1  # exit code: some run failed, some claim does not hold, or nothing w
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY", help="Study file (TOML).")]
 Seeds = Annotated[int | None, typer.Option(help="Seeds 1 to N, instead of the study's.", min=1)]
 StoreFile = Annotated[Path | None, typer.Option(help="Results; default: runs/studies/STUDY.sqlite.")]
+Ends = Literal["highest", "lowest"]
 Workers = Annotated[int | None, typer.Option(help="Processes; default: one for each core.", min=1)]
 Scheduler = Annotated[str | None, typer.Option(help="Address of a running Dask scheduler, tcp://host:port.")]
 
@@ -120,6 +121,7 @@ def table(
         list[float] | None, typer.Option(help="Time by which this share is done: 0.95; repeatable.")
     ] = None,
     compare: Annotated[str | None, typer.Option(help="Test every condition against this one.")] = None,
+    peak: Annotated[Ends | None, typer.Option(help="The best value on the axis by --measure.")] = None,
     allow_code: AllowCode = False,
 ) -> None:
     """Print the results of a study, with intervals.
@@ -138,7 +140,19 @@ def table(
         found = opened.compare(compare)
         _notice(opened.unlike())
         _print(found)
+    if peak is not None:
+        _print_peaks(opened, measure, peak)
     print(f"digest of the runs: {opened.digest()}")
+
+
+def _print_peaks(opened: StudyRun, measure: str | None, which: Ends) -> None:
+    from swarmsim.studies.peak import sentences
+
+    if measure is None:
+        raise InputError(f"--peak {which}: of which measure? expected --measure too, such as --measure path_sum")
+    first = opened.plan.study.vary[0].key.rpartition(".")[2] if opened.plan.study.vary else "x"
+    for sentence in sentences(opened.peaks(measure, which), measure, first, which):
+        print(sentence)
 
 
 @app.command()

@@ -83,6 +83,11 @@ class Runs:
             raise InputError(f"{measure!r} is not defined in every run of {name!r}; expected a measure that is")
         return values
 
+    def by_seed(self, name: str, measure: str) -> dict[int, float]:
+        """The same by the seed of each run. Raises InputError as `values`."""
+        seeds = (row.seed for row in self.of(name).rows)
+        return dict(zip(seeds, self.values(name, measure).tolist(), strict=True))
+
     def describe(self, name: str, measure: str) -> Description:
         """The statistics of a measure of a condition's runs. Raises InputError as `values`."""
         return self.of(name).describe() if measure == "iterations" else describe(self.values(name, measure))

@@ -81,7 +81,12 @@ class Claim(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     text: str
     source: str  # its place in the paper
     margin: str = ""  # the origin of its tests' limits
+    margin_chosen: str = ""  # when, if only after results had been seen: "after ..."
     test: Annotated[tuple[ClaimTest, ...], Meta(min_length=1)]
+
+    def __post_init__(self) -> None:
+        if self.margin_chosen and not self.margin:
+            raise ValueError("'margin_chosen' says when a 'margin' was chosen; expected both")
 
 
 class Claims(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -15,6 +15,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.recording.digests import versions
+from swarmsim.studies import fit
 from swarmsim.studies import reproduction as rep
 from swarmsim.studies.paper import Figure
 from swarmsim.studies.plan import one_period
@@ -148,10 +149,10 @@ def _of_reading(found: Reproduction, figures: dict[str, str]) -> list[str]:
     chosen = "" if reading.calibration is None else f"; chosen by `{_shown(found.paper.folder / reading.calibration)}`"
     parts.append(f"What it leaves open: {changes}{' and ' if changes else ''}as {where} has it{chosen}.")
     if found.numbers:
-        parts += [
-            f"{found.error_sentence[:1].upper()}{found.error_sentence[1:]}.",
-            _table((*rep.HEAD[:-1], "kind"), rep.lines(found)),
-        ]
+        fitted = found.fit
+        parts += [found.error_sentences(fitted), _table((*rep.HEAD[:-1], "kind"), rep.lines(found))]
+        if fitted is not None:
+            parts += [f"{fit.TITLE}:", _table(fit.HEAD, fit.lines(fitted)), fit.MEANING]
     if reading.calibrated:
         parts.append(
             "`calibrated` marks the numbers that the choices left open by the paper were fitted to, with other "

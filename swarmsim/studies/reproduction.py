@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from swarmsim.core.errors import InputError
 from swarmsim.studies.claims import Runs, judge
 from swarmsim.studies.engine import Job
+from swarmsim.studies.fit import Fit, fit, sentences
 from swarmsim.studies.paper import Claim, Listing, Paper, Reading
 from swarmsim.studies.plan import Plan
 from swarmsim.studies.results import Result, digest, gather, missing
@@ -32,7 +32,7 @@ class Number:
     published: float
     ours: Description
     calibrated: bool  # whether open choices were fitted to it
-    spread: float  # standard deviation of our runs' logarithms
+    values: Mapping[int, float]  # of our runs, by seed
 
     @property
     def ratio(self) -> float | None:
@@ -74,15 +74,31 @@ class Reproduction:
     @property
     def error(self) -> float:
         """Root mean square of the log-ratios; infinite where a mean is missing."""
-        return math.sqrt(sum(number.log_ratio**2 for number in self.numbers) / len(self.numbers))
+        return root_mean_square(self.numbers)
 
     @property
-    def error_sentence(self) -> str:
-        """The error, and how many runs per published number would make it agree with ours."""
-        told = f"root-mean-square log-ratio over {len(self.numbers)} numbers: {self.error:.3f}"
-        if self.numbers[0].ours.n < FEW or not math.isfinite(self.error):
-            return f"{told}; too few runs to say more"
-        return f"{told}; {agreement(self.numbers).sentence}"
+    def fit(self) -> Fit | None:
+        """How well the numbers agree with ours; None for fewer than FEW joint seeds, or rows without a spread."""
+        rows = distinct(self.numbers)
+        seeds = sorted(set.intersection(*(set(number.values) for number in rows)))
+        times = np.array([[number.values[seed] for number in rows] for seed in seeds])
+        if len(seeds) < FEW or not math.isfinite(self.error) or times.min() <= 0.0 or not np.ptp(times, axis=0).all():
+            return None
+        return fit(np.array([number.published for number in rows]), times)
+
+    def error_sentences(self, found: Fit | None) -> str:
+        """The errors of predicted and of fitted numbers, and what the fit says; three sentences at most."""
+        told = []
+        for kind, calibrated in (("predicted", False), ("fitted", True)):
+            numbers = distinct([number for number in self.numbers if number.calibrated == calibrated])
+            if numbers:
+                error = root_mean_square(numbers)
+                told.append(f"{kind} numbers: {len(numbers)}, root-mean-square log-ratio {error:.3f}")
+            elif not calibrated and self.reading.calibration is not None:
+                told.append("predicted numbers: none but those that --calibrate leaves out in turn")
+        errors = "; ".join(told)
+        more = "Too few finished runs to say more." if found is None else sentences(found)
+        return f"{errors[:1].upper()}{errors[1:]}. {more}"
 
     @property
     def seed_count(self) -> str:
@@ -100,42 +116,15 @@ def _from_to(numbers: Iterable[int]) -> str:
     return str(found[0]) if found[0] == found[-1] else f"{found[0]} to {found[-1]}"
 
 
-@dataclass(frozen=True, slots=True)
-class Agreement:
-    """The numbers of averaged runs behind each published number at which ours agree with all of them."""
-
-    statistics: dict[int, float]  # chi-square by M
-    freedom: int
-    most: int | None  # the largest M at which they agree; None: not even for single runs
-
-    @property
-    def sentence(self) -> str:
-        """In words."""
-        shown = ", ".join(f"{value:.1f} for {runs}" for runs, value in list(self.statistics.items())[:4])
-        if self.most is None:
-            return (
-                f"no agreement even if each published number were a single run (chi-square {shown} of {self.freedom})"
-            )
-        return (
-            f"published numbers agree with ours if each is the mean of {self.most} run{'s' * (self.most > 1)} or fewer "
-            f"(chi-square with {self.freedom} degrees of freedom: {shown} averaged runs)"
-        )
+def distinct(numbers: Sequence[Number]) -> list[Number]:
+    """The same without repetitions: a number of the same runs in two tables counts once."""
+    return list({(number.published, *number.values.items()): number for number in numbers}.values())
 
 
-def agreement(numbers: Sequence[Number], most: int = 100) -> Agreement:
-    """The chi-square of published against our means on the log scale, if each published number is the mean of M runs.
-
-    Its terms are log(published / ours)^2 / (s^2 / M + s^2 / n), s being the standard deviation of the logarithms of our
-    n runs; they agree where it is below the 95 % point. A number in two tables counts once.
-    """
-    seen = {(number.published, number.ours.mean): number for number in numbers}.values()
-    statistics = {}
-    for runs in range(1, most + 1):
-        variances = [number.spread**2 * (1.0 / runs + 1.0 / number.ours.n) for number in seen]
-        statistics[runs] = sum(n.log_ratio**2 / v for n, v in zip(seen, variances, strict=True))
-    bound = float(stats.chi2.ppf(0.95, len(seen)))
-    agreeing = [runs for runs, value in statistics.items() if value <= bound]
-    return Agreement(statistics, len(seen), max(agreeing, default=None))
+def root_mean_square(numbers: Sequence[Number]) -> float:
+    """Of the log-ratios of different numbers; infinite where a mean is missing."""
+    logs = [number.log_ratio for number in distinct(numbers)]
+    return math.sqrt(sum(log * log for log in logs) / len(logs))
 
 
 def reproduce(
@@ -171,9 +160,8 @@ def evaluate(paper: Paper, reading: Reading, plans: dict[str, Plan], store: Stor
     for number in paper.published:
         ours = runs[number.study].describe(number.condition, paper.about.published)
         known = number.condition in reading.calibrated or "all" in reading.calibrated
-        values = runs[number.study].values(number.condition, paper.about.published)
-        spread = float(np.log(values).std(ddof=1)) if ours.mean is not None and ours.n > 1 else math.inf
-        numbers.append(Number(number.study, number.condition, number.value, ours, known, spread))
+        values = runs[number.study].by_seed(number.condition, paper.about.published)
+        numbers.append(Number(number.study, number.condition, number.value, ours, known, values))
     decided = tuple(decide(claim, runs) for claim in paper.claims)
     every = [result for found in results.values() for result in found.values()]
     return Reproduction(paper, reading, plans, results, tuple(numbers), decided, digest(every))
@@ -185,9 +173,10 @@ def decide(claim: Claim, runs: Mapping[str, Runs]) -> Decided:
         return Decided(claim, "too few runs", f"expected {FEW} of each condition")
     judged = [judge(check, runs[check.study]) for check in claim.test]
     fails = "does not hold" if any(one.fails for one in judged) else "undecided"
-    return Decided(
-        claim, "holds" if all(one.holds for one in judged) else fails, "; ".join(one.words for one in judged)
-    )
+    words = [one.words for one in judged]
+    if claim.margin_chosen:
+        words.append(f"the margin was chosen {claim.margin_chosen}")
+    return Decided(claim, "holds" if all(one.holds for one in judged) else fails, "; ".join(words))
 
 
 HEAD: Final = ("condition", "published", "ours", "95 % interval", "sd", "n", "ratio", "one run: 95 %", "inside", "")
@@ -217,7 +206,16 @@ def side_by_side(found: Sequence[Reproduction]) -> list[tuple[str, ...]]:
         ours = [one.numbers[place] for one in found]
         cells = [cell for one in ours for cell in (_one(one.ours.mean, form), _one(one.ratio, ".2f"))]
         rows.append((number.condition, _one(number.published, form), *cells))
-    return [*rows, ("rms log-ratio", "", *(cell for one in found for cell in ("", f"{one.error:.3f}")))]
+    return [*rows, *(_errors(found, kind, calibrated) for kind, calibrated in (("predicted", False), ("fitted", True)))]
+
+
+def _errors(found: Sequence[Reproduction], kind: str, calibrated: bool) -> tuple[str, ...]:
+    """The line of each reading's error over its predicted or its fitted numbers."""
+    cells = []
+    for one in found:
+        numbers = [number for number in one.numbers if number.calibrated == calibrated]
+        cells += ["", f"{root_mean_square(numbers):.3f}" if numbers else "-"]
+    return (f"rms log-ratio, {kind}", "", *cells)
 
 
 def listed(found: Reproduction, listing: Listing) -> list[tuple[str, ...]]:

@@ -37,7 +37,7 @@ FUNCTIONS = {
     "study plan": "StudyRun.estimate",
     "study run": "StudyRun.run",
     "study status": "StudyRun.status",
-    "study table": "StudyRun.table StudyRun.chances StudyRun.quantiles StudyRun.compare",
+    "study table": "StudyRun.table StudyRun.chances StudyRun.quantiles StudyRun.compare StudyRun.peaks",
     "study plot": "StudyRun.plot",
     "study export": "StudyRun.export",
     "study rank": "StudyRun.rank",
@@ -75,6 +75,7 @@ CALLED = {
     "out of study plot": "folder",
     "measure of study plot": "measures",
     "compare of study table": "against",
+    "peak of study table": "which",
     "yes": "answers",
     "what": "",
     "plan of test": "",  # open_expectations(...).cost()

@@ -8,6 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 from conftest import made, moments_of
+from linear_consensus import linear_response, linear_responses
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import stats
 
@@ -124,12 +125,38 @@ def responses(
     run.simulation.run([summary])
     hears = np.zeros((robots, robots))
     hears[tuple(links.T)] = 1.0 / k
-    z = (np.exp(2j * np.pi * frequency * period) - 1.0) / period
-    h = np.linalg.solve((z + 1.0) * np.eye(robots - 1) - hears[1:, 1:], hears[1:, 0])
-    return summary.summary()["response"], float((np.abs(h) ** 2).sum())
+    return summary.summary()["response"], linear_response(hears, frequency, period)
 
 
-@pytest.mark.parametrize(("k", "frequency"), [(4, 0.1), (8, 0.05), (20, 0.02)])
+def worse_by(table: np.ndarray, best: int) -> np.ndarray:
+    """How many standard errors each column's mean is below that of the best one, pairing rows."""
+    fall = np.delete(table[:, [best]] - table, best, axis=1)
+    return fall.mean(axis=0) / (fall.std(axis=0, ddof=1) / np.sqrt(len(fall)))
+
+
+def test_by_the_linear_equation_one_neighbour_is_best_for_a_fast_drive() -> None:
+    table = linear_responses((1, 2, 3, 4, 6, 12), 0.1, 0.5)
+    assert_allclose(table.mean(axis=0), [1.23, 0.83, 0.62, 0.48, 0.31, 0.16], rtol=0.12)
+    assert (worse_by(table, 0) > 5.0).all()
+    assert (np.diff(table.mean(axis=0)) < 0.0).all()
+
+
+@pytest.mark.parametrize("robots", [50, 100])
+def test_by_the_linear_equation_two_to_four_are_best_at_a_fiftieth_hertz_whatever_the_size(robots: int) -> None:
+    ks = (1, 2, 3, 4, 6, 8)
+    table = linear_responses(ks, 0.02, 0.5, robots)
+    best = int(table.mean(axis=0).argmax())
+    assert ks[best] in (2, 3, 4)
+    assert (worse_by(table[:, [0, best, 4, 5]], 1) > 3.0).all()
+
+
+def test_by_the_linear_equation_hearing_all_is_best_for_a_slow_drive() -> None:
+    table = linear_responses((6, 12, 24, 48, 99), 0.002, 1.0, networks=100)
+    assert (np.diff(table.mean(axis=0)) > 0.0).all()
+    assert (worse_by(table[:, [0, 1, 4]], 2) > 5.0).all()
+
+
+@pytest.mark.parametrize(("k", "frequency"), [(1, 0.1), (2, 0.1), (4, 0.1), (8, 0.05), (20, 0.02)])
 def test_the_response_is_that_of_the_linear_equation(k: int, frequency: float) -> None:
     measured, expected = responses(k, frequency, 1, 20)
     assert measured == pytest.approx(expected, rel=0.02)

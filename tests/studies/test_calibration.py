@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from conftest import ROOT
 
@@ -23,8 +22,6 @@ from swarmsim.studies.calibration import (
 )
 from swarmsim.studies.paper import open_paper
 from swarmsim.studies.plan import open_study
-from swarmsim.studies.reproduction import Number, agreement
-from swarmsim.studies.statistics import describe
 from swarmsim.studies.store import Row, Store
 
 PAPER = open_paper(ROOT / "papers" / "kit2018")
@@ -114,18 +111,3 @@ def test_a_number_left_out_is_predicted_by_the_candidate_that_is_best_without_it
     assert [line.predicted for line in found] == [130.0, 200.0, 450.0]  # each time by the one that errs just there
     assert prediction_error(found) == pytest.approx(math.sqrt((math.log(1.3) ** 2 + math.log(1.5) ** 2) / 3))
     assert left_out_lines(found)[2] == ("15, knn 1", "300", "450", "1.50", "1")
-
-
-def test_published_numbers_agree_for_as_many_averaged_runs_as_chi_square_allows() -> None:
-    """One number that is off by 0.1 with a spread of 0.2, of 400 runs: 0.01 / (0.04 / M + 0.0001) <= 3.84."""
-    logs = np.random.default_rng(5).standard_normal(400)
-    times = 300.0 * np.exp(0.2 * (logs - logs.mean()) / logs.std(ddof=1))
-    ours = describe(times)
-    number = Number("network", "1NN", ours.mean * math.exp(0.1), ours, False, 0.2)
-    found = agreement([number, number])
-    assert found.freedom == 1  # the same number twice
-    assert found.most == max(m for m in range(1, 101) if 0.01 / (0.04 / m + 0.0001) <= 3.841) == 15
-    assert found.statistics[1] == pytest.approx(0.01 / 0.0401)
-    far = Number("network", "1NN", ours.mean * 2.0, ours, False, 0.2)
-    assert agreement([far]).most is None
-    assert "no agreement" in agreement([far]).sentence

@@ -62,6 +62,7 @@ def test_every_shipped_paper_is_whole_and_says_where_it_appeared(home: Path) -> 
         ("paper.toml", '{"20-15-10-5 units"', '{"20-15 units"', "figure[0]: conditions: '20-15 units' is not in"),
         ("claims.toml", '"N=5", ', '"N=4", ', "claims.toml: claim[0].test[0]: conditions: 'N=4' is not in the study"),
         ("claims.toml", 'kind = "trend"', 'kind = "tend"', "claims.toml: claim[0].test[0].kind: invalid enum value"),
+        ("claims.toml", 'margin = "close', 'margin_chosen = "close', "claim[6]: 'margin_chosen' says when"),
         ("claims.toml", "limit = 0.25", 'limit = "x"', "claims.toml: claim[1].test[0].limit: expected `float"),
         ("claims.toml", "limit = 0.25", "", "claims.toml: claim[1].test[0]: 'less-gain' takes limit"),
         ("claims.toml", 'but = ["1NN"]', 'but = ["0NN"]', "claim[3].test[0].but: '0NN' is not one of its conditions"),

@@ -79,6 +79,11 @@ def test_runs_as_published_hold_every_claim_of_the_reference_paper(tmp_path: Pat
     assert found.seed_count == "20"
     assert found.seeds == "1 to 20"
     assert [row[-1] for row in lines(found)] == ["calibrated"] * 15
+    told = found.error_sentences(found.fit)
+    assert told.startswith("Predicted numbers: none but those that --calibrate leaves out in turn; fitted numbers: 14,")
+    assert told.count(". ") <= 2  # three sentences
+    assert found.fit.averaged[0].farther[0] == 1.0  # no run is as near to the means as the published numbers
+    assert "the margin was chosen after its bare sign was seen to be open" in found.claims[1].test
 
 
 def test_runs_that_take_the_same_whatever_is_done_hold_no_claim_of_an_effect(tmp_path: Path) -> None:
@@ -110,6 +115,8 @@ def test_a_small_paper_is_printed_decided_and_written(paper, tmp_path: Path) -> 
     assert "<title>Doe &amp; Roe (2020), reproduced</title>" in page
     assert len(re.findall(r'src="data:image/png', page)) == 5
     assert "calibrated" not in text
+    assert "Predicted numbers: 1, root-mean-square log-ratio 0.0" in text
+    assert "| averaged runs | error of a perfect model |" in text
 
 
 def test_an_unfinished_run_has_no_mean_in_any_table(paper, tmp_path: Path) -> None:
@@ -118,6 +125,11 @@ def test_an_unfinished_run_has_no_mean_in_any_table(paper, tmp_path: Path) -> No
     assert lines(found)[0][2:7] == ("-", "-", "-", "0 of 12", "-")
     assert listed(found, small.about.table[0])[0] == ("count=2", "-", "-", "0 of 12")
     assert found.error == float("inf")
+    assert found.fit is None
+    assert (
+        found.error_sentences(None)
+        == "Predicted numbers: 1, root-mean-square log-ratio inf. Too few finished runs to say more."
+    )
 
 
 def test_numbers_of_another_measure_are_compared_with_that(paper, tmp_path: Path) -> None:

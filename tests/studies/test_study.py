@@ -316,6 +316,11 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
         refused = called("study", "table", study, *at, *wrong, cwd=tmp_path)
         assert (refused.returncode, wrong[0] in refused.stderr) == (2, True)
     assert "path_sum" in called("study", "table", study, *at, "--measure", "path_sum", cwd=tmp_path).stdout
+    peak = called("study", "table", study, *at, "--measure", "path_sum", "--peak", "lowest", cwd=tmp_path).stdout
+    assert "path_sum is lowest at k = " in " ".join(peak.split())
+    unsaid = called("study", "table", study, *at, "--peak", "lowest", cwd=tmp_path)
+    assert unsaid.returncode == 2
+    assert "--peak lowest: of which measure?" in unsaid.stderr
     wrong = called("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
     assert (wrong.returncode, "'paths' is not a measure" in wrong.stderr) == (2, True)
     exported = called("study", "export", study, *at, "--csv", "runs.csv", "--parquet", "runs.parquet", cwd=tmp_path)

@@ -121,12 +121,13 @@ def test_summary_of_a_hand_made_run():
         "correct": 9 / 14,
         # The union: TP (0, 3), (1, 3), (2, 3); FP (0, 0); 12 cells seen, of which the robots split on (1, 3).
         "union_precision": 3 / 4, "union_recall": 1.0, "union_f1": 6 / 7, "union_iou": 3 / 4,
-        "union_false_occupied": 1,
+        "union_false_occupied": 1, "union_false_called": 1 / 4, "union_false_known": 1 / 12,
         "union_entropy": 11 * H + 1 + 8,
         "union_brier": (0.64 + 0.25 + 10 * 0.04) / 12,
         # Robot 0: TP 1, FP 1, FN 1 of 8 cells; robot 1: TP 2 of 8 cells.
         "robot_precision": (1 / 2 + 1) / 2, "robot_recall": (1 / 2 + 1) / 2, "robot_f1": (1 / 2 + 1) / 2,
         "robot_iou": (1 / 3 + 1) / 2, "robot_false_occupied": 0.5,
+        "robot_false_called": 1 / 4, "robot_false_known": 1 / 16,
         "robot_entropy": 8 * H + 12,
         "robot_brier": ((2 * 0.64 + 6 * 0.04) / 8 + 0.04) / 2,
         "disagreement": 1 / 4,  # row 1 is known to both

@@ -257,6 +257,8 @@ def _judge(
         "f1": found.f1,
         "iou": found.iou,
         "false_occupied": found.false_occupied,
+        "false_called": None if found.precision is None else 1.0 - found.precision,
+        "false_known": share_of(found.false_occupied, int(np.count_nonzero(observed))),
         "entropy": entropy(belief),
         "brier": brier(belief, truth, observed),
     }
