@@ -236,7 +236,9 @@ def completed(net: Net, routes: Routes, coverage: Coverage) -> Routes:
         gains = net.ground.views @ missing.astype(np.int64)
         places = np.flatnonzero(gains)
         longest = net.longest(routes)
-        best = min(_dearest(net, route, places, gains[places], longest) + (robot,) for robot, route in enumerate(routes))
+        best = min(
+            _dearest(net, route, places, gains[places], longest) + (robot,) for robot, route in enumerate(routes)
+        )
         _, at, place, robot = best
         old = routes[robot][at - 1 : at + 1]
         coverage.replace(old, [old[0], place, *old[1:]])
