@@ -40,7 +40,7 @@ class Places:
     def corners(self) -> NDArray[np.int64]:
         """The first place (m, 2) of the rectangle around each cell of the domain."""
         cells = np.stack(np.divmod(self.domain, self.lattice.columns), axis=1)
-        return 2 * cells - (np.array(self.window) + 1)
+        return np.asarray(2 * cells - (np.array(self.window) + 1))
 
 
 def places_of(built: BuiltRun) -> Places:
@@ -51,7 +51,7 @@ def places_of(built: BuiltRun) -> Places:
     free = shares(arena.segments, fine) < WHOLE
     # A buffer's outline lies inside of the true one, so more places remain possible.
     grown = arena.solid.buffer(CLEAR * float(built.context.robots.each("radius").min()))
-    room = free & (shares(boundary(grown), fine) < WHOLE)
+    room: NDArray[np.bool_] = np.asarray(free & (shares(boundary(grown), fine) < WHOLE))
     pieces, _ = ndimage.label(room, AROUND)
     room = np.isin(pieces, np.unique(pieces[tuple(fine.cells(start).T)]))
     window = sight_of(built, start[:1]).window
