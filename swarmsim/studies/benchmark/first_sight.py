@@ -39,7 +39,8 @@ def distances(places: Places) -> NDArray[np.float64]:
     """
     corners = _ways(places) / SLOPE
     for _ in range(ROUNDS):  # the slope is too large where ways of different steps meet
-        old = _corners(corners.copy())
+        before = corners.copy()
+        old = _corners(before)
         slopes = np.stack([2.0 * np.hypot(old[m] - old[i], old[k] - old[m]) for i, m, k in TRIANGLES])
         turned = slopes[2:].max(axis=0) < slopes[:2].max(axis=0)  # the diagonal that makes the slopes smaller
         slopes *= places.possible & np.stack([~turned, ~turned, turned, turned])
@@ -53,7 +54,7 @@ def distances(places: Places) -> NDArray[np.float64]:
                 now = _corners(corners)[corner]
                 now[steep] = np.minimum(now[steep], value)
     else:
-        corners /= slopes.max()
+        corners = before / slopes.max()
     a, b, c, d = _corners(corners)
     rows, columns = np.floor(places.starts).astype(int).T
     least = np.minimum(np.minimum(a, b), np.minimum(c, d))

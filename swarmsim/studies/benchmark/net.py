@@ -41,12 +41,16 @@ class Net:
         return self._rows[place][0]
 
     def forget(self, routes: Routes, cells: NDArray[np.int64]) -> None:
-        """Count no more on seeing these cells of the domain (k,) from anywhere on the routes."""
+        """Count no more on seeing these cells of the domain (k,) from places on the routes.
+
+        Cells that are seen from nowhere else stay as they are.
+        """
         driven, gone = (np.zeros(size, np.bool_) for size in self.views.shape)
         driven[np.concatenate([self.walk(route) for route in routes])] = True
         gone[cells] = True
         seen = self.views.tocoo()
         kept = ~(driven[seen.row] & gone[seen.col])
+        kept |= np.bincount(seen.col[kept], minlength=len(gone))[seen.col] == 0
         ends = (seen.row[kept], seen.col[kept])
         self.views = sparse.csr_array((seen.data[kept], ends), shape=self.views.shape)
         self._seen.clear()

@@ -8,8 +8,9 @@ from msgspec import Struct
 
 from swarmsim.engine.build import BuiltRun
 from swarmsim.studies.benchmark.bounds import Bounds, bounds_of
+from swarmsim.studies.benchmark.net import Net, Routes
 from swarmsim.studies.benchmark.replay import Driven, drive, way_of
-from swarmsim.studies.benchmark.tours import Effort, Net, Routes, best_routes, covering
+from swarmsim.studies.benchmark.tours import Effort, best_routes, covering
 from swarmsim.studies.benchmark.views import Ground, ground_of
 
 
