@@ -14,6 +14,8 @@ import numpy as np
 
 Cell = tuple[int, int]
 Point = tuple[float, float]
+KING = {(down, across) for down in (-1, 0, 1) for across in (-1, 0, 1)} - {(0, 0)}
+KNIGHT = {(down, across) for down in (-2, -1, 1, 2) for across in (-2, -1, 1, 2) if abs(down) != abs(across)}
 FRACTIONS = np.linspace(0.01, 0.99, 9)
 
 
@@ -57,16 +59,13 @@ class Tiny:
 
     def moves(self, cell: Cell) -> list[Cell]:
         """The cells that a king or a knight reaches, over a rectangle of floor."""
-        found = []
-        for down in range(-2, 3):
-            for across in range(-2, 3):
-                there = cell[0] + down, cell[1] + across
-                rows, columns = (slice(min(a, b), max(a, b) + 1) for a, b in zip(cell, there, strict=True))
-                if 0 < down * down + across * across <= 5 and abs(down) + abs(across) != 2 or abs(down * across) == 1:
-                    low, left = min(cell[0], there[0]), min(cell[1], there[1])
-                    if low >= 0 and left >= 0 and there in self.floor and not self.walls[rows, columns].any():
-                        found.append(there)
-        return found
+        steps = [(down, across) for down in range(-2, 3) for across in range(-2, 3)]
+        near = [(cell[0] + down, cell[1] + across) for down, across in steps if (down, across) in KING | KNIGHT]
+        return [there for there in near if there in self.floor and self._is_clear(cell, there)]
+
+    def _is_clear(self, one: Cell, other: Cell) -> bool:
+        rows, columns = (slice(min(pair), max(pair) + 1) for pair in zip(one, other, strict=True))
+        return not self.walls[rows, columns].any()
 
     def best(self, starts: list[Cell], domain: set[Cell], most: float) -> float:
         """The least length of the longer of two ways, at most `most`, that together see the domain; inf for none."""

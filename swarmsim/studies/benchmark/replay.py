@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import msgspec
@@ -169,8 +171,11 @@ class Driven:
     pace: float  # how far the fastest robot had driven at any time, as a share of what top speed allows until then
 
 
-def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...]) -> Driven:
-    """Drive a tour in the building and with the bodies of a run. Raises InputError for ways that do not fit them."""
+def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...], record: Path | None = None) -> Driven:
+    """Drive a tour in the building and with the bodies of a run, and `record` it into a new file.
+
+    Raises InputError for ways that do not fit them.
+    """
     points = [_points(ground, robot, way) for robot, way in enumerate(ways)]
     if len(points) != len(ground.starts):
         raise InputError(f"{len(points)} ways for {len(ground.starts)} robots; expected a way for each")
@@ -184,7 +189,8 @@ def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...]) -> Driven:
 
     run = build(bare(built.scenario, limit), built.simulation.name, built.world, watch=following)
     watched, digests = Watched(np.zeros(ground.lattice.shape, np.bool_)), Digests()
-    run.simulate([watched, digests])
+    with nullcontext() if record is None else run.recorder(record) as recorder:
+        run.simulate([watched, digests, *([] if recorder is None else [recorder])])
     missed = np.flatnonzero(~watched.seen.reshape(-1)[ground.domain])
     allowed = ground.pace * np.arange(1, len(watched.poses))[:, None]
     return Driven(watched, planned, missed, digests.total(), float((watched.driven[1:] / allowed).max(initial=0.0)))
