@@ -12,7 +12,7 @@ from swarmsim.studies.benchmark.bounds import Bounds, bounds_of
 from swarmsim.studies.benchmark.net import Net, Routes
 from swarmsim.studies.benchmark.replay import Driven, drive, way_of
 from swarmsim.studies.benchmark.tours import Effort, best_routes, covering
-from swarmsim.studies.benchmark.views import Ground, ground_of
+from swarmsim.studies.benchmark.views import Stands, ground_of
 
 
 class Times(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -84,7 +84,7 @@ def replayed(built: BuiltRun, ways: tuple[str, ...], record: Path | None = None)
     return _times(driven), driven.watched.coverage[-1], driven.digest
 
 
-def _best_tour(built: BuiltRun, ground: Ground, effort: Effort) -> tuple[tuple[str, ...], Driven]:
+def _best_tour(built: BuiltRun, ground: Stands, effort: Effort) -> tuple[tuple[str, ...], Driven]:
     """The tour whose replay covers most of the domain soonest, of the best found and its repairs."""
     net = Net(ground)
     routes = best_routes(net, effort)
