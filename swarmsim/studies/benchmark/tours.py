@@ -35,7 +35,7 @@ class Effort(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     searches: int = 2  # how often guided local search starts again from what then covers everything
     looks: int = 100_000  # of one such search at what it has
     rounds: int = 100  # of taking out stops and covering what is lost, after each
-    repairs: int = 4  # replays after which cells that were missed are added to the tour
+    repairs: int = 8  # replays after which cells that were missed are added to the tour
 
 
 def viewpoints(ground: Stands, covered: NDArray[np.bool_]) -> NDArray[np.int64]:
