@@ -23,7 +23,7 @@ CURVE = SimpleNamespace(name="coverage")
 
 def result(name: str, times: Sequence[float | None], curve: Sequence[float] = (), robots: int = 15) -> Result:
     """Runs that took so many iterations, None for one that did not finish, and all measured the same."""
-    scenario = SimpleNamespace(stop=SimpleNamespace(iterations=LIMIT), robots=SimpleNamespace(count=robots))
+    scenario = SimpleNamespace(limit=LIMIT, robots=SimpleNamespace(count=robots))
     kept = np.array(curve, np.float32) if len(curve) else None
     rows = [
         Row(f"{name} {seed}", name, seed, "not finished" if time is None else "finished",
