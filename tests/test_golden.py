@@ -25,7 +25,8 @@ from swarmsim.core.streams import Streams
 from swarmsim.recording.digests import Digests, versions
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import text_of
-from swarmsim.studies.plan import Study, asked, changed, changes_of
+from swarmsim.studies.plan import Study, changed, changes_of
+from swarmsim.studies.requests import asked
 
 SCENARIOS = sorted(
     str(path.relative_to(ROOT / "scenarios").with_suffix(""))

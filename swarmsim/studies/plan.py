@@ -6,7 +6,6 @@ import copy
 import hashlib
 import itertools
 import math
-import os
 import time
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -21,7 +20,7 @@ from swarmsim.core.parts import Curve
 from swarmsim.core.scenario import budget
 from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.core.scenario.expect import Expect
-from swarmsim.core.scenario.file import Scenario, assign, decode, every_part, files_outside, without_later
+from swarmsim.core.scenario.file import Scenario, assign, decode, files_outside
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.identity import Code, known
 from swarmsim.core.scenario.part import plain
@@ -29,6 +28,7 @@ from swarmsim.core.scenario.toml import read_toml
 from swarmsim.engine.build import build
 from swarmsim.recording import measures
 from swarmsim.recording.digests import versions
+from swarmsim.studies.requests import asked, libraries
 from swarmsim.studies.watching import Watch
 from swarmsim.world.source import read_world
 
@@ -124,32 +124,6 @@ def one_period(conditions: Iterable[Condition]) -> float | None:
     """The period of all conditions in s; None if they have several, so that only their seconds can be compared."""
     periods = {condition.scenario.period for condition in conditions}
     return periods.pop() if len(periods) == 1 else None
-
-
-def asked(scenario: Scenario) -> bytes:
-    """A scenario's request in JSON, independent of its name and of the places of floor plan and code."""
-    scenario = msgspec.structs.replace(scenario, title="", budget=budget.BUDGET)
-    table = without_later(msgspec.structs.asdict(scenario))
-    unnamed = {**msgspec.structs.asdict(scenario.world), "file": ""}
-    whole = msgspec.to_builtins({**table, "world": unnamed}, enc_hook=plain, order="deterministic")
-    files = [Path(part.use.rpartition(":")[0]) for part in every_part(scenario) if ".py:" in part.use]
-    if files:
-        whole = _placed(whole, os.path.commonpath([Path.cwd() / file.parent for file in files]))
-    return msgspec.json.encode(whole)
-
-
-def _placed(value: object, folder: str) -> object:
-    """The same with parts' files relative to a folder."""
-    if isinstance(value, dict):
-        found = {key: _placed(inner, folder) for key, inner in value.items()}
-        file, _, name = str(value.get("use", "")).rpartition(":")
-        return {**found, "use": f"{os.path.relpath(file, folder)}:{name}"} if file.endswith(".py") else found
-    return [_placed(inner, folder) for inner in value] if isinstance(value, list) else value
-
-
-def libraries(found: dict[str, str]) -> dict[str, str]:
-    """The versions in a run's identity, without Python and the machine, which affect few results."""
-    return {name: version for name, version in found.items() if name not in ("python", "platform")}
 
 
 def _world_key(scenario: Scenario) -> bytes:

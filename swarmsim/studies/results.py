@@ -20,7 +20,8 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.engine import Job
-from swarmsim.studies.plan import Condition, Plan, libraries
+from swarmsim.studies.plan import Condition, Plan
+from swarmsim.studies.requests import libraries
 from swarmsim.studies.statistics import Description, describe
 from swarmsim.studies.store import Row, Store
 from swarmsim.studies.survival import Endings

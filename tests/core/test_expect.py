@@ -23,7 +23,7 @@ from swarmsim.core.scenario.file import decode, load, table_of
 from swarmsim.core.scenario.schema import schema
 from swarmsim.core.scenario.toml import parsed
 from swarmsim.recording.recorder import text_of
-from swarmsim.studies.plan import asked
+from swarmsim.studies.requests import asked
 
 ROOM = ROOT / "scenarios/room.toml"
 

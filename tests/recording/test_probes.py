@@ -19,7 +19,7 @@ from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.recording.recorder import text_of
-from swarmsim.studies.plan import asked
+from swarmsim.studies.requests import asked
 
 ROOM = ROOT / "scenarios" / "room.toml"
 BATTERY = {"use": "battery", "capacity": 10.0, "per_metre": 2.0, "per_byte": 0.001, "idle": 0.5}

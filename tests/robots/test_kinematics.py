@@ -27,7 +27,7 @@ from swarmsim.recording.recorder import text_of
 from swarmsim.robots.bodies import Pymunk, RigidDiscs
 from swarmsim.robots.kinematics import GRAVITY, Bicycle, Car, ThreeWheels, TwoWheels
 from swarmsim.robots.motion import PurePursuit
-from swarmsim.studies.plan import asked
+from swarmsim.studies.requests import asked
 from swarmsim.testing import check_contracts
 
 RADIUS, BASE, SPEED, ACCELERATION, TRACTION = 0.055, 0.10, 0.15, 1.0, 0.6

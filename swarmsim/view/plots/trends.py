@@ -76,8 +76,7 @@ def sweep(
 ) -> Figure:  # fmt: skip
     """Iterations, or a measure, against the varied parameter, a line per series; below, unfinished runs if any.
 
-    `levels` have one value each, off the axis: they are drawn as lines across. The label names the unit; with the
-    `period` of iterations in s there is a second axis in time.
+    `levels` have one value each, off the axis: lines across. The `period` of iterations in s gives an axis in time.
     """
     everything = [*series.values(), *levels.values()]
     unfinished = any(steps.unfinished.any() for steps in series.values())
