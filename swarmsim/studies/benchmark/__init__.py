@@ -1,0 +1,1 @@
+"""A benchmark that others can enter: frozen tasks, entries, scores, and the page that compares them."""
