@@ -21,7 +21,7 @@ from msgspec import Meta, Struct
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.decoding import read_struct
-from swarmsim.core.scenario.file import World, decode
+from swarmsim.core.scenario.file import World, decode, load
 from swarmsim.core.scenario.files import content
 from swarmsim.core.scenario.toml import read_toml
 from swarmsim.studies.plan import Named, Plan, Study, planned
@@ -94,7 +94,7 @@ class SetTask:
     name: str
     world: SetWorld
     robots: int
-    changes: dict[str, object]  # by dotted key, of the set's scenario
+    changes: dict[str, object] | None  # by dotted key, of the set's scenario; None if it is held out from us
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,8 @@ class TaskSet:
 
     folder: Path
     about: SetFile
-    tasks: tuple[SetTask, ...]  # the public ones and, with the secret, those held out
+    tasks: tuple[SetTask, ...]
+    limit: int  # iterations after which a run counts as not finished
     references: Mapping[tuple[str, int], Reference]  # by task and seed
     digest: str  # of everything that its runs depend on
 
@@ -111,6 +112,11 @@ class TaskSet:
     def name(self) -> str:
         """Its name with its edition, as in explore-1."""
         return f"{self.about.name}-{self.about.edition}"
+
+    @property
+    def made(self) -> tuple[SetTask, ...]:
+        """The tasks that can be run: the public ones and, with the secret, those held out."""
+        return tuple(task for task in self.tasks if task.changes is not None)
 
     def of_part(self, part: str) -> tuple[SetTask, ...]:
         """The tasks that are public, or held out."""
@@ -134,6 +140,7 @@ def open_set(folder: Path, secret: Path | None = None) -> TaskSet:
     tasks, held = list[SetTask](), hashlib.blake2b(digest_size=16, key=(opened or "").encode()[:64])
     for world in worlds:
         if world.part == "held-out" and opened is None:
+            tasks += _tasks(about, world, None)
             continue
         where = _where(folder, about, world, opened)
         found = digest_of(folder, about, where, world.world)
@@ -147,8 +154,9 @@ def open_set(folder: Path, secret: Path | None = None) -> TaskSet:
         tasks += _tasks(about, world, where)
     if opened is not None and held.hexdigest() != about.sealed:
         raise InputError(f"{folder / SET}: sealed: the held-out worlds are others than those the set was made with")
-    whole = TaskSet(folder, about, tuple(tasks), {}, _digest(folder, about))
-    return replace(whole, references=_references(folder, about, worlds))
+    limit = load(folder / about.scenario).stop.iterations
+    whole = TaskSet(folder, about, tuple(tasks), limit, {}, _digest(folder, about))
+    return replace(whole, references=_references(whole))
 
 
 def _check(folder: Path, about: SetFile, worlds: list[SetWorld]) -> None:
@@ -186,13 +194,12 @@ def _beside(folder: Path, world: SetWorld) -> dict[str, object]:
     return {"file": str(path)}
 
 
-def _tasks(about: SetFile, world: SetWorld, where: dict[str, object]) -> list[SetTask]:
+def _tasks(about: SetFile, world: SetWorld, where: dict[str, object] | None) -> list[SetTask]:
     changes = {"world": where, **about.regimes[world.regime].set}
     if world.struck and about.struck is not None:
         changes |= about.struck.set
-    return [
-        SetTask(f"{world.world}/{count}", world, count, {**changes, "robots.count": count}) for count in about.counts
-    ]
+    each = {count: None if where is None else {**changes, "robots.count": count} for count in about.counts}
+    return [SetTask(f"{world.world}/{count}", world, count, changes) for count, changes in each.items()]
 
 
 def held_out_seed(secret: str, world: str) -> int:
@@ -238,11 +245,11 @@ def _digest(folder: Path, about: SetFile) -> str:
     return hashlib.blake2b(msgspec.json.encode(texts), digest_size=16).hexdigest()
 
 
-def _references(folder: Path, about: SetFile, worlds: Iterable[SetWorld]) -> dict[tuple[str, int], Reference]:
-    path = folder / REFERENCES
+def _references(tasks: TaskSet) -> dict[tuple[str, int], Reference]:
+    path = tasks.folder / REFERENCES
     if not path.is_file():
         return {}
-    known = {(f"{world.world}/{count}", seed) for world in worlds for count in about.counts for seed in about.seeds}
+    known = {(task.name, seed) for task in tasks.tasks for seed in tasks.about.seeds}
     found: dict[tuple[str, int], Reference] = {}
     for line in read_lines(path, Reference):
         if (line.task, line.seed) not in known or (line.task, line.seed) in found:
@@ -297,6 +304,6 @@ def plan_of(tasks: TaskSet, mind: Mapping[str, object], place: Path, chosen: Ite
         seeds=list(tasks.about.seeds),
         keep="summary",
         set={f"mind.{key}": value for key, value in mind.items()},
-        condition=tuple(Named(name=task.name, set=task.changes) for task in chosen),
+        condition=tuple(Named(name=task.name, set=task.changes or {}) for task in chosen),
     )
     return planned(place, study)
