@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import ROOT, made, seen_as, setting_of
+from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox
@@ -16,6 +17,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.part import Part
 from swarmsim.engine.build import build
+from swarmsim.engine.simulation import Simulation
 from swarmsim.operations.mapping.exploration.rules import (
     AssignedFrontier,
     CoordinatedFrontier,
@@ -60,6 +62,29 @@ def test_random_takes_every_frontier_equally_often() -> None:
     three = candidates([1, 2, 3])
     drawn = [RandomFrontier().choose(three) for _ in range(3000)]
     assert np.abs(np.bincount(drawn, minlength=3) / 3000 - 1 / 3).max() < 0.04
+
+
+def test_random_keeps_what_it_has_drawn() -> None:
+    """Its piece, then what is near; it draws among all only if nothing is."""
+    rule = RandomFrontier(keeps=True, near=7.0)
+    assert {rule.choose(candidates([9, 20, 30], present=2)) for _ in range(20)} == {2}
+    assert {rule.choose(candidates([7, 20, 30])) for _ in range(20)} == {0}
+    far = candidates([8, 20, 30])
+    assert {rule.choose(far) for _ in range(50)} == {0, 1, 2}
+
+
+def test_random_that_keeps_does_not_turn_on_its_way() -> None:
+    """Only walls that it did not know of, and robots, make it choose another way."""
+    turns = []
+    for keeps in ("false", "true"):
+        simulation = made("robots.count=3", f'mind.strategy={{use="random-frontier", keeps={keeps}}}').simulation
+        plans = simulation.parts.strategy._plans
+        turns.append(0)
+        for _ in range(60):
+            left = plans.steps - plans.cursor
+            simulation.tick()
+            turns[-1] += int((plans.planned & (left > 2)).sum())  # a new way with more than a step left of the old one
+    assert turns[1] < turns[0] / 4, turns
 
 
 def test_largest_takes_the_largest_and_of_equals_the_nearest() -> None:
@@ -144,6 +169,26 @@ RULES = [name for name, kind in registry.known("strategy").items() if issubclass
 @pytest.mark.parametrize("use", RULES)
 def test_every_rule_maps_the_room(use: str) -> None:
     assert made(f'mind={{strategy={{use="{use}"}}, computation={{sharing={{use="tile-and-goal"}}}}}}').simulation.run()
+
+
+@pytest.mark.parametrize("replan", ["on-arrival", "every-iteration"])
+@pytest.mark.parametrize("use", RULES)
+def test_every_rule_runs_by_the_same_means(use: str, replan: str) -> None:
+    """Gossip with goals holds all that any rule needs; 6 bytes more than gossip, told and charged."""
+    simulation = made(
+        f'mind={{strategy={{use="{use}", replan="{replan}"}}, computation={{sharing={{use="gossip", goals=true}}}}}}'
+    ).simulation
+    assert {int(size) for _ in range(12) for size in sizes(simulation)} <= {21 + 6, 21 + 6 + 15}
+
+
+def sizes(simulation: Simulation) -> NDArray[np.int32]:
+    """The bytes that each robot's message takes in the next iteration."""
+    said: list = []
+    say = simulation.parts.computation.say
+    simulation.parts.computation.say = lambda senses: said.append(say(senses)) or said[-1]
+    simulation.tick()
+    simulation.parts.computation.say = say
+    return said[0].sizes
 
 
 def test_rules_count_their_bytes() -> None:

@@ -23,16 +23,30 @@ Cells = Annotated[float, Meta(gt=0.0, le=1e6)]
 class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot walks to a frontier drawn at random, all equally likely. Needs nothing of others.
 
-    The baseline without judgement; in place of the nearest of Yamauchi (1997).
+    The baseline without judgement; in place of the nearest of Yamauchi (1997). As it stands robots cross the building
+    for every look, and turn back when others have seen their frontier meanwhile, so few runs end. With `keeps` a robot
+    keeps what it has drawn: it walks its way to the end, goes on with the nearest frontier within `near` cells, and
+    draws again only if there is none. That is the fair baseline beside rules that stay where they are.
     """
 
     grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
+    keeps: bool = False
+    near: Cells = 7.0  # cells, with keeps
 
     @property
     def needs_others(self) -> bool:
         return False
 
+    @property
+    def keeps_ways(self) -> bool:
+        return self.keeps
+
     def choose(self, candidates: Candidates) -> int:
+        """The piece that it keeps, or one drawn."""
+        if self.keeps and candidates.present >= 0:
+            return candidates.present
+        if self.keeps and candidates.own[0] <= self.near:
+            return 0
         return int(candidates.random.integers(len(candidates.own)))
 
 
@@ -148,7 +162,10 @@ class Market(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
     The profit is the unknown share of the view from there, times `revenue`, less the way in cells; the price is
     the way. A robot that hears of a lower price gives way: Zlot, Stentz, Dias and Thayer, "Multi-robot exploration
     controlled by a market economy", ICRA (2002), with announcements in place of an auctioneer. Of others it needs where
-    they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    they go and how far that is: 6 bytes, the sharing tile-and-goal or gossip with goals.
+
+    The revenue draws robots to wide views, past the crumbs beside their way, which they leave for later. With
+    `revenue = 0`, where no robot hears another, each walks to the nearest frontier.
     """
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
@@ -168,7 +185,7 @@ class ReservedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_on
 
     Others' goals, and all frontiers within reach of these, are reserved for them unless they have the longer way; a
     robot's own goal counts as nearer by `stays` cells. This keeps robots with equal maps from herding. Of others it
-    needs where they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    needs where they go and how far that is: 6 bytes, the sharing tile-and-goal or gossip with goals.
     """
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
