@@ -1,1 +1,1 @@
-"""A benchmark that others can enter: frozen tasks, entries, scores, and the page that compares them."""
+"""Benchmarks: a frozen set of tasks, what others score on it, and how near that comes to the best possible."""
