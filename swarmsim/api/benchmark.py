@@ -1,4 +1,4 @@
-"""A benchmark that others can enter: entries, their verification, the page that compares them, and sets of one's own."""
+"""A benchmark that others can enter: entries, their verification, the page that compares them, and further sets."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.benchmark import entries
-from swarmsim.studies.benchmark.entries import Entry
+from swarmsim.studies.benchmark.entries import Entry, read_entry
+from swarmsim.studies.benchmark.imported import ImportedSet, imported
+from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.scores import Standings, standings
-from swarmsim.studies.benchmark.sets import TaskSet, open_set, shipped_set
+from swarmsim.studies.benchmark.sets import open_set, shipped_set
 from swarmsim.studies.engine import execute
 from swarmsim.studies.plan import libraries
 from swarmsim.studies.results import gather, missing
@@ -63,8 +65,8 @@ def benchmark_explore(
     """Run a method on all tasks of a set and write its entry: `swarmsim benchmark explore`.
 
     `method` is a TOML file with `name` and `mind`. `out` is the entry: a folder, or a .json file. `tasks` is the folder
-    of a set, by default the newest that is shipped, and `secret` the file that opens its held-out part. Runs are kept in
-    `store`, by default runs/benchmark/SET/NAME.sqlite, and not repeated. `workers`, `scheduler`, `progress` and
+    of a set, by default the newest that is shipped, and `secret` the file that opens its held-out part. Runs are kept
+    in `store`, by default runs/benchmark/SET/NAME.sqlite, and not repeated. `workers`, `scheduler`, `progress` and
     `allow_code` are as in `study`. Raises InputError for a bad method or set, another secret, and failed runs.
     """
     path, found = Path(method), open_set(_folder(tasks), _path(secret))
@@ -92,12 +94,13 @@ def benchmark_verify(
     """Repeat a share of an entry's runs in other processes and compare every number: `swarmsim benchmark verify`.
 
     The `share` (0 to 1) of its tasks is drawn anew each time, unless `seed` says how: who made the entry cannot know
-    which. Other parameters are those of `benchmark_explore`. Raises InputError for a damaged entry, or one of another set.
+    which. Other parameters are those of `benchmark_explore`. Raises InputError for a damaged entry, or one
+    of another set.
     """
     if not 0.0 < share <= 1.0:
         raise InputError(f"--share {share:g}: expected a share of the runs, above 0 and at most 1")
     found = open_set(_folder(tasks), _path(secret))
-    read = entries.read_entry(Path(entry), found)
+    read = read_entry(Path(entry), found)
     drawn = secrets.randbits(64) if seed is None else seed
     names = set(entries.sampled(read, share, [task.name for task in found.made], drawn))
     chosen = [task for task in found.made if task.name in names]
@@ -128,5 +131,50 @@ def _path(given: str | Path | None) -> Path | None:
     return None if given is None else Path(given)
 
 
-def _opened(paths: Sequence[str | Path], tasks: TaskSet) -> list[Entry]:
-    return [entries.read_entry(Path(path), tasks) for path in paths]
+@dataclass(frozen=True, slots=True)
+class Board:
+    """Entries side by side."""
+
+    standings: dict[str, Standings]  # of the part `public` and, if all entries have it, `held-out`
+    files: tuple[Path, ...]  # the page and its figures
+
+
+def benchmark_board(entries: Sequence[str | Path], *, out: str | Path, tasks: str | Path | None = None) -> Board:
+    """Compare entries on a page with profiles, ratios and tests, and draw its figures: `swarmsim benchmark board`.
+
+    `entries` are files or folders of one set, `tasks` as in `benchmark_explore`; `out` is the page, a name in .html.
+    Raises InputError for a damaged entry, one of another set, and two entries with one name.
+    """
+    page = Path(out)
+    if page.suffix != ".html":
+        raise InputError(f"--out {page}: expected a name that ends in .html")
+    found = open_set(_folder(tasks))
+    parts, files = write_board(found, [read_entry(Path(path), found) for path in entries], page)
+    return Board(parts, tuple(files))
+
+
+def benchmark_import(
+    source: str | Path,
+    *,
+    out: str | Path,
+    width: float | None = None,
+    resolution: float | None = None,
+    robots: Sequence[int] = (),
+    limit: int | None = None,
+    tasks: str | Path | None = None,
+) -> ImportedSet:
+    """Make a set of tasks from the maps in the folder `source`: `swarmsim benchmark import`.
+
+    Maps are map_server's YAML files and pictures; `width` is that of every map in metres, `resolution` that of a pixel
+    of pictures without a YAML file. Robots start in a roomy place. The set is written into the folder `out`, with the
+    regimes of the set `tasks`, by default the newest that is shipped; `robots` and `limit` replace its numbers of
+    robots and of iterations. Raises InputError for a folder without a map that can be used.
+    """
+    for name, given in (("width", width), ("resolution", resolution)):
+        if given is not None and not 0.0 < given <= 1e4:
+            raise InputError(f"--{name} {given:g}: expected metres, above 0 and at most 10000")
+    if width is not None and resolution is not None:
+        raise InputError("--width and --resolution say the same in two ways; expected one of them")
+    if any(count < 1 for count in robots):
+        raise InputError(f"--robots {min(robots)}: expected at least 1")
+    return imported(Path(source), Path(out), _folder(tasks), (width, resolution), limit, robots)

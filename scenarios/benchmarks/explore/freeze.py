@@ -38,7 +38,7 @@ def main(folder: Path, secret: str) -> None:
             )
         )  # fmt: skip
     (folder / sets.WORLDS).write_text(sets.lines_of(worlds, sets.SetWorld))
-    print(f'commitment = "{sets.commitment(secret, name)}"\nsealed = "{held.hexdigest()}"')  # for set.toml
+    sys.stdout.write(f'commitment = "{sets.commitment(secret, name)}"\nsealed = "{held.hexdigest()}"\n')  # for set.toml
 
 
 if __name__ == "__main__":

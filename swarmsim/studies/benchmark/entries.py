@@ -1,4 +1,4 @@
-"""Entries of a benchmark: one method's runs on all tasks of a set, each with its digest, so that anybody can repeat it."""
+"""Entries of a benchmark: one method's runs on all tasks of a set, each with its digest, so that all can repeat it."""
 
 from __future__ import annotations
 
@@ -87,7 +87,9 @@ def _check_mind(method: Method, path: Path) -> None:
 
 def open_method(tasks: TaskSet, method: Method, place: Path, chosen: Sequence[SetTask]) -> Plan:
     """The study of a method over the chosen tasks; its own files are looked for beside `place`. Raises InputError."""
-    mind = {key: _resolved(value, place.absolute().parent, f"{place}: mind.{key}") for key, value in method.mind.items()}
+    mind = {
+        key: _resolved(value, place.absolute().parent, f"{place}: mind.{key}") for key, value in method.mind.items()
+    }
     return plan_of(tasks, mind, place, chosen)
 
 
@@ -152,7 +154,7 @@ def write_entry(entry: Entry, out: Path, code: Code, folder: Path) -> list[Path]
 
     Own code has to lie in `folder`, that of the method's file. Raises InputError.
     """
-    texts = {Path(name): text for name, text in code.files.texts}
+    texts = {Path(name): text.decode() for name, text in code.files.texts}
     if out.suffix == ".json":
         if texts:
             raise InputError(f"--out {out}: the method has code of its own; expected a folder, into which it goes too")
@@ -162,9 +164,9 @@ def write_entry(entry: Entry, out: Path, code: Code, folder: Path) -> list[Path]
         for file, text in texts.items():
             if not file.is_relative_to(folder.absolute()):
                 raise InputError(f"{file}: lies outside of {folder}; expected a method's code beside its file")
-            files[out / file.relative_to(folder.absolute())] = text.decode()
-    for path, text in files.items():
-        write_whole(path, text)
+            files[out / file.relative_to(folder.absolute())] = text
+    for path, whole in files.items():
+        write_whole(path, whole)
     return list(files)
 
 
@@ -210,8 +212,8 @@ def _contradiction(run: EntryRun) -> str:
 def _check_tasks(entry: Entry, tasks: TaskSet, file: Path) -> None:
     if entry.set != tasks.name or entry.set_digest != tasks.digest:
         raise InputError(
-            f"{file}: made for {entry.set} ({entry.set_digest[:8]}); expected {tasks.name} ({tasks.digest[:8]}), the set "
-            f"in {tasks.folder}"
+            f"{file}: made for {entry.set} ({entry.set_digest[:8]}); expected {tasks.name} ({tasks.digest[:8]}), the "
+            f"set in {tasks.folder}"
         )
     mine = [task for part in entry.parts for task in tasks.of_part(part)]
     expected = {(task.name, seed) for task in mine for seed in tasks.about.seeds}

@@ -1,12 +1,12 @@
 """Scores of entries: times in units of a tour with the map known, compared world by world.
 
 The unit of a task is the time in which the best tour found with the map known, replayed by the simulator from the same
-starts, shows 99 % of the domain. All times of a task are divided by it: of an entry's run its T50, T90, T99 and T100. Where
-a set has no references, the unit is the best T99 of the entries at hand (Dolan and More 2002).
+starts, shows 99 % of the domain. All times of a task are divided by it: of an entry's run its T50, T90, T99 and T100.
+Where a set has no references, the unit is the best T99 of the entries at hand (Dolan and More 2002).
 
-A run that never reached a share is *not finished*: its time is not known, only that it lies beyond the limit. So scores are
-means of ln min(T / unit, c) with the same c for all entries, at most the limit over the unit: these are known of every
-run, finished or not (a restricted mean, on the log scale). Profiles count such a run at no ratio.
+A run that never reached a share is *not finished*: its time is not known, only that it lies beyond the limit. So scores
+are means of ln min(T / unit, c) with the same c for all entries, at most the limit over the unit: these are known of
+every run, finished or not (a restricted mean, on the log scale). Profiles count such a run at no ratio.
 
 Tasks of one world are not independent, so intervals resample worlds, and tests take one number a world.
 """
@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ RESAMPLES: Final = 4000  # of worlds
 ALPHA: Final = 0.05  # of all pairs together
 TAUS: Final = np.geomspace(0.5, 16.0, 101)  # ratios at which profiles are taken
 Values = NDArray[np.float64]
+K = TypeVar("K", int, str, bool)
 Estimate = tuple[float, Interval]  # with its 95 % interval
 
 
@@ -49,7 +50,7 @@ class EntryScore:
     of_regime: Mapping[str, Estimate]  # ... by the regime of communication
     of_struck: Mapping[bool, Estimate]  # ... by whether something went wrong
     overlap: Estimate  # mean of what several robots sensed
-    way: Estimate  # driven by all robots: over the tour's, or in m without one
+    way: Estimate  # m, driven by each robot
     kilobytes: Estimate  # that arrived, for each robot
     profiles: Mapping[int, Values]  # (len(TAUS),): share of runs whose T99 is within each ratio, by robots; 0 for all
 
@@ -76,7 +77,7 @@ class Standings:
     unit: str  # what times are divided by, in words
     cap: float  # the largest ratio that is told apart
     worlds: int
-    bound: float | None  # the proved lower bound in units, a geometric mean
+    bound: float | None  # the proved lower bound of T99 in units, a geometric mean
     tour: float | None  # the planned length of the best tour found, in the same way
     scores: tuple[EntryScore, ...]
     pairs: tuple[EntryPair, ...]
@@ -92,9 +93,10 @@ class _Frame:
     world: NDArray[np.int64]  # (r,): its world's row
     size: int  # worlds
 
-    def where(self, wanted: Callable[[SetTask], bool]) -> NDArray[np.bool_]:
-        """Which runs belong to wanted tasks (r,)."""
-        return np.array([wanted(task) for task, _ in self.keys], np.bool_)
+    def apart(self, of: Callable[[SetTask], K]) -> dict[K, NDArray[np.bool_]]:
+        """Which runs belong to tasks with each value of a property (r,), in the order of the values."""
+        values = [of(task) for task, _ in self.keys]
+        return {value: np.array([one == value for one in values]) for value in sorted(set(values))}
 
     def per_world(self, values: Values, which: NDArray[np.bool_]) -> Values:
         """The mean of some runs' values in each world (w,); NaN where it has none."""
@@ -125,7 +127,7 @@ def standings(tasks: TaskSet, entries: Sequence[Entry], part: str = "public") ->
         raise InputError(f"{twice}: two entries have this name; expected a name of its own for each method")
     runs = [_runs(tasks, entry, part) for entry in entries]
     frame, known = _frame(tasks, runs, part)
-    scored = [_score(entry, frame, mine, tasks if known else None) for entry, mine in zip(entries, runs, strict=True)]
+    scored = [_score(entry, frame, mine) for entry, mine in zip(entries, runs, strict=True)]
     order = sorted(range(len(scored)), key=lambda at: scored[at].times["t99"][0])
     logs = [_logs(frame, mine, "t99") for mine in runs]
     references = [tasks.references[task.name, seed] for task, seed in frame.keys] if known else []
@@ -137,7 +139,7 @@ def standings(tasks: TaskSet, entries: Sequence[Entry], part: str = "public") ->
         unit="T99 of the tour with the map known, replayed" if known else "the best T99 of these entries",
         cap=tasks.about.cap,
         worlds=frame.size,
-        bound=over([one.bound for one in references]) if all(one.bound > 0 for one in references) else None,
+        bound=over([max(one.bound99, 1) for one in references]),
         tour=over([one.tour for one in references]),
         scores=tuple(scored[at] for at in order),
         pairs=_pairs([scored[at].name for at in order], [logs[at] for at in order], frame),
@@ -186,15 +188,14 @@ def _logs(frame: _Frame, runs: Runs, share: str) -> Values:
     return np.asarray(np.log(np.minimum(_ratios(frame, runs, share), frame.cap)))
 
 
-def _score(entry: Entry, frame: _Frame, runs: Runs, references: TaskSet | None) -> EntryScore:
+def _score(entry: Entry, frame: _Frame, runs: Runs) -> EntryScore:
     logs = _logs(frame, runs, "t99")
     reached = _ratios(frame, runs, "t99")
-    counts = {task.robots: frame.where(lambda one, n=task.robots: one.robots == n) for task, _ in frame.keys}
-    regimes = {task.world.regime: task.world.regime for task, _ in frame.keys}
-    struck = sorted({task.world.struck for task, _ in frame.keys})
-    way = np.array([run.way for run in runs])
-    if references is not None:
-        way = way / [references.references[task.name, seed].way for task, seed in frame.keys]
+    counts = frame.apart(lambda task: task.robots)
+
+    def split(which: dict[K, NDArray[np.bool_]]) -> dict[K, Estimate]:
+        return {value: frame.ratio(logs, those) for value, those in which.items()}
+
     robots = np.array([task.robots for task, _ in frame.keys])
     return EntryScore(
         name=entry.method.name,
@@ -202,11 +203,11 @@ def _score(entry: Entry, frame: _Frame, runs: Runs, references: TaskSet | None) 
         runs=len(runs),
         reached={share: sum(getattr(run, share) is not None for run in runs) for share in SHARES},
         times={share: frame.ratio(_logs(frame, runs, share)) for share in SHARES},
-        of_robots={count: frame.ratio(logs, which) for count, which in counts.items()},
-        of_regime={name: frame.ratio(logs, frame.where(lambda one, r=name: one.world.regime == r)) for name in regimes},
-        of_struck={is_: frame.ratio(logs, frame.where(lambda one, s=is_: one.world.struck is s)) for is_ in struck},
+        of_robots=split(counts),
+        of_regime=split(frame.apart(lambda task: task.world.regime)),
+        of_struck=split(frame.apart(lambda task: task.world.struck)),
         overlap=frame.mean(np.array([run.overlap or 0.0 for run in runs])),
-        way=frame.mean(way),
+        way=frame.mean(np.array([run.way for run in runs]) / robots),
         kilobytes=frame.mean(np.array([run.bytes for run in runs]) / robots / 1000.0),
         profiles={0: _profile(reached), **{count: _profile(reached[which]) for count, which in counts.items()}},
     )
@@ -222,7 +223,7 @@ def _pairs(names: Sequence[str], logs: Sequence[Values], frame: _Frame) -> tuple
     for one, other in combinations(range(len(names)), 2):
         difference = logs[one] - logs[other]
         found.append((one, other, frame.ratio(difference), signed_rank(frame.per_world(difference, every))))
-    adjusted = holm([p for *_, p in found]) if found else []
+    adjusted: Sequence[float] = holm([p for *_, p in found]).tolist() if found else []
     return tuple(
         EntryPair(names[one], names[other], ratio, float(p))
         for (one, other, ratio, _), p in zip(found, adjusted, strict=True)
@@ -236,7 +237,7 @@ def signed_rank(differences: Values) -> float:
 
 
 def kept_order(public: Standings, held_out: Standings) -> tuple[int, list[EntryPair]]:
-    """How many pairs were called different on the public part, and those whose order is another on the held-out part."""
+    """How many pairs the public part calls different, and those of them whose order is another on the held-out part."""
     place = {one.name: one.times["t99"][0] for one in held_out.scores}
     called = [pair for pair in public.pairs if pair.different]
     return len(called), [pair for pair in called if (pair.ratio[0] < 1.0) != (place[pair.first] < place[pair.second])]

@@ -72,19 +72,23 @@ class SetWorld(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     digest: Digest | None  # of its floor plan's text; None if held out
 
 
-class Reference(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A line of references.csv: what is known of one task's best, in iterations. Times are None if never reached."""
+class ReferenceRow(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A line of references.csv: what nobody can beat in a task, and a tour with the map known; in iterations."""
 
     task: str
     seed: Count
-    bound: Annotated[float, Meta(ge=0.0, le=1e6)]  # proved: no swarm sees all cells in less
+    cells: Count  # of the coverage domain
+    bound50: Count  # proved: no swarm with these starts sees half of the domain in less ...
+    bound90: Count
+    bound99: Count
+    bound100: Count
     tour: Annotated[float, Meta(gt=0.0, le=1e6)]  # planned length of the best tour found
-    t50: Count | None  # of that tour, replayed by the simulator
+    t50: Count | None  # of that tour, replayed by the simulator; None if never reached
     t90: Count | None
     t99: Count | None
     t100: Count | None
-    way: Annotated[float, Meta(gt=0.0, le=1e9)]  # m, driven by all robots in it
-    digest: Digest  # of that replay's run
+    covered: Annotated[float, Meta(ge=0.0, le=1.0)]  # share of the domain at the replay's end
+    digest: Digest  # of the replay
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +109,7 @@ class TaskSet:
     about: SetFile
     tasks: tuple[SetTask, ...]
     limit: int  # iterations after which a run counts as not finished
-    references: Mapping[tuple[str, int], Reference]  # by task and seed
+    references: Mapping[tuple[str, int], ReferenceRow]  # by task and seed
     digest: str  # of everything that its runs depend on
 
     @property
@@ -125,7 +129,8 @@ class TaskSet:
 
 def shipped_set() -> Path:
     """The newest set of exploration tasks that comes with swarmsim."""
-    return max((shipped.root() / "scenarios" / "benchmarks" / "explore").glob("[0-9]*"), key=lambda path: int(path.name))
+    editions = (shipped.root() / "scenarios" / "benchmarks" / "explore").glob("[0-9]*")
+    return max(editions, key=lambda path: int(path.name))
 
 
 def open_set(folder: Path, secret: Path | None = None) -> TaskSet:
@@ -234,8 +239,8 @@ def digest_of(folder: Path, about: SetFile, where: Mapping[str, object], name: s
 
 def text_digest(text: str, world: World) -> str:
     """The digest of a floor plan's text and of how it is read, wherever its file lies."""
-    how = msgspec.json.encode({**msgspec.structs.asdict(world), "file": "", "generate": None, "seed": 0}, order="sorted")
-    return hashlib.blake2b(text.encode() + how, digest_size=16).hexdigest()
+    how = {**msgspec.structs.asdict(world), "file": "", "generate": None, "seed": 0}
+    return hashlib.blake2b(text.encode() + msgspec.json.encode(how, order="sorted"), digest_size=16).hexdigest()
 
 
 def _digest(folder: Path, about: SetFile) -> str:
@@ -245,13 +250,13 @@ def _digest(folder: Path, about: SetFile) -> str:
     return hashlib.blake2b(msgspec.json.encode(texts), digest_size=16).hexdigest()
 
 
-def _references(tasks: TaskSet) -> dict[tuple[str, int], Reference]:
+def _references(tasks: TaskSet) -> dict[tuple[str, int], ReferenceRow]:
     path = tasks.folder / REFERENCES
     if not path.is_file():
         return {}
     known = {(task.name, seed) for task in tasks.tasks for seed in tasks.about.seeds}
-    found: dict[tuple[str, int], Reference] = {}
-    for line in read_lines(path, Reference):
+    found: dict[tuple[str, int], ReferenceRow] = {}
+    for line in read_lines(path, ReferenceRow):
         if (line.task, line.seed) not in known or (line.task, line.seed) in found:
             raise InputError(f"{path}: {line.task}, seed {line.seed}: no task of the set, or listed twice")
         found[line.task, line.seed] = line

@@ -1,0 +1,142 @@
+"""A set of tasks from others' maps, in the form of the shipped one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import msgspec
+import tomli_w
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.scenario.decoding import read_struct
+from swarmsim.core.scenario.file import Scenario, World, decode, without_none
+from swarmsim.core.scenario.files import Table, write_whole
+from swarmsim.core.scenario.toml import read_toml
+from swarmsim.engine.inspection import inspect
+from swarmsim.studies.benchmark.sets import SET, WORLDS, SetFile, SetWorld, digest_of, lines_of
+from swarmsim.world import geojson, rosmap
+from swarmsim.world.made.wall_grid import middle_of
+from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
+from swarmsim.world.source import floor_plan, read_world
+
+KIND: Final = "imported"
+FOLDER: Final = "worlds"  # of the set
+FIFTH: Final = 5  # in every so many-th world something goes wrong, as in the shipped set
+Spans = tuple[float | None, float | None]  # m: of a whole picture's width, or of a pixel
+
+
+@dataclass(frozen=True, slots=True)
+class ImportedSet:
+    """A set that was written."""
+
+    folder: Path
+    worlds: tuple[str, ...]
+    left_out: dict[str, str]  # maps that no swarm can explore or that cannot be read: why, by file
+
+
+def imported(
+    source: Path, out: Path, model: Path, spans: Spans, limit: int | None, robots: Sequence[int]
+) -> ImportedSet:
+    """Write the maps in `source` as a set into the new folder `out`, with the regimes and robots of the set `model`.
+
+    Each map becomes a floor plan in metres whose robots start in a roomy place of its floor. `spans` say how large
+    pictures without a YAML file are, `limit` replaces the iterations after which a run is not finished, `robots` the counts.
+    Raises InputError without a map that can be used.
+    """
+    if (out / SET).exists():
+        raise InputError(f"--out {out}: there is a set already; expected a new folder")
+    files = maps_in(source)
+    about = read_struct(model / SET, "a set of benchmark tasks", SetFile)
+    base = read_toml(model / about.scenario, "the scenario of a set")
+    if limit is not None:
+        base["stop"] = {"iterations": limit}
+    name = _named(source.resolve().name)
+    about = msgspec.structs.replace(
+        about, name=name, edition=1, title=f"Exploration of {source.resolve().name}", kinds={}, commitment="",
+        sealed="", counts=tuple(robots) or about.counts,
+    )  # fmt: skip
+    plans, left_out = dict[str, FloorPlan](), dict[str, str]()
+    for file in files:
+        try:
+            plans[_unlike(_named(file.stem), plans)] = started(file, spans, base)
+        except InputError as problem:
+            left_out[str(file)] = str(problem).removeprefix(f"{file}: ")
+    if not plans:
+        first = next(iter(left_out.items()))
+        raise InputError(f"{source}: none of its {len(files)} maps can be used; {first[0]}: {first[1]}")
+    _write(out, about, base, plans)
+    return ImportedSet(out, tuple(plans), left_out)
+
+
+def maps_in(folder: Path) -> list[Path]:
+    """The maps in a folder and its folders: YAML files, and pictures that none of these names. Raises InputError."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; expected one with maps: map_server's YAML files, PNG or PGM")
+    pairs, named = [], set[Path]()
+    for file in sorted((*folder.rglob("*.yaml"), *folder.rglob("*.yml"))):
+        try:
+            named.add(rosmap.image_of(file).resolve())
+        except InputError:
+            continue  # some other YAML file
+        pairs.append(file)
+    pictures = [file for file in sorted(folder.rglob("*")) if file.suffix.lower() in rosmap.PICTURES]
+    found = [*pairs, *(file for file in pictures if file.resolve() not in named)]
+    if not found:
+        raise InputError(f"{folder}: no map in it; expected map_server's YAML files, PNG or PGM")
+    return found
+
+
+def started(file: Path, spans: Spans, base: Table) -> FloorPlan:
+    """A map as a floor plan with a start area, if all of it can be explored. Raises InputError."""
+    measured = file.suffix.lower() in (".yaml", ".yml") and spans[0] is None
+    width, resolution = (None, None) if measured else spans
+    world = World(file=str(file), width=width, resolution=resolution)
+    cell = _scenario(base, file).grid.cell
+    plan = floor_plan(read_world(world, cell), world)
+    floor = plan.spawns[SPAWN_LAYER]
+    plan = replace(plan, spawns={SPAWN_LAYER: middle_of(floor), "floor": floor}, notices=())
+    scenario = _scenario(base, file.with_suffix(".geojson"))
+    found = inspect(scenario, geojson.written(plan), str(file), 20.0 * scenario.robots.radius)
+    if found.problem:
+        raise InputError(f"{file}: {found.problem}")
+    return plan
+
+
+def _scenario(base: Table, file: Path) -> Scenario:
+    return decode({**base, "world": {"file": str(file)}}, str(file), file.parent)
+
+
+def _write(out: Path, about: SetFile, base: Table, plans: dict[str, FloorPlan]) -> None:
+    write_whole(out / about.scenario, tomli_w.dumps(base))
+    for name, plan in plans.items():
+        write_whole(out / FOLDER / f"{name}.geojson", geojson.written(plan))
+    regimes = list(about.regimes)
+    worlds = []
+    for number, name in enumerate(plans):
+        file = f"{FOLDER}/{name}.geojson"
+        worlds.append(
+            SetWorld(
+                world=name, kind=KIND, part="public", regime=regimes[number % len(regimes)],
+                struck=about.struck is not None and number % FIFTH == 0, seed=None, file=file,
+                digest=digest_of(out, about, {"file": file}, name),
+            )
+        )  # fmt: skip
+    write_whole(out / WORLDS, lines_of(worlds, SetWorld))
+    write_whole(out / SET, tomli_w.dumps(without_none(msgspec.to_builtins(about))))  # last: now it is a set
+
+
+def _named(text: str) -> str:
+    """A text as a name of the set: small letters, digits and hyphens."""
+    return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:50] or "map"
+
+
+def _unlike(name: str, taken: Iterable[str]) -> str:
+    """The name, with a number if it is taken."""
+    found, number = name, 2
+    while found in set(taken):
+        found, number = f"{name}-{number}", number + 1
+    return found
