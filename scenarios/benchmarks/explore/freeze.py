@@ -13,6 +13,7 @@ from pathlib import Path
 
 from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.studies.benchmark import sets
+from swarmsim.studies.benchmark.listed import lines_of
 
 EACH = 10
 
@@ -37,7 +38,7 @@ def main(folder: Path, secret: str) -> None:
                 seed=None if out else seed, file="", digest=None if out else digest,
             )
         )  # fmt: skip
-    (folder / sets.WORLDS).write_text(sets.lines_of(worlds, sets.SetWorld))
+    (folder / sets.WORLDS).write_text(lines_of(worlds, sets.SetWorld))
     sys.stdout.write(f'commitment = "{sets.commitment(secret, name)}"\nsealed = "{held.hexdigest()}"\n')  # for set.toml
 
 

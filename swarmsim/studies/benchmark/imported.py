@@ -17,7 +17,8 @@ from swarmsim.core.scenario.file import Scenario, World, decode, without_none
 from swarmsim.core.scenario.files import Table, write_whole
 from swarmsim.core.scenario.toml import read_toml
 from swarmsim.engine.inspection import inspect
-from swarmsim.studies.benchmark.sets import SET, WORLDS, SetFile, SetWorld, digest_of, lines_of
+from swarmsim.studies.benchmark.listed import lines_of
+from swarmsim.studies.benchmark.sets import SET, WORLDS, SetFile, SetWorld, digest_of
 from swarmsim.world import geojson, rosmap
 from swarmsim.world.made.wall_grid import middle_of
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
@@ -44,8 +45,8 @@ def imported(
     """Write the maps in `source` as a set into the new folder `out`, with the regimes and robots of the set `model`.
 
     Each map becomes a floor plan in metres whose robots start in a roomy place of its floor. `spans` say how large
-    pictures without a YAML file are, `limit` replaces the iterations after which a run is not finished, `robots` the counts.
-    Raises InputError without a map that can be used.
+    pictures without a YAML file are, `limit` replaces the iterations after which a run is not finished, `robots`
+    the counts. Raises InputError without a map that can be used.
     """
     if (out / SET).exists():
         raise InputError(f"--out {out}: there is a set already; expected a new folder")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEAD: Final = ("entry", "T99", "T50", "T90", "T100", "reached 99 %", "finished", "overlap", "m a robot", "kB a robot")
-PAIRED: Final = ("faster", "slower", "ratio of T99", "95 % interval", "p after Holm", "different")
+PAIRED: Final = ("faster", "slower", "ratio of T99", "p after Holm", "different")
 Table = list[tuple[str, ...]]
 
 
@@ -54,7 +55,7 @@ def _line(one: EntryScore) -> tuple[str, ...]:
 def shown(found: Estimate, how: str = ".2f") -> str:
     """An estimate with its interval."""
     value, (low, high) = found
-    return f"{value:{how}} ({low:{how}} to {high:{how}})"
+    return f"{value:{how}}" if math.isnan(low) else f"{value:{how}} ({low:{how}} to {high:{how}})"
 
 
 def split_lines(found: Standings, title: Mapping[str, str]) -> tuple[tuple[str, ...], Table]:
@@ -75,10 +76,7 @@ def split_lines(found: Standings, title: Mapping[str, str]) -> tuple[tuple[str, 
 def pair_lines(found: Standings) -> Table:
     """One line for every two entries, under PAIRED."""
     return [
-        (
-            pair.first, pair.second, f"{pair.ratio[0]:.2f}", f"{pair.ratio[1][0]:.2f} to {pair.ratio[1][1]:.2f}",
-            f"{pair.adjusted:.2g}", "yes" if pair.different else "not shown",
-        )
+        (pair.first, pair.second, shown(pair.ratio), f"{pair.adjusted:.2g}", "yes" if pair.different else "not shown")
         for pair in found.pairs
     ]  # fmt: skip
 
@@ -162,9 +160,9 @@ def _text(tasks: TaskSet, entries: Sequence[Entry], found: Mapping[str, Standing
 def _unit(found: Standings) -> str:
     return (
         f"Times are in units of {found.unit}, task by task; the tables have geometric means over worlds with 95 % "
-        f"intervals of worlds drawn anew. A run that did not reach a share counts as *not finished*: beyond "
-        f"{found.cap:g} units all ratios count alike, so its unknown time is not needed. Overlap is how often a cell was sensed by "
-        "another robot too; way and bytes are until the run's end. Energy is not measured."
+        "intervals of worlds drawn anew. A run that did not reach a share counts as *not finished*: beyond "
+        f"{found.cap:g} units all ratios count alike, so its unknown time is not needed. Overlap is how often a cell "
+        "was sensed by another robot too; way and bytes are until the run's end. Energy is not measured."
     )
 
 

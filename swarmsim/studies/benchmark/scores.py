@@ -30,11 +30,12 @@ from swarmsim.studies.survival import Interval
 
 SHARES: Final = ("t50", "t90", "t99", "t100")
 RESAMPLES: Final = 4000  # of worlds
+LEAST: Final = 6  # worlds, for an interval and a test: of fewer, no signed-rank test can be below 5 %
 ALPHA: Final = 0.05  # of all pairs together
 TAUS: Final = np.geomspace(0.5, 16.0, 101)  # ratios at which profiles are taken
 Values = NDArray[np.float64]
 K = TypeVar("K", int, str, bool)
-Estimate = tuple[float, Interval]  # with its 95 % interval
+Estimate = tuple[float, Interval]  # with its 95 % interval; NaN for fewer worlds than LEAST
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +110,8 @@ class _Frame:
         """The mean over worlds of their runs' means, with the interval of worlds drawn anew."""
         rows = self.per_world(values, np.ones(len(values), np.bool_) if which is None else which)
         rows = rows[np.isfinite(rows)]
+        if len(rows) < LEAST:
+            return float(rows.mean()), (np.nan, np.nan)
         draws = np.random.default_rng(0).integers(0, len(rows), (RESAMPLES, len(rows)))
         low, high = np.quantile(rows[draws].mean(axis=1), [0.025, 0.975])
         return float(rows.mean()), (float(low), float(high))

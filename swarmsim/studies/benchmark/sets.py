@@ -7,13 +7,11 @@ the set has a hash alone.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta, Struct
@@ -24,6 +22,7 @@ from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.core.scenario.file import World, decode, load
 from swarmsim.core.scenario.files import content
 from swarmsim.core.scenario.toml import read_toml
+from swarmsim.studies.benchmark.listed import read_lines
 from swarmsim.studies.plan import Named, Plan, Study, planned
 from swarmsim.world.source import read_world
 
@@ -32,7 +31,6 @@ SHORTEST_SECRET: Final = 16  # characters: shorter ones could be guessed from th
 Name = Annotated[str, Meta(pattern=r"^[a-z0-9][a-z0-9-]{0,59}$")]
 Digest = Annotated[str, Meta(pattern="^[0-9a-f]{32}$")]
 Count = Annotated[int, Meta(ge=0, le=1_000_000)]
-R = TypeVar("R", bound=Struct)
 
 
 class Regime(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -261,44 +259,6 @@ def _references(tasks: TaskSet) -> dict[tuple[str, int], ReferenceRow]:
             raise InputError(f"{path}: {line.task}, seed {line.seed}: no task of the set, or listed twice")
         found[line.task, line.seed] = line
     return found
-
-
-def read_lines(path: Path, kind: type[R]) -> list[R]:
-    """The lines of a CSV file as structs; an empty cell is None, or an empty text. Raises InputError."""
-    text = content(path, "a CSV file of a set of tasks").decode("utf-8-sig", "replace")
-    try:
-        rows = list(csv.reader(io.StringIO(text), strict=True))
-    except csv.Error as problem:
-        raise InputError(f"{path}: not CSV: {problem}") from problem
-    names = [field.name for field in msgspec.structs.fields(kind)]
-    if not rows or rows[0] != names:
-        raise InputError(f"{path}: line 1: expected the columns {', '.join(names)}")
-    found = []
-    for number, row in enumerate(rows[1:], 2):
-        if len(row) != len(names):
-            raise InputError(f"{path}: line {number}: {len(row)} cells; expected {len(names)}")
-        texts = {"file"}
-        table = {name: cell if cell or name in texts else None for name, cell in zip(names, row, strict=True)}
-        try:
-            found.append(msgspec.convert(table, kind, strict=False))
-        except msgspec.ValidationError as problem:
-            raise InputError(f"{path}: line {number}: {problem}") from problem
-    return found
-
-
-def lines_of(rows: Iterable[Struct], kind: type[Struct]) -> str:
-    """Structs as the text of a CSV file that `read_lines` reads."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([field.name for field in msgspec.structs.fields(kind)])
-    writer.writerows([_cell(value) for value in msgspec.structs.astuple(row)] for row in rows)
-    return out.getvalue()
-
-
-def _cell(value: Any) -> str:  # noqa: ANN401 - a field of any struct
-    if value is None:
-        return ""
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def plan_of(tasks: TaskSet, mind: Mapping[str, object], place: Path, chosen: Iterable[SetTask]) -> Plan:
