@@ -20,7 +20,7 @@ from swarmsim.core.errors import InputError, PlacedError
 from swarmsim.core.events import Box
 from swarmsim.core.lending import lent
 from swarmsim.core.parts import Actuator, Sensor
-from swarmsim.core.readings import Readings
+from swarmsim.core.readings import Readings, Tiles
 from swarmsim.core.scenario import budget, registry
 from swarmsim.core.scenario.file import Scenario, Sensors, World, sensors_of
 from swarmsim.core.scenario.part import Buildable, Part
@@ -158,25 +158,38 @@ def _observable(
     place: str, part: Part[Sensor], context: BuildContext, reachable: NDArray[np.bool_]
 ) -> NDArray[np.bool_] | None:
     """The cells (rows, columns) observable from the centre of some reachable cell; None without tiles."""
-    lattice = context.lattice
+    sensor = surveyor(place, part, context)
+    if sensor is None:
+        return None
+    places = np.argwhere(reachable)
+    observed = np.zeros(context.lattice.shape, np.bool_)
+    work = budget.survey(len(places), *beams_of(part, context.lattice.cell))
+    for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
+        tiles = tiles_from(sensor, context, context.lattice.centres(cells))
+        occupancy.note_observed(tiles.values, tiles.origins, observed)
+    return observed
+
+
+def surveyor(place: str, part: Part[Sensor], context: BuildContext) -> Sensor | None:
+    """A sensor that tells what can be observed in the long run; None without tiles.
+
+    `place` is the sensor's in the scenario. Raises InputError, which starts with it.
+    """
     # In the long run, gaps between beams do not limit what robots see.
     surveying: Buildable[Sensor] | None = part.declares("surveying", None)
     sensor = make(part, context, place) if surveying is None else _surveying(surveying, context, place)
     if "tiles" not in sensor.channels:
         return None
-    if not registry.is_ours(sensor):
-        sensor = held("sensor", sensor, context, Clock())
-    places = np.argwhere(reachable)
-    observed = np.zeros(lattice.shape, np.bool_)
-    work = budget.survey(len(places), *beams_of(part, lattice.cell))
-    for cells in budget.pieces(work, np.array_split(places, -(-len(places) // MANY))):
-        pose = np.zeros((len(cells), 3))
-        pose[:, :2] = lattice.centres(cells)
-        none, alive = np.zeros((len(cells), 2)), np.ones(len(cells), np.bool_)
-        rest = Readings.filled(context.actuators, {}, alive)
-        tiles = sensor.sense(State(0, pose, np.zeros_like(pose), none, alive, rest)).tiled
-        occupancy.note_observed(tiles.values, tiles.origins, observed)
-    return observed
+    return sensor if registry.is_ours(sensor) else held("sensor", sensor, context, Clock())
+
+
+def tiles_from(sensor: Sensor, context: BuildContext, points: NDArray[np.float64]) -> Tiles:
+    """What a sensor with tiles observes from points (k, 2): x, y in m; its robot heads along x."""
+    alive = np.ones(len(points), np.bool_)
+    pose = np.zeros((len(points), 3))
+    pose[:, :2] = points
+    rest = Readings.filled(context.actuators, {}, alive)
+    return sensor.sense(State(0, pose, np.zeros_like(pose), np.zeros((len(points), 2)), alive, rest)).tiled
 
 
 def beams_of(sensor: Part[Sensor], cell: float) -> tuple[int, float, int]:
