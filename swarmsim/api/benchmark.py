@@ -16,7 +16,7 @@ from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.benchmark import entries
 from swarmsim.studies.benchmark.entries import Entry, read_entry
-from swarmsim.studies.benchmark.imported import ImportedSet, imported
+from swarmsim.studies.benchmark.imported import ImportedSet, Pictures, imported
 from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.scores import Standings, standings
 from swarmsim.studies.benchmark.sets import open_set, shipped_set
@@ -159,6 +159,7 @@ def benchmark_import(
     out: str | Path,
     width: float | None = None,
     resolution: float | None = None,
+    floor: int | None = None,
     robots: Sequence[int] = (),
     limit: int | None = None,
     tasks: str | Path | None = None,
@@ -166,9 +167,10 @@ def benchmark_import(
     """Make a set of tasks from the maps in the folder `source`: `swarmsim benchmark import`.
 
     Maps are map_server's YAML files and pictures; `width` is that of every map in metres, `resolution` that of a pixel
-    of pictures without a YAML file. Robots start in a roomy place. The set is written into the folder `out`, with the
-    regimes of the set `tasks`, by default the newest that is shipped; `robots` and `limit` replace its numbers of
-    robots and of iterations. Raises InputError for a folder without a map that can be used.
+    of pictures without a YAML file, and `floor` their darkest grey (0 to 255) that is floor. Robots start in a roomy
+    place. The set is written into the folder `out`, with the regimes of the set `tasks`, by default the newest that is
+    shipped; `robots` and `limit` replace its numbers of robots and of iterations. Raises InputError for a folder
+    without a map that can be used.
     """
     for name, given in (("width", width), ("resolution", resolution)):
         if given is not None and not 0.0 < given <= 1e4:
@@ -177,4 +179,4 @@ def benchmark_import(
         raise InputError("--width and --resolution say the same in two ways; expected one of them")
     if any(count < 1 for count in robots):
         raise InputError(f"--robots {min(robots)}: expected at least 1")
-    return imported(Path(source), Path(out), _folder(tasks), (width, resolution), limit, robots)
+    return imported(Path(source), Path(out), _folder(tasks), Pictures(width, resolution, floor), limit, robots)

@@ -123,6 +123,9 @@ def import_(
     out: Annotated[Path, typer.Option(help="Folder of the new set.")],
     width: Annotated[float | None, typer.Option(help="Width of every map in metres, instead of its own.")] = None,
     resolution: Annotated[float | None, typer.Option(help="Metres a pixel, of pictures without a YAML file.")] = None,
+    floor: Annotated[
+        int | None, typer.Option(help="Darkest grey that is floor, of pictures without a YAML file.", min=1, max=255)
+    ] = None,
     robots: Annotated[
         list[int] | None, typer.Option(help="A number of robots; repeatable; default: 4, 10, 30.")
     ] = None,
@@ -136,7 +139,7 @@ def import_(
     from swarmsim.api.benchmark import benchmark_import
 
     made = benchmark_import(
-        source, out=out, width=width, resolution=resolution, robots=robots or (), limit=limit, tasks=tasks
+        source, out=out, width=width, resolution=resolution, floor=floor, robots=robots or (), limit=limit, tasks=tasks
     )
     for file, why in made.left_out.items():
         print(f"left out: {file}: {why}")

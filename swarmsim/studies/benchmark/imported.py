@@ -9,25 +9,39 @@ from pathlib import Path
 from typing import Final
 
 import msgspec
+import numpy as np
+import shapely
 import tomli_w
+from shapely import MultiPolygon
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.core.scenario.file import Scenario, World, decode, without_none
 from swarmsim.core.scenario.files import Table, write_whole
 from swarmsim.core.scenario.toml import read_toml
+from swarmsim.core.state import FREE, OCCUPIED
 from swarmsim.engine.inspection import inspect
 from swarmsim.studies.benchmark.listed import lines_of
 from swarmsim.studies.benchmark.sets import SET, WORLDS, SetFile, SetWorld, digest_of
 from swarmsim.world import geojson, rosmap
-from swarmsim.world.made.wall_grid import middle_of
+from swarmsim.world.areas import polygons
 from swarmsim.world.plan import SPAWN_LAYER, FloorPlan
 from swarmsim.world.source import floor_plan, read_world
 
 KIND: Final = "imported"
 FOLDER: Final = "worlds"  # of the set
+START: Final = 3.0  # m2, room for some fifty robots to start
+RADII: Final = (1.0, 1.5, 2.0, 3.0, 5.0)  # m, about the place where they do
 FIFTH: Final = 5  # in every so many-th world something goes wrong, as in the shipped set
-Spans = tuple[float | None, float | None]  # m: of a whole picture's width, or of a pixel
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """How pictures are read."""
+
+    width: float | None = None  # m, of every map
+    resolution: float | None = None  # m, a pixel of a picture without a YAML file
+    floor: int | None = None  # the darkest level that is floor, in pictures without a YAML file; None: map_server's
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +54,12 @@ class ImportedSet:
 
 
 def imported(
-    source: Path, out: Path, model: Path, spans: Spans, limit: int | None, robots: Sequence[int]
+    source: Path, out: Path, model: Path, how: Pictures, limit: int | None, robots: Sequence[int]
 ) -> ImportedSet:
     """Write the maps in `source` as a set into the new folder `out`, with the regimes and robots of the set `model`.
 
-    Each map becomes a floor plan in metres whose robots start in a roomy place of its floor. `spans` say how large
-    pictures without a YAML file are, `limit` replaces the iterations after which a run is not finished, `robots`
+    Each map becomes a floor plan in metres whose robots start in a roomy place of its floor. `how` says how
+    pictures are read, `limit` replaces the iterations after which a run is not finished, `robots`
     the counts. Raises InputError without a map that can be used.
     """
     if (out / SET).exists():
@@ -63,7 +77,7 @@ def imported(
     plans, left_out = dict[str, FloorPlan](), dict[str, str]()
     for file in files:
         try:
-            plans[_unlike(_named(file.stem), plans)] = started(file, spans, base)
+            plans[_unlike(_named(file.stem), plans)] = started(file, how, base)
         except InputError as problem:
             left_out[str(file)] = str(problem).removeprefix(f"{file}: ")
     if not plans:
@@ -91,20 +105,43 @@ def maps_in(folder: Path) -> list[Path]:
     return found
 
 
-def started(file: Path, spans: Spans, base: Table) -> FloorPlan:
+def started(file: Path, how: Pictures, base: Table) -> FloorPlan:
     """A map as a floor plan with a start area, if all of it can be explored. Raises InputError."""
-    measured = file.suffix.lower() in (".yaml", ".yml") and spans[0] is None
-    width, resolution = (None, None) if measured else spans
-    world = World(file=str(file), width=width, resolution=resolution)
+    bare = file.suffix.lower() in rosmap.PICTURES
+    world = World(file=str(file), width=how.width, resolution=how.resolution if bare else None)
     cell = _scenario(base, file).grid.cell
-    plan = floor_plan(read_world(world, cell), world)
+    text = read_world(world, cell) if how.floor is None or not bare else _by_level(file, how, cell)
+    plan = floor_plan(text, world)
     floor = plan.spawns[SPAWN_LAYER]
-    plan = replace(plan, spawns={SPAWN_LAYER: middle_of(floor), "floor": floor}, notices=())
+    plan = replace(plan, spawns={SPAWN_LAYER: start_in(floor), "floor": floor}, notices=())
     scenario = _scenario(base, file.with_suffix(".geojson"))
     found = inspect(scenario, geojson.written(plan), str(file), 20.0 * scenario.robots.radius)
     if found.problem:
         raise InputError(f"{file}: {found.problem}")
     return plan
+
+
+def start_in(floor: MultiPolygon) -> MultiPolygon:
+    """The connected floor about its roomiest place, within the least of RADII that gives START of floor."""
+    piece = max(floor.geoms, key=lambda one: one.area)
+    centre = shapely.maximum_inscribed_circle(piece, tolerance=0.1).coords[0]
+    found = floor
+    for radius in RADII:
+        near = polygons(shapely.intersection(piece, shapely.Point(centre).buffer(radius)))
+        found = MultiPolygon([min(near.geoms, key=lambda one: one.distance(shapely.Point(centre)))])
+        if found.area >= START:
+            break
+    return found
+
+
+def _by_level(file: Path, how: Pictures, cell: float) -> str:
+    """The floor plan of a picture whose pixels from a level on are floor."""
+    walls = rosmap.dark(file, (how.floor or 0) - 1)
+    side = how.resolution if how.width is None else how.width / walls.shape[1]
+    if side is None:
+        raise InputError(f"{file}: how large is a pixel? Expected --resolution or --width, in metres")
+    states = np.where(walls, OCCUPIED, FREE).astype(np.uint8)
+    return geojson.written(rosmap.Bitmap(states, side, (0.0, 0.0, 0.0)).plan(str(file), cell, True))
 
 
 def _scenario(base: Table, file: Path) -> Scenario:

@@ -78,14 +78,14 @@ class WallGrid:
             return united([affinity.scale(traced(mask), self._cell, self._cell, origin=(0.0, 0.0))])
 
         walls, floor = metres(solid), metres(~solid)
-        spawn = middle_of(floor) if start is None else metres(start)
+        spawn = _middle(floor) if start is None else metres(start)
         layers = {"walls": walls, "pillars": MultiPolygon(), "furniture": MultiPolygon()}
         rows, columns = solid.shape
         page = (0.0, 0.0, columns * self._cell, rows * self._cell)
         return GeneratedPlan(FloorPlan(walls, layers, {SPAWN_LAYER: spawn, "floor": floor}, page))
 
 
-def middle_of(floor: MultiPolygon) -> MultiPolygon:
+def _middle(floor: MultiPolygon) -> MultiPolygon:
     """The floor within a circle of a quarter of the building's breadth about a roomy place."""
     piece = max(floor.geoms, key=lambda one: one.area)
     left, low, right, high = piece.bounds
