@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 from msgspec import Struct
 
 from swarmsim.engine.build import BuiltRun
+from swarmsim.studies.benchmark.bounds import Bounds, bounds_of
+from swarmsim.studies.benchmark.replay import Driven, drive, way_of
+from swarmsim.studies.benchmark.tours import Effort, Net, Routes, best_routes, covering
+from swarmsim.studies.benchmark.views import Ground, ground_of
 
 
 class Times(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -30,19 +36,14 @@ class Reference(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     seed: int
     cells: int  # of the coverage domain
     bounds: Times  # no swarm of these robots can be faster; never None
+    first_sight: int  # the two bounds that t100 is the larger one of: until the farthest cell can be seen ...
+    covering: int  # ... and until the robots together can have driven far enough
     tour: float  # iterations of its longest way at top speed
     replay: Times  # of the tour, by the simulator and its own measure of coverage
     covered: float  # share of the domain at the end of the replay
+    pace: float  # the fastest robot's mean speed in the replay, as a share of the top speed: bounds assume at most 1
     digest: str  # of the replay, as `swarmsim verify` computes it
     ways: tuple[str, ...]  # of the tour, one for each robot
-
-
-class Effort(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """How long to search for a good tour; in counts, so that the same tour comes out on any machine."""
-
-    searches: int = 3  # how often guided local search starts again from what then covers everything
-    steps: int = 200  # new solutions of one such search
-    repairs: int = 4  # replays after which cells that were missed are added to the tour
 
 
 def reference(built: BuiltRun, effort: Effort = Effort()) -> Reference:  # noqa: B008 - it is frozen
@@ -52,9 +53,66 @@ def reference(built: BuiltRun, effort: Effort = Effort()) -> Reference:  # noqa:
     mind, faults and limit do not. The run itself is not advanced. Raises InputError without OR-tools, and for a
     scenario whose sensor gives no tiles.
     """
-    raise NotImplementedError
+    ground = ground_of(built)
+    ways, driven = _best_tour(built, ground, effort)
+    bounds = bounds_of(built)
+    longest = max(driven.planned)
+    return Reference(
+        robots=len(ways),
+        seed=built.scenario.seed,
+        cells=len(ground.domain),
+        bounds=_bound_times(bounds),
+        first_sight=bounds.first_sight[-1],
+        covering=bounds.covering[-1],
+        tour=1.0 + longest / ground.pace,
+        replay=_times(driven),
+        covered=driven.watched.coverage[-1],
+        pace=driven.pace,
+        digest=driven.digest,
+        ways=ways,
+    )
 
 
 def replayed(built: BuiltRun, ways: tuple[str, ...]) -> tuple[Times, float, str]:
-    """The times, the share covered at the end and the digest of a tour's replay; needs no OR-tools."""
-    raise NotImplementedError
+    """The times, the share covered at the end and the digest of a tour's replay; needs no OR-tools.
+
+    Raises InputError for ways that do not fit the building or the robots.
+    """
+    driven = drive(built, ground_of(built), ways)
+    return _times(driven), driven.watched.coverage[-1], driven.digest
+
+
+def _best_tour(built: BuiltRun, ground: Ground, effort: Effort) -> tuple[tuple[str, ...], Driven]:
+    """The tour whose replay covers most of the domain soonest, of the best found and its repairs."""
+    net = Net(ground)
+    routes = best_routes(net, effort)
+    found = []
+    for _ in range(1 + effort.repairs):
+        ways = _ways(net, routes)
+        driven = drive(built, ground, ways)
+        found.append((ways, driven))
+        if not len(driven.missed):
+            break
+        # From nowhere on the way were these cells seen, whatever was planned: somebody has to go elsewhere for them.
+        net.forget(routes, driven.missed)
+        routes = covering(net, routes)
+    return min(found, key=lambda one: [math.inf if time is None else time for time in _shown(one[1])])
+
+
+def _shown(driven: Driven) -> tuple[int | None, int | None]:
+    """What decides between tours."""
+    return driven.watched.first(0.99), driven.watched.first(1.0)
+
+
+def _ways(net: Net, routes: Routes) -> tuple[str, ...]:
+    return tuple(way_of(net.ground.cells[net.walk(route)]) for route in routes)
+
+
+def _times(driven: Driven) -> Times:
+    first = driven.watched.first
+    return Times(t50=first(0.5), t90=first(0.9), t99=first(0.99), t100=first(1.0))
+
+
+def _bound_times(bounds: Bounds) -> Times:
+    t50, t90, t99, t100 = bounds.best
+    return Times(t50=t50, t90=t90, t99=t99, t100=t100)

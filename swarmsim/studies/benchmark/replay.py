@@ -23,10 +23,12 @@ from swarmsim.studies.benchmark.views import Ground
 
 AHEAD: Final = 10  # points of its way that a robot is given in an iteration
 WINDOW: Final = 4  # points that it may pass in one
-SLACK: Final = 1.5  # of the longest way's time at top speed, before a replay ends ...
-MORE: Final = 60  # ... and iterations besides
+SLACK: Final = 1.3  # of the longest way's time at top speed, before a replay ends ...
+MORE: Final = 40  # ... and iterations besides
 COMPASS: Final = {
-    "n": (1, 0), "ne": (1, 1), "e": (0, 1), "se": (-1, 1), "s": (-1, 0), "sw": (-1, -1), "w": (0, -1), "nw": (1, -1),
+    "n": (1, 0), "nne": (2, 1), "ne": (1, 1), "ene": (1, 2), "e": (0, 1), "ese": (-1, 2), "se": (-1, 1), "sse": (-2, 1),
+    "s": (-1, 0), "ssw": (-2, -1), "sw": (-1, -1), "wsw": (-1, -2), "w": (0, -1), "wnw": (1, -2), "nw": (1, -1),
+    "nnw": (2, -1),
 }  # fmt: skip
 
 
@@ -45,8 +47,8 @@ def way_of(cells: NDArray[np.int64]) -> str:
 
 def cells_of(way: str) -> NDArray[np.int64]:
     """The cells (k, 2) of a way, row and column, from its text. Raises InputError for another text."""
-    found = re.fullmatch(r"(\d+),(\d+) ((?:\d+[nsew]{1,2})*)", way)
-    steps = [] if found is None else re.findall(r"(\d+)([nsew]{1,2})", found[3])
+    found = re.fullmatch(r"(\d+),(\d+) ((?:\d+[nsew]{1,3})*)", way)
+    steps = [] if found is None else re.findall(r"(\d+)([nsew]{1,3})", found[3])
     if found is None or any(step not in COMPASS for _, step in steps):
         raise InputError(f"way {way[:40]!r}: expected a first cell and steps, as in '12,34 5n3ne'")
     moves = [COMPASS[step] for count, step in steps for _ in range(int(count))]
@@ -130,8 +132,10 @@ class Driven:
     """A replay."""
 
     watched: Watched
-    missed: NDArray[np.int64]  # the cells of the domain, row-major, that nobody has seen at the end
+    planned: tuple[float, ...]  # the length in m of each robot's way
+    missed: NDArray[np.int64]  # which cells of the ground's domain nobody has seen at the end
     digest: str
+    pace: float  # how far the fastest robot had driven at any time, as a share of what top speed allows until then
 
 
 def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...]) -> Driven:
@@ -139,8 +143,8 @@ def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...]) -> Driven:
     points = [_points(ground, robot, way) for robot, way in enumerate(ways)]
     if len(points) != len(ground.starts):
         raise InputError(f"{len(points)} ways for {len(ground.starts)} robots; expected a way for each")
-    longest = max(float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in points)
-    limit = int(SLACK * longest / ground.pace) + MORE
+    planned = tuple(float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in points)
+    limit = int(SLACK * max(planned) / ground.pace) + MORE
 
     def following(parts: Parts) -> Parts:
         return replace(parts, strategy=Followed(points))
@@ -148,7 +152,9 @@ def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...]) -> Driven:
     run = build(bare(built.scenario, limit), built.simulation.name, built.world, watch=following)
     watched, digests = Watched(np.zeros(ground.lattice.shape, np.bool_)), Digests()
     run.simulate([watched, digests])
-    return Driven(watched, np.flatnonzero(built.explorable & ~watched.seen), digests.total())
+    missed = np.flatnonzero(~watched.seen.reshape(-1)[ground.domain])
+    allowed = ground.pace * np.arange(1, len(watched.poses))[:, None]
+    return Driven(watched, planned, missed, digests.total(), float((watched.driven[1:] / allowed).max(initial=0.0)))
 
 
 def _points(ground: Ground, robot: int, way: str) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ loses cells looks like a better one.
 from __future__ import annotations
 
 import heapq
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
@@ -23,6 +24,9 @@ from swarmsim.studies.benchmark.solver import routing
 from swarmsim.studies.benchmark.views import Ground
 
 UNITS: Final = 100  # of the solver's whole numbers in a cell
+CHOICE: Final = 0.3  # of the largest gain: places that gain less are not looked at
+FIRST: Final = 20_000  # looks of the search for one tour of all viewpoints
+LOOSE: Final = 0.02  # how much longer than the best routes may be to go on from them, at first
 SPAN: Final = 100  # how much more the longest way counts than all ways together
 Routes = list[list[int]]  # by robot: the places of viewpoints, the start first
 
@@ -30,9 +34,10 @@ Routes = list[list[int]]  # by robot: the places of viewpoints, the start first
 class Effort(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """How long to search for a good tour; in counts, so that the same tour comes out on any machine."""
 
-    searches: int = 3  # how often guided local search starts again from what then covers everything
-    steps: int = 2000  # solutions that one such search accepts
-    repairs: int = 3  # replays after which cells that were missed are added to the tour
+    searches: int = 2  # how often guided local search starts again from what then covers everything
+    looks: int = 100_000  # of one such search at what it has
+    rounds: int = 100  # of taking out stops and covering what is lost, after each
+    repairs: int = 4  # replays after which cells that were missed are added to the tour
 
 
 @dataclass(eq=False)
@@ -42,6 +47,7 @@ class Net:
     ground: Ground
 
     def __post_init__(self) -> None:
+        self.views = self.ground.views.copy()
         self._rows = dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]]()
         self._legs = dict[tuple[int, int], NDArray[np.int64]]()
         self._seen = dict[tuple[int, int], NDArray[np.int64]]()
@@ -59,6 +65,21 @@ class Net:
             self.prepare(np.array([place]))
         return self._rows[place][0]
 
+    def forget(self, routes: Routes, cells: NDArray[np.int64]) -> None:
+        """Count no more on seeing these cells of the domain (k,) from anywhere on the routes."""
+        places = np.unique(np.concatenate([self.walk(route) for route in routes]))
+        lost = sparse.csr_array(
+            (
+                np.ones((len(places), len(cells)), np.bool_).ravel(),
+                (np.repeat(places, len(cells)), np.tile(cells, len(places))),
+            ),
+            shape=self.views.shape,
+        )
+        seen = self.views.astype(np.int8) - self.views.multiply(lost).astype(np.int8)
+        self.views = sparse.csr_array(seen.astype(np.bool_))
+        self.views.eliminate_zeros()
+        self._seen.clear()
+
     def leg(self, start: int, end: int) -> NDArray[np.int64]:
         """The places on the way from one to another, without the first."""
         if (start, end) not in self._legs:
@@ -72,7 +93,7 @@ class Net:
     def seen(self, start: int, end: int) -> NDArray[np.int64]:
         """The cells of the domain seen on the way, each once."""
         if (start, end) not in self._seen:
-            self._seen[start, end] = np.unique(self.ground.views[self.leg(start, end)].indices)
+            self._seen[start, end] = np.unique(self.views[self.leg(start, end)].indices)
         return self._seen[start, end]
 
     def length(self, route: list[int]) -> float:
@@ -94,7 +115,7 @@ class Coverage:
     def __init__(self, net: Net, routes: Routes) -> None:
         self._net, self._counts = net, np.zeros(len(net.ground.domain), np.int64)
         for route in routes:
-            self._counts[np.unique(net.ground.views[route[:1]].indices)] += 1
+            self._counts[np.unique(net.views[route[:1]].indices)] += 1
             for pair in pairwise(route):
                 self._counts[net.seen(*pair)] += 1
 
@@ -140,12 +161,12 @@ def first_routes(net: Net) -> Routes:
     ground = net.ground
     starts = ground.starts
     covered = np.zeros(len(ground.domain), np.bool_)
-    covered[ground.views[starts].indices] = True
+    covered[net.views[starts].indices] = True
     stops = viewpoints(ground, covered)
     net.prepare(np.concatenate([starts, stops]))
     if not len(stops):
         return [[start] for start in starts.tolist()]
-    order = shortened(net, [[int(starts[0]), *stops.tolist()]], [1], 20_000)[0][1:]
+    order = shortened(net, [[int(starts[0]), *stops.tolist()]], FIRST)[0][1:]
     pieces = _split(net, order, len(starts))
     cost = np.array(
         [[min(net.ways(start)[piece[0]], net.ways(start)[piece[-1]]) for piece in pieces] for start in starts.tolist()]
@@ -179,13 +200,13 @@ def _split(net: Net, order: list[int], robots: int) -> Routes:
     return pieces(high)
 
 
-def shortened(net: Net, routes: Routes, weights: list[int], steps: int) -> Routes:
+def shortened(net: Net, routes: Routes, looks: int) -> Routes:
     """The same stops in other orders and on other robots, with a shorter longest way if guided local search finds one.
 
-    `steps` are the solutions that it accepts. Ways are open: nobody has to come back.
+    It looks so often at what it has. Ways are open: nobody has to come back.
     """
     stops = [place for route in routes for place in route[1:]]
-    if not stops or steps == 0:
+    if not stops:
         return routes
     nodes = [*(route[0] for route in routes), *stops]
     net.prepare(np.array(nodes))
@@ -196,30 +217,36 @@ def shortened(net: Net, routes: Routes, weights: list[int], steps: int) -> Route
     for route in routes:
         numbers.append(list(range(first, first + len(route) - 1)))
         first += len(route) - 1
-    found = routing(matrix.tolist(), numbers, SPAN, steps)
+    found = routing(matrix.tolist(), numbers, SPAN, looks)
     return [[nodes[robot], *(nodes[number] for number in way)] for robot, way in enumerate(found)]
 
 
-def pruned(net: Net, routes: Routes, coverage: Coverage) -> Routes:
-    """The routes without stops whose cells are seen on the ways anyway; those that save most go first."""
+def pruned(net: Net, routes: Routes, coverage: Coverage, which: Iterable[int] | None = None) -> Routes:
+    """The routes without stops whose cells are seen on the ways anyway; those that save most go first.
+
+    `which` are the only ones to look at, if given.
+    """
     routes = [list(route) for route in routes]
-    dropped = True
-    while dropped:
-        dropped = False
-        lengths = [net.length(route) for route in routes]
-        for robot in np.argsort(lengths)[::-1].tolist():
-            route = routes[robot]
-            savings = sorted(((-_saving(net, route, at), at) for at in range(1, len(route))), key=lambda one: one)
-            for stop in [route[at] for _, at in savings]:
-                at = route.index(stop, 1)
-                old = route[at - 1 : at + 2]
-                new = [old[0], *old[2:]]
-                if coverage.replace(old, new):
-                    del route[at]
-                    dropped = True
-                else:
-                    coverage.replace(new, old)
+    asked = range(len(routes)) if which is None else which
+    waiting = sorted(asked, key=lambda robot: -net.length(routes[robot]))
+    while waiting:
+        waiting = [robot for robot in waiting if _prune(net, routes[robot], coverage)]
     return routes
+
+
+def _prune(net: Net, route: list[int], coverage: Coverage) -> bool:
+    """Take stops out of a route; whether any went."""
+    before = len(route)
+    savings = sorted((-_saving(net, route, at), at) for at in range(1, len(route)))
+    for stop in [route[at] for _, at in savings]:
+        at = route.index(stop, 1)
+        old = route[at - 1 : at + 2]
+        new = [old[0], *old[2:]]
+        if coverage.replace(old, new):
+            del route[at]
+        else:
+            coverage.replace(new, old)
+    return len(route) < before
 
 
 def _saving(net: Net, route: list[int], at: int) -> float:
@@ -232,52 +259,57 @@ def completed(net: Net, routes: Routes, coverage: Coverage) -> Routes:
     """The routes with more stops, so that they see everything, where that lengthens the longest least."""
     routes = [list(route) for route in routes]
     while (missing := coverage.missing).any():
-        gains = net.ground.views @ missing.astype(np.int64)
-        places = np.flatnonzero(gains)
-        longest = net.longest(routes)
-        best = min(
-            _dearest(net, route, places, gains[places], longest) + (robot,) for robot, route in enumerate(routes)
-        )
-        _, at, place, robot = best
+        robot, at, place = _dearest(net, routes, net.views @ missing.astype(np.int64))
         old = routes[robot][at - 1 : at + 1]
         coverage.replace(old, [old[0], place, *old[1:]])
         routes[robot].insert(at, place)
     return routes
 
 
-def _dearest(
-    net: Net, route: list[int], places: NDArray[np.int64], gains: NDArray[np.int64], longest: float
-) -> tuple[float, int, int]:
-    """The cheapest place (of k) to insert into a route by what it costs for each cell gained: cost, where, and place."""
-    ways = np.stack([net.ways(stop)[places] for stop in route])
-    extra = ways.copy()  # the last row: at the end
-    legs = np.array([net.ways(one)[other] for one, other in pairwise(route)])
-    extra[:-1] += ways[1:] - legs[:, None]
-    cost = extra + SPAN * np.maximum(legs.sum() + extra - longest, 0.0)
-    rate = (cost + net.ground.lattice.cell) / gains
+def _dearest(net: Net, routes: Routes, gains: NDArray[np.int64]) -> tuple[int, int, int]:
+    """The robot, where in its route, and the place to insert there that costs least for each cell gained (p,)."""
+    places = np.flatnonzero(gains >= max(1.0, CHOICE * gains.max()))
+    owner = np.repeat(np.arange(len(routes)), [len(route) for route in routes])
+    stops = [stop for route in routes for stop in route]
+    ways = np.stack([net.ways(stop)[places] for stop in stops])
+    legs = np.array([net.ways(one)[other] for one, other in pairwise(stops)] + [0.0])
+    inner = np.append(owner[1:] == owner[:-1], False)  # others are last on their route: no way on from there
+    legs[~inner] = 0.0
+    extra = ways.copy()
+    extra[inner] += ways[1:][inner[:-1]] - legs[inner, None]
+    lengths = np.bincount(owner, legs)
+    cost = extra + SPAN * np.maximum(lengths[owner][:, None] + extra - lengths.max(), 0.0)
+    rate = (cost + net.ground.lattice.cell) / gains[places]
     at, number = np.unravel_index(int(rate.argmin()), rate.shape)
-    return float(rate[at, number]), int(at) + 1, int(places[number])
+    first = int(np.searchsorted(owner, owner[at]))
+    return int(owner[at]), int(at) - first + 1, int(places[number])
 
 
 def rebuilt(net: Net, routes: Routes, rounds: int, random: np.random.Generator) -> Routes:
-    """The routes after so many attempts to take out some stops and to see what is lost in another way (Shaw 1998)."""
-    best, score = routes, _score(net, routes)
-    for _ in range(rounds):
-        trial = [list(route) for route in best]
-        lengths = np.array([net.length(route) for route in trial])
-        robot = int(lengths.argmax()) if random.random() < 0.5 else int(random.integers(len(trial)))
-        if len(trial[robot]) < 2:
-            continue
-        centre = trial[robot][int(random.integers(1, len(trial[robot])))]
-        near = net.ways(centre)
-        others = sorted((float(near[stop]), stop) for route in trial for stop in route[1:])
-        gone = {stop for _, stop in others[: int(random.integers(2, 8))]}
-        trial = [[route[0], *(stop for stop in route[1:] if stop not in gone)] for route in trial]
-        trial = completed(net, trial, Coverage(net, trial))
-        trial = pruned(net, trial, Coverage(net, trial))
-        now = _score(net, trial)
-        if now < score:
-            best, score = trial, now
+    """The best routes found by taking out some stops, again and again, and covering what is lost in another way.
+
+    This is large neighbourhood search (Shaw 1998), which also goes on from routes slightly longer than the best, as in
+    Dueck's record-to-record travel (1993).
+    """
+    best = now = routes
+    record = score = _score(net, routes)
+    for done in range(rounds):
+        stops = [stop for route in now for stop in route[1:]]
+        if not stops:
+            break
+        longest = max(now, key=net.length)[1:]
+        among = longest if longest and random.random() < 0.5 else stops
+        near = net.ways(among[int(random.integers(len(among)))])
+        gone = set(sorted(stops, key=lambda stop: (near[stop], stop))[: int(random.integers(2, 9))])
+        trial = [[route[0], *(stop for stop in route[1:] if stop not in gone)] for route in now]
+        coverage = Coverage(net, trial)
+        trial = completed(net, trial, coverage)
+        trial = pruned(net, trial, coverage, [robot for robot, route in enumerate(trial) if route != now[robot]])
+        score = _score(net, trial)
+        if score < record * (1.0 + LOOSE * (1.0 - done / rounds)):
+            now = trial
+        if score < record:
+            best, record = trial, score
     return best
 
 
@@ -289,13 +321,16 @@ def _score(net: Net, routes: Routes) -> float:
 def best_routes(net: Net, effort: Effort) -> Routes:
     """The best routes found that cover all of the domain."""
     routes = first_routes(net)
-    best = routes = pruned(net, routes, Coverage(net, routes))
+    best = pruned(net, routes, Coverage(net, routes))
+    random = np.random.default_rng(len(best))
     for _ in range(effort.searches):
-        routes = shortened(net, best, [], effort.steps)
-        coverage = Coverage(net, routes)
-        routes = completed(net, routes, coverage)
-        routes = pruned(net, routes, Coverage(net, routes))
-        print(net.longest(best) / 0.15, net.longest(routes) / 0.15)
-        if net.longest(routes) < net.longest(best):
-            best = routes
+        routes = covering(net, shortened(net, best, effort.looks))
+        best = min(best, routes, key=lambda one: _score(net, one))
+        best = rebuilt(net, best, effort.rounds, random)
     return best
+
+
+def covering(net: Net, routes: Routes) -> Routes:
+    """The routes with as few more stops and as many fewer as cover everything."""
+    coverage = Coverage(net, routes)
+    return pruned(net, completed(net, routes, coverage), coverage)

@@ -17,7 +17,8 @@ from swarmsim.engine.build import BuiltRun
 from swarmsim.engine.survey import MANY, surveyor, tiles_from
 
 ASIDE: Final = 0.25  # cells from the centre, see `Ground.points`
-MOVES: Final = ((0, 1), (1, 0), (1, 1), (1, -1))  # rows and columns of a step, one of each pair of opposite ones
+#: Rows and columns of a step, one of each pair of opposite ones.
+MOVES: Final = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +52,18 @@ class Ground:
 
     @cached_property
     def steps(self) -> sparse.csr_array:
-        """The ways in m (p, p) between neighbouring places, 8 for each; no corner is cut."""
+        """The ways in m (p, p) between places a step apart, 16 for each.
+
+        Robots can stand in all cells of the rectangle that a step crosses, so no corner is cut.
+        """
         ends, (rows, columns) = [], self.cells.T
         for down, across in MOVES:
-            there = self.index[rows + down, columns + across]  # the lattice has a margin that nobody reaches
-            beside = np.minimum(self.index[rows + down, columns], self.index[rows, columns + across])
-            fine = (there >= 0) & ((beside >= 0) | (down * across == 0))
-            ends.append(np.stack([np.flatnonzero(fine), there[fine]]))
+            crossed = [
+                (r, c) for r in range(down + 1) for c in range(0, across + np.sign(across) or 1, np.sign(across) or 1)
+            ]
+            # The lattice has a margin that nobody reaches.
+            fine = np.logical_and.reduce([self.index[rows + r, columns + c] >= 0 for r, c in crossed])
+            ends.append(np.stack([np.flatnonzero(fine), self.index[rows + down, columns + across][fine]]))
         first, second = np.hstack(ends)
         length = np.hypot(*(self.points[first] - self.points[second]).T)
         count = len(self.cells)
