@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark.places import Places
 
 SHARPER: Final = 2  # programmes solved for the weights
