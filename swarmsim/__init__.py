@@ -19,7 +19,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from swarmsim.api.benchmark import benchmark_board, benchmark_explore, benchmark_import, benchmark_verify
+    from swarmsim.api.benchmark import (
+        benchmark_board,
+        benchmark_explore,
+        benchmark_import,
+        benchmark_references,
+        benchmark_verify,
+    )
     from swarmsim.api.doctor import doctor
     from swarmsim.api.imports import world_import
     from swarmsim.api.papers import reproduce
@@ -38,7 +44,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 __all__ = [
     "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board", "benchmark_explore",
-    "benchmark_import", "benchmark_verify", "compare", "doctor", "example", "examples",
+    "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor", "example", "examples",
     "examples_copy", "new", "open", "open_study", "parts", "reproduce", "run", "schema", "simulate", "study",
     "study_worst", "world_check", "world_convert", "world_generate", "world_import", "world_preview",
 ]  # fmt: skip
@@ -52,6 +58,7 @@ _PLACES = {
     "benchmark_board": "api.benchmark:benchmark_board",
     "benchmark_explore": "api.benchmark:benchmark_explore",
     "benchmark_import": "api.benchmark:benchmark_import",
+    "benchmark_references": "api.benchmark:benchmark_references",
     "benchmark_verify": "api.benchmark:benchmark_verify",
     "compare": "api.runs:compare",
     "doctor": "api.doctor:doctor",

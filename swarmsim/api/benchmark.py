@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import random
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +20,7 @@ from swarmsim.studies.benchmark import entries
 from swarmsim.studies.benchmark.entries import Entry, read_entry
 from swarmsim.studies.benchmark.imported import ImportedSet, Pictures, imported
 from swarmsim.studies.benchmark.leaderboard import write_board
+from swarmsim.studies.benchmark.referenced import refer, unconfirmed
 from swarmsim.studies.benchmark.scores import Standings, standings
 from swarmsim.studies.benchmark.sets import open_set, shipped_set
 from swarmsim.studies.engine import execute
@@ -180,3 +183,31 @@ def benchmark_import(
     if any(count < 1 for count in robots):
         raise InputError(f"--robots {min(robots)}: expected at least 1")
     return imported(Path(source), Path(out), _folder(tasks), Pictures(width, resolution, floor), limit, robots)
+
+
+@dataclass(frozen=True, slots=True)
+class Referred:
+    """The references of a set."""
+
+    found: int  # that were missing, and are there now
+    of: int  # in all
+    disagreements: tuple[str, ...]  # numbers that a replay does not confirm, if that was asked
+
+
+def benchmark_references(
+    tasks: str | Path, *, secret: str | Path | None = None, check: float = 0.0, progress: Progress = untold
+) -> Referred:
+    """Find what a set's tasks lack: proved bounds, and tours with the map known: `swarmsim benchmark references`.
+
+    `tasks` is the set's folder, `secret` opens its held-out part, and `progress` is as in `study`. Each reference is
+    kept in the set as it is found. With `check` that share of the tours kept before is replayed and compared instead.
+    Raises InputError without OR-tools, and for a damaged set.
+    """
+    if not 0.0 <= check <= 1.0:
+        raise InputError(f"--check {check:g}: expected a share of the tours, from 0 to 1")
+    found = open_set(Path(tasks), _path(secret))
+    if not check:
+        return Referred(refer(found, progress), len(found.made) * len(found.about.seeds), ())
+    known = sorted({task for task, _ in found.references})
+    names = random.Random(secrets.randbits(64)).sample(known, min(len(known), math.ceil(check * len(known))))
+    return Referred(0, len(names), tuple(unconfirmed(found, set(names), progress)))

@@ -117,6 +117,30 @@ def board(
         print(path)
 
 
+@app.command()
+def references(
+    tasks: Annotated[Path, typer.Argument(metavar="SET", help="Folder of a set of tasks, where they are kept.")],
+    secret: Secret = None,
+    check: Annotated[float, typer.Option(help="Instead, replay this share of the tours that are kept.")] = 0.0,
+    quiet: Quiet = False,
+) -> None:
+    """Find what a set's tasks lack: proved lower bounds, and tours with the map known, replayed.
+
+    Exit code 0: done; 1: a replay did not confirm a reference; 2: bad input.
+
+    Example: swarmsim benchmark references runs/maps
+    """
+    from swarmsim.api.benchmark import benchmark_references
+
+    with study_bar(quiet) as bar:
+        done = benchmark_references(tasks, secret=secret, check=check, progress=bar)
+    for one in done.disagreements:
+        print(f"differs: {one}")
+    if not quiet:
+        print(f"{done.of} tours replayed" if check else f"{done.found} references found, {done.of} in all")
+    raise typer.Exit(FAILED if done.disagreements else 0)
+
+
 @app.command(name="import")
 def import_(
     source: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of maps: map_server's YAML files, PNG, PGM.")],

@@ -44,6 +44,7 @@ FUNCTIONS = {
     "benchmark explore": "benchmark_explore",
     "benchmark verify": "benchmark_verify",
     "benchmark board": "benchmark_board",
+    "benchmark references": "benchmark_references",
     "benchmark import": "benchmark_import",
     "plot": "Run.figure Run.plot",
     "figure local-maps": "Run.figure_local_maps",

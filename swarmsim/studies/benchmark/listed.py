@@ -31,7 +31,7 @@ def read_lines(path: Path, kind: type[R]) -> list[R]:
     for number, row in enumerate(rows[1:], 2):
         if len(row) != len(names):
             raise InputError(f"{path}: line {number}: {len(row)} cells; expected {len(names)}")
-        texts = {"file"}
+        texts = {"file", "ways"}
         table = {name: cell if cell or name in texts else None for name, cell in zip(names, row, strict=True)}
         try:
             found.append(msgspec.convert(table, kind, strict=False))
