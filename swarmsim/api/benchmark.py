@@ -20,7 +20,7 @@ from swarmsim.studies.benchmark import entries
 from swarmsim.studies.benchmark.entries import Entry, read_entry
 from swarmsim.studies.benchmark.imported import ImportedSet, Pictures, imported
 from swarmsim.studies.benchmark.leaderboard import write_board
-from swarmsim.studies.benchmark.referenced import refer, unconfirmed
+from swarmsim.studies.benchmark.referenced import kept_tours, refer, unconfirmed
 from swarmsim.studies.benchmark.scores import Standings, standings
 from swarmsim.studies.benchmark.sets import open_set, shipped_set
 from swarmsim.studies.engine import execute
@@ -208,6 +208,6 @@ def benchmark_references(
     found = open_set(Path(tasks), _path(secret))
     if not check:
         return Referred(refer(found, progress), len(found.made) * len(found.about.seeds), ())
-    known = sorted({task for task, _ in found.references})
+    known = kept_tours(found)
     names = random.Random(secrets.randbits(64)).sample(known, min(len(known), math.ceil(check * len(known))))
     return Referred(0, len(names), tuple(unconfirmed(found, set(names), progress)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from contextlib import suppress
 from dataclasses import replace
@@ -11,7 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from conftest import called
+from conftest import ROOT, called
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from tiny_set import tiny_set
@@ -21,30 +22,13 @@ from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark import sets
 from swarmsim.studies.benchmark.entries import Entry, checksum, read_entry, read_method
 from swarmsim.studies.benchmark.leaderboard import write_board
-from swarmsim.studies.benchmark.scores import kept_order, signed_rank, standings
+from swarmsim.studies.benchmark.scores import kept_order, sign_flip, standings
 from swarmsim.studies.benchmark.sets import ReferenceRow, TaskSet, open_set
 
-RULE = '''"""Near, but where much is unknown."""
-
-import numpy as np
-
-from swarmsim.operations.mapping.exploration.rules import Candidates, Exploring
-
-
-class Curious(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    weight: float = 5.0
-
-    def choose(self, candidates: Candidates) -> int:
-        return int(np.argmin(candidates.own - self.weight * candidates.unknown))
-'''
-METHOD = """
-name = "curious"
-title = "Near, <b>but</b> where | much is *unknown*"
-
-[mind.strategy]
-use = "./curious.py:Curious"
-weight = 4.0
-"""
+PAGE = (ROOT / "docs" / "benchmark.md").read_text()
+#: The method of the page, with a title that has marks of HTML and Markdown in it.
+RULE = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)[0]
+METHOD = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)[0].replace("but", "<b>but</b> | *where*")
 
 
 @pytest.fixture(scope="module")
@@ -288,9 +272,9 @@ def test_without_references_the_best_entry_is_the_unit(tiny: TaskSet, entry: Ent
 
 
 def test_pairs_are_told_apart_by_worlds_together() -> None:
-    assert signed_rank(np.zeros(9)) == 1.0
-    assert signed_rank(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])) == pytest.approx(2 / 64)
-    assert signed_rank(np.array([0.1, -0.1])) == 1.0
+    assert sign_flip(np.zeros(9)) == 1.0
+    assert sign_flip(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])) == pytest.approx(2 / 64)
+    assert sign_flip(np.array([0.1, -0.1])) == 1.0
 
 
 def test_a_pair_turned_round_on_held_out_worlds_is_told(tiny: TaskSet, entry: Entry) -> None:
@@ -345,3 +329,27 @@ def test_maps_become_a_set_for_the_same_commands(tmp_path: Path, tiny: TaskSet) 
     (tmp_path / "set" / "worlds" / "hall.geojson").write_text("{}")
     with pytest.raises(InputError, match="hall"):
         open_set(tmp_path / "set")
+
+
+def test_references_are_found_kept_and_checked(place: Path, tmp_path: Path) -> None:
+    pytest.importorskip("ortools")
+    copy = Path(shutil.copytree(place / "tiny", tmp_path / "copy"))
+    done = called("benchmark", "references", copy, "--secret", copy / "secret.txt")
+    assert done.returncode == 0, done.stderr
+    assert "6 references found, 6 in all" in done.stdout
+    found = open_set(copy)
+    for row in found.references.values():
+        times = [time for time in (row.t50, row.t90, row.t99, row.t100) if time is not None]
+        assert row.bound50 <= row.bound90 <= row.bound99 <= row.bound100
+        assert all(low <= time for low, time in zip((row.bound50, row.bound90, row.bound99), times, strict=False))
+    assert "c/2" not in (copy / "tours.csv").read_text()  # the way would show the held-out world
+    checked = called("benchmark", "references", copy, "--check", 1, "--secret", copy / "secret.txt")
+    assert (checked.returncode, "4 tours replayed" in checked.stdout) == (0, True), checked.stdout
+    text = (copy / "references.csv").read_text()
+    line = next(line for line in text.splitlines() if line.startswith("b/3"))
+    row = found.references["b/3", 1]
+    forged = line.replace(f",{row.t50},{row.t90},{row.t99},", f",{row.t50},{row.t90},{(row.t99 or 0) + 1},")
+    (copy / "references.csv").write_text(text.replace(line, forged))
+    wrong = called("benchmark", "references", copy, "--check", 1)
+    assert wrong.returncode == 1
+    assert "differs: b/3, seed 1: the tour replayed gives" in wrong.stdout

@@ -101,7 +101,9 @@ def figures(found: Standings, title: str) -> dict[str, Figure]:
     short = "the tour's T99" if found.bound is not None else "the best entry's T99"
     return {
         "scores": plots.ratios(groups, f"{title}: T99 by number of robots", short),
-        "profiles": plots.profiles({**everything, **groups}, f"{title}: performance profiles", short),
+        "profiles": plots.profiles(
+            {**everything, **groups}, f"{title}: performance profiles", short, "runs that saw 99 %"
+        ),
     }
 
 
@@ -140,7 +142,7 @@ def _text(tasks: TaskSet, entries: Sequence[Entry], found: Mapping[str, Standing
         f"Share of runs with T99 within a ratio. A run that never saw 99 % counts at no ratio. Limit: {tasks.limit} "
         "iterations.",
         "## Different or not",
-        "Two entries on the same worlds: one number a world, Wilcoxon's signed-rank test, Holm's correction over all "
+        "Two entries on the same worlds: one number a world, signs drawn anew, Holm's correction over all "
         f"{len(public.pairs)} pairs; *different* at 5 % for all of them together. Intervals are of each pair alone.",
         _table(PAIRED, pair_lines(public)),
         "## T99 apart",

@@ -23,7 +23,7 @@ class TourLine(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     task: str
     seed: int
-    ways: str  # one for each robot, with spaces between them
+    ways: str  # one for each robot, with ; between them
 
 
 def refer(tasks: TaskSet, progress: Callable[[int, int, int], None]) -> int:
@@ -38,11 +38,16 @@ def refer(tasks: TaskSet, progress: Callable[[int, int, int], None]) -> int:
         row, ways = _referred(tasks, task, seed)
         rows[task.name, seed] = row
         if task.world.part == "public":
-            tours[task.name, seed] = TourLine(task=task.name, seed=seed, ways=" ".join(ways))
+            tours[task.name, seed] = TourLine(task=task.name, seed=seed, ways=";".join(ways))
             write_whole(tasks.folder / TOURS, lines_of((tours[key] for key in sorted(tours)), TourLine))
         write_whole(tasks.folder / REFERENCES, lines_of((rows[key] for key in sorted(rows)), ReferenceRow))
         progress(done, len(lacking), 0)
     return len(lacking)
+
+
+def kept_tours(tasks: TaskSet) -> list[str]:
+    """The tasks whose tours the set has."""
+    return sorted({task for task, _ in _tours(tasks.folder)})
 
 
 def unconfirmed(tasks: TaskSet, names: set[str], progress: Callable[[int, int, int], None]) -> list[str]:
@@ -51,7 +56,7 @@ def unconfirmed(tasks: TaskSet, names: set[str], progress: Callable[[int, int, i
     known = {task.name: task for task in tasks.made}
     for done, line in enumerate(chosen, 1):
         row = tasks.references[line.task, line.seed]
-        times, covered, digest = replayed(_built(tasks, known[line.task], line.seed), tuple(line.ways.split(" ")))
+        times, covered, digest = replayed(_built(tasks, known[line.task], line.seed), tuple(line.ways.split(";")))
         found = (times.t50, times.t90, times.t99, times.t100, covered, digest)
         if found != (row.t50, row.t90, row.t99, row.t100, row.covered, row.digest):
             told.append(f"{line.task}, seed {line.seed}: the tour replayed gives {found}, the set says {row}")

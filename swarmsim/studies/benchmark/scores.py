@@ -30,7 +30,8 @@ from swarmsim.studies.survival import Interval
 
 SHARES: Final = ("t50", "t90", "t99", "t100")
 RESAMPLES: Final = 4000  # of worlds
-LEAST: Final = 6  # worlds, for an interval and a test: of fewer, no signed-rank test can be below 5 %
+FLIPS: Final = 20_000
+LEAST: Final = 6  # worlds, for an interval: of fewer, no test of signs can be below 5 % either
 ALPHA: Final = 0.05  # of all pairs together
 TAUS: Final = np.geomspace(0.5, 16.0, 101)  # ratios at which profiles are taken
 Values = NDArray[np.float64]
@@ -63,7 +64,7 @@ class EntryPair:
     first: str
     second: str
     ratio: Estimate  # of their T99, restricted
-    adjusted: float  # p of Wilcoxon's signed-rank test over worlds, after Holm's correction for all pairs
+    adjusted: float  # p of `sign_flip` over worlds, after Holm's correction for all pairs
 
     @property
     def different(self) -> bool:
@@ -225,7 +226,7 @@ def _pairs(names: Sequence[str], logs: Sequence[Values], frame: _Frame) -> tuple
     found = []
     for one, other in combinations(range(len(names)), 2):
         difference = logs[one] - logs[other]
-        found.append((one, other, frame.ratio(difference), signed_rank(frame.per_world(difference, every))))
+        found.append((one, other, frame.ratio(difference), sign_flip(frame.per_world(difference, every))))
     adjusted: Sequence[float] = holm([p for *_, p in found]).tolist() if found else []
     return tuple(
         EntryPair(names[one], names[other], ratio, float(p))
@@ -233,10 +234,18 @@ def _pairs(names: Sequence[str], logs: Sequence[Values], frame: _Frame) -> tuple
     )
 
 
-def signed_rank(differences: Values) -> float:
-    """The two-sided p of Wilcoxon's signed-rank test (1945); 1 if all are equal. Differences of 0 are left out."""
-    differing = differences[differences != 0.0]
-    return float(stats.wilcoxon(differing).pvalue) if len(differing) else 1.0
+def sign_flip(differences: Values) -> float:
+    """The two-sided p of Fisher's randomisation test (1935): the mean of differences whose signs are drawn anew.
+
+    It tests the mean that the ratio shows, so that both always point the same way. All signs are tried for up to
+    FLIPS ways to set them, else FLIPS are drawn.
+    """
+    if not differences.any():
+        return 1.0
+    found = stats.permutation_test(
+        (differences,), np.mean, permutation_type="samples", n_resamples=FLIPS, rng=np.random.default_rng(0)
+    )
+    return float(found.pvalue)
 
 
 def kept_order(public: Standings, held_out: Standings) -> tuple[int, list[EntryPair]]:

@@ -45,7 +45,11 @@ def ratios(groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "") -
             handles.append(line_key(group, colour, marker, "-"))
     axes.axvline(1.0, color=GREY, lw=1.2)
     axes.set_yticks(range(len(names)), names)
-    axes.set(ylim=(len(names) - 0.5, -0.5), xscale="log", xlabel=f"time, times that of {unit or names[0]}")
+    axes.set(
+        ylim=(len(names) - 0.5, -0.5),
+        xscale="log",
+        xlabel=f"T99 over {unit}" if unit else f"time, times that of {names[0]}",
+    )
     ends = np.array([one.interval for methods in groups.values() for one in methods])
     ticks = [tick for tick in (0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0)
              if ends.min() / 1.3 <= tick <= ends.max() * 1.3]  # fmt: skip
@@ -55,8 +59,10 @@ def ratios(groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "") -
 
 
 @styled
-def profiles(groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "the first method's mean") -> Figure:
-    """The share of runs that each method finishes within tau times the unit in the task; per group.
+def profiles(
+    groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "the first method's mean", of: str = "runs finished"
+) -> Figure:
+    """The share of runs (`of`: which) that each method finishes within tau times the unit in the task; per group.
 
     Performance profiles as in Agarwal et al. (2021): the higher the curve, the better.
     """
@@ -75,7 +81,7 @@ def profiles(groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "th
     for axes in panels.flat[len(groups) :]:
         axes.remove()
     for axes in panels[:, 0]:
-        axes.set_ylabel("runs finished, %")
+        axes.set_ylabel(f"{of}, %")
     for axes in panels[-1]:
         axes.set_xlabel(f"within so many times {unit}")
     for row, one in enumerate(next(iter(groups.values()))):
