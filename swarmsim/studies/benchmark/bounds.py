@@ -1,10 +1,11 @@
-"""What no swarm can beat: lower bounds of the iterations that covering a building takes, proved for one set of starts.
+"""What no swarm can beat: lower bounds of the iterations that covering a building takes, proved for its starts.
 
-The proofs assume: a robot is a disc that stays clear of walls, its centre moves along a continuous line, and in its first
-k iterations no farther than k iterations at top speed. (Single iterations can be longer, where another robot pushes from
-the side, but the sum counts, and replays measure it.) A cell is observed only if its centre lies in the tile's rectangle
-around the robot, and if some straight line from the robot to the cell meets no wall. Nothing is assumed of minds,
-networks or of sensing between iterations. Robots sense before they move, so T iterations hold T - 1 of motion.
+The proofs assume: a robot is a disc that stays clear of walls, its centre moves along a continuous line, and in its
+first k iterations no farther than k iterations at top speed. (Single iterations can be longer, where another robot
+pushes from the side, but the sum counts, and replays measure it.) A cell is observed only if its centre lies in the
+tile's rectangle around the robot, and if some straight line from the robot to the cell meets no wall. Nothing is
+assumed of minds, networks or of sensing between iterations. Robots sense before they move, so T iterations hold T - 1
+of motion.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """How far robots must drive at least to cover a share of a building, each by itself or all together.
 
 Spread each cell's weight evenly over its square. What a robot sees of it lies in a rectangle around the robot that is
-half a cell larger than the tile on each side, and enters only over the rectangle's leading edges. If a robot's side edges
-hold at most `across` and its upper and lower ones at most `along`, with across^2 + along^2 <= 1 wherever it may be, then
-driving a cell covers a weight of at most 1, whatever the direction (Cauchy-Schwarz). So N robots that cover everything
-have together driven as many cells as all weights sum up to. Cells behind a wall are not on an edge: only those that free
-space inside of the rectangle connects with the robot.
+half a cell larger than the tile on each side, and enters only over the rectangle's leading edges. If a robot's side
+edges hold at most `across` and its upper and lower ones at most `along`, with across^2 + along^2 <= 1 wherever it may
+be, then driving a cell covers a weight of at most 1, whatever the direction (Cauchy-Schwarz). So N robots that cover
+everything have together driven as many cells as all weights sum up to. Cells behind a wall are not on an edge: only
+those that free space inside of the rectangle connects with the robot.
 
 Equal weights, 1 / hypot(rows + 1, columns + 1) of the tile, are the area over the rate of sensing. Better ones solve a
 linear programme, and are then scaled so that every edge holds: the proof does not rest on the solver.
@@ -22,12 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark.places import Places
+from swarmsim.studies.benchmark.solver import worthiest
 
 SHARPER: Final = 2  # programmes solved for the weights
-ITERATIONS: Final = 2000  # of the solver, for each
-NEAR: Final = 3e-4  # of the optimum
 
 
 def covering(places: Places, entered: NDArray[np.float64], needed: Sequence[int], robots: int) -> list[float]:
@@ -42,14 +40,12 @@ def covering(places: Places, entered: NDArray[np.float64], needed: Sequence[int]
     worth = (entered > 0.0).astype(np.float64)
     uneven = weights(places, worth)
     after = uneven[order][::-1].cumsum()[::-1]  # the weight of each cell and all farther ones
-    free = int(np.count_nonzero(worth == 0.0))
+    free = int(np.count_nonzero(worth == 0.0))  # cells that may be seen from the starts
     found = []
     for count in needed:
-        least = ways + np.maximum(count - cells, 0) * even / robots
-        bounds = [
-            float(least[:count].max()),
-            float(np.sort(uneven[worth > 0.0])[: max(count - free, 0)].sum()) / robots,
-        ]
+        even_ones = ways + np.maximum(count - cells, 0) * even / robots
+        least = np.sort(uneven[worth > 0.0])[: max(count - free, 0)].sum() / robots
+        bounds = [float(even_ones[free:count].max(initial=0.0)), float(least)]
         if count == len(cells):
             bounds.append(float((ways + after / robots).max()))
         found.append(max(bounds))
@@ -91,9 +87,8 @@ def edges_of(places: Places, axis: int) -> Edges:
                 held[near, number] = which[near]
             found.append(held)
     unique, of = np.unique(np.concatenate(found), axis=0, return_inverse=True)
-    edge, number = np.nonzero(unique >= 0)
-    ends = (edge, unique[edge, number])
-    cells = sparse.csr_array((np.ones(len(edge)), ends), shape=(len(unique), len(places.domain)))
+    edge, spot = np.nonzero(unique >= 0)
+    cells = sparse.csr_array((np.ones(len(edge)), (edge, unique[edge, spot])), shape=(len(unique), len(places.domain)))
     return Edges(cells, of.reshape(4, len(where)).T)
 
 
@@ -114,30 +109,6 @@ def weights(places: Places, worth: NDArray[np.float64]) -> NDArray[np.float64]:
             limit = np.ones(one.cells.shape[0])
             np.minimum.at(limit, one.of, (load / total)[:, None])
             limits.append(limit)
-        value = np.where(worth > 0.0, np.maximum(solved(worth, matrix, np.concatenate(limits)), 0.0), 0.0)
+        value = np.where(worth > 0.0, np.maximum(worthiest(worth, matrix, np.concatenate(limits)), 0.0), 0.0)
         value /= max(float(np.hypot(*(one.most(value) for one in sides)).max()), 1e-9)
     return value
-
-
-def solved(worth: NDArray[np.float64], matrix: sparse.csc_array, limits: NDArray[np.float64]) -> NDArray[np.float64]:
-    """About the values (m,), 0 or more, with the largest worth, so that `matrix` times them is at most `limits`."""
-    pdlp, parameters = solver()
-    programme = pdlp.QuadraticProgram()
-    programme.objective_vector = -worth
-    programme.constraint_matrix = sparse.csc_matrix(matrix)
-    programme.constraint_lower_bounds = np.full(len(limits), -np.inf)
-    programme.constraint_upper_bounds = limits
-    programme.variable_lower_bounds = np.zeros(len(worth))
-    programme.variable_upper_bounds = np.full(len(worth), np.inf)
-    return np.asarray(pdlp.primal_dual_hybrid_gradient(programme, parameters).primal_solution)
-
-
-def solver():
-    from ortools.pdlp import solvers_pb2
-    from ortools.pdlp.python import pdlp
-
-    asked = solvers_pb2.PrimalDualHybridGradientParams()
-    asked.termination_criteria.iteration_limit = 2000
-    asked.termination_criteria.simple_optimality_criteria.eps_optimal_relative = 3e-4
-    asked.termination_criteria.simple_optimality_criteria.eps_optimal_absolute = 1e-4
-    return pdlp, asked

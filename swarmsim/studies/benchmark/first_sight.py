@@ -21,7 +21,8 @@ TIGHT: Final = 1.0 + 1e-9  # a slope, with allowance for rounding
 #: that it crosses, as rows and columns from the corner. A step along an edge crosses either of two.
 STEPS: Final = (
     ((0, 1), ((0, 0), (-1, 0))), ((1, 0), ((0, 0), (0, -1))), ((1, 1), ((0, 0),)), ((1, -1), ((0, -1),)),
-    ((1, 2), ((0, 0), (0, 1))), ((2, 1), ((0, 0), (1, 0))), ((1, -2), ((0, -1), (0, -2))), ((2, -1), ((0, -1), (1, -1))),
+    ((1, 2), ((0, 0), (0, 1))), ((2, 1), ((0, 0), (1, 0))), ((1, -2), ((0, -1), (0, -2))),
+    ((2, -1), ((0, -1), (1, -1))),
 )  # fmt: skip
 #: The largest slope of the length of ways of such steps: between straight and knight's moves.
 SLOPE: Final = math.hypot(1.0, math.sqrt(5.0) - 2.0)
@@ -38,7 +39,8 @@ def distances(places: Places) -> NDArray[np.float64]:
     """
     corners = _ways(places) / SLOPE
     for _ in range(ROUNDS):  # the slope is too large where ways of different steps meet
-        old = _corners(corners.copy())
+        before = corners.copy()
+        old = _corners(before)
         slopes = np.stack([2.0 * np.hypot(old[m] - old[i], old[k] - old[m]) for i, m, k in TRIANGLES])
         turned = slopes[2:].max(axis=0) < slopes[:2].max(axis=0)  # the diagonal that makes the slopes smaller
         slopes *= places.possible & np.stack([~turned, ~turned, turned, turned])
@@ -52,7 +54,7 @@ def distances(places: Places) -> NDArray[np.float64]:
                 now = _corners(corners)[corner]
                 now[steep] = np.minimum(now[steep], value)
     else:
-        corners /= slopes.max()
+        corners = before / slopes.max()
     a, b, c, d = _corners(corners)
     rows, columns = np.floor(places.starts).astype(int).T
     least = np.minimum(np.minimum(a, b), np.minimum(c, d))
@@ -99,4 +101,4 @@ def first_sights(places: Places, ways: NDArray[np.float64], margin: int) -> NDAr
     inner = places.sides[:, skip : places.sides.shape[1] - skip, skip : places.sides.shape[2] - skip]
     around = np.lib.stride_tricks.sliding_window_view(ways, inner.shape[1:])
     nearest = np.where(inner, around[tuple((places.corners + skip).T)], np.inf).min(axis=(1, 2))
-    return np.maximum(nearest, 0.0)
+    return np.asarray(np.maximum(nearest, 0.0))

@@ -40,7 +40,7 @@ class Places:
     def corners(self) -> NDArray[np.int64]:
         """The first place (m, 2) of the rectangle around each cell of the domain."""
         cells = np.stack(np.divmod(self.domain, self.lattice.columns), axis=1)
-        return 2 * cells - (np.array(self.window) + 1)
+        return np.asarray(2 * cells - (np.array(self.window) + 1))
 
 
 def places_of(built: BuiltRun) -> Places:
@@ -51,9 +51,8 @@ def places_of(built: BuiltRun) -> Places:
     free = shares(arena.segments, fine) < WHOLE
     # A buffer's outline lies inside of the true one, so more places remain possible.
     grown = arena.solid.buffer(CLEAR * float(built.context.robots.each("radius").min()))
-    room = free & (shares(boundary(grown), fine) < WHOLE)
-    pieces, _ = ndimage.label(room, AROUND)
-    room = np.isin(pieces, np.unique(pieces[tuple(fine.cells(start).T)]))
+    rooms, _ = ndimage.label(free & (shares(boundary(grown), fine) < WHOLE), AROUND)
+    room: NDArray[np.bool_] = np.isin(rooms, np.unique(rooms[tuple(fine.cells(start).T)]))
     window = sight_of(built, start[:1]).window
     size = FINE * (np.array(window) + 2)
     first = FINE // 2 * (2 * np.stack(np.divmod(domain, lattice.columns), axis=1) - (np.array(window) + 1))
@@ -73,5 +72,4 @@ def places_of(built: BuiltRun) -> Places:
 def _halved(parts: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The squares of half a cell that hold any of these parts."""
     rows, columns = (2 * side // FINE for side in parts.shape)
-    found: NDArray[np.bool_] = parts.reshape(rows, FINE // 2, columns, FINE // 2).any(axis=(1, 3))
-    return found
+    return np.asarray(parts.reshape(rows, FINE // 2, columns, FINE // 2).any(axis=(1, 3)))

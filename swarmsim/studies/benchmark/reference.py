@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from msgspec import Struct
 
 from swarmsim.engine.build import BuiltRun
 from swarmsim.studies.benchmark.bounds import Bounds, bounds_of
+from swarmsim.studies.benchmark.net import Net, Routes
 from swarmsim.studies.benchmark.replay import Driven, drive, way_of
-from swarmsim.studies.benchmark.tours import Effort, Net, Routes, best_routes, covering
+from swarmsim.studies.benchmark.tours import Effort, best_routes, covering
 from swarmsim.studies.benchmark.views import Ground, ground_of
 
 
@@ -42,7 +44,7 @@ class Reference(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     replay: Times  # of the tour, by the simulator and its own measure of coverage
     covered: float  # share of the domain at the end of the replay
     pace: float  # the fastest robot's mean speed in the replay, as a share of the top speed: bounds assume at most 1
-    digest: str  # of the replay, as `swarmsim verify` computes it
+    digest: str  # of the replay: of all that happens in it
     ways: tuple[str, ...]  # of the tour, one for each robot
 
 
@@ -73,12 +75,12 @@ def reference(built: BuiltRun, effort: Effort = Effort()) -> Reference:  # noqa:
     )
 
 
-def replayed(built: BuiltRun, ways: tuple[str, ...]) -> tuple[Times, float, str]:
+def replayed(built: BuiltRun, ways: tuple[str, ...], record: Path | None = None) -> tuple[Times, float, str]:
     """The times, the share covered at the end and the digest of a tour's replay; needs no OR-tools.
 
-    Raises InputError for ways that do not fit the building or the robots.
+    `record` is a new file for its recording. Raises InputError for ways that do not fit the building or the robots.
     """
-    driven = drive(built, ground_of(built), ways)
+    driven = drive(built, ground_of(built), ways, record)
     return _times(driven), driven.watched.coverage[-1], driven.digest
 
 

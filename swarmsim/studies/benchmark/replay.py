@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import msgspec
@@ -23,6 +25,8 @@ from swarmsim.studies.benchmark.views import Ground
 
 AHEAD: Final = 10  # points of its way that a robot is given in an iteration
 WINDOW: Final = 4  # points that it may pass in one
+STILL: Final = 0.1  # of what it can drive: a robot that moves less has stopped
+PATIENCE: Final = 5  # iterations until one that has stopped counts as blocked
 SLACK: Final = 1.3  # of the longest way's time at top speed, before a replay ends ...
 MORE: Final = 40  # ... and iterations besides
 COMPASS: Final = {
@@ -57,14 +61,21 @@ def cells_of(way: str) -> NDArray[np.int64]:
 
 @dataclass(eq=False)
 class Followed:
-    """A strategy: robots follow ways known beforehand, and avoid nobody."""
+    """A strategy: robots follow ways known beforehand, and avoid nobody.
+
+    Where two block each other, they take over each other's rest of the way: together they see the same.
+    """
 
     ways: list[NDArray[np.float64]]  # by robot: (k, 2), x and y in m
+    pace: float  # m in an iteration, at top speed
+    near: float  # m between the middles of robots that may block each other
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
 
     def __post_init__(self) -> None:
         self._arcs = [np.concatenate([[0.0], np.hypot(*np.diff(way, axis=0).T).cumsum()]) for way in self.ways]
-        self._at = [0] * len(self.ways)
+        self._at = [0] * len(self.ways)  # by way
+        self._mine = list(range(len(self.ways)))  # the way of each robot
+        self._waited = np.zeros(len(self.ways), np.int64)  # iterations
         self._before: NDArray[np.float64] | None = None
 
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
@@ -72,15 +83,37 @@ class Followed:
         here = senses.pose[:, :2]
         moved = np.zeros(len(here)) if self._before is None else np.hypot(*(here - self._before).T)
         self._before = here.copy()
-        ahead = {}
-        for robot, way in enumerate(self.ways):
-            at = self._at[robot]
-            near = way[at : at + WINDOW]
-            # A way can touch itself: of points equally near, the one is meant that lies as far along as it drove.
-            along = np.abs(self._arcs[robot][at : at + WINDOW] - self._arcs[robot][at] - moved[robot])
-            self._at[robot] = at = at + int((np.hypot(*(near - here[robot]).T) + 0.3 * along).argmin())
-            ahead[robot] = way[min(at + 1, len(way) - 1) : at + 1 + AHEAD]
+        for robot in range(len(here)):
+            self._advance(robot, here[robot], moved[robot])
+        self._give_way(here, moved)
+        ahead = {robot: self._ahead(robot) for robot in range(len(here))}
         return Intents.along(ahead, len(here), np.zeros(len(here), np.bool_))
+
+    def _ahead(self, robot: int) -> NDArray[np.float64]:
+        """The next points of its way; a robot that has run against a wall first goes back to where it should be."""
+        way, at = self.ways[self._mine[robot]], self._at[self._mine[robot]]
+        return way[min(at + (self._waited[robot] == 0), len(way) - 1) : at + 1 + AHEAD]
+
+    def _advance(self, robot: int, here: NDArray[np.float64], moved: float) -> None:
+        """Note which points of its way a robot has passed."""
+        number = self._mine[robot]
+        at = self._at[number]
+        near, arcs = self.ways[number][at : at + WINDOW], self._arcs[number]
+        # A way can touch itself: of points equally near, the one is meant that lies as far along as the robot drove.
+        along = np.abs(arcs[at : at + WINDOW] - arcs[at] - moved)
+        self._at[number] = at + int((np.hypot(*(near - here).T) + 0.3 * along).argmin())
+
+    def _give_way(self, here: NDArray[np.float64], moved: NDArray[np.float64]) -> None:
+        """Swap the ways of robots that stand before their end with those of the robots that block them."""
+        under_way = np.array([self._at[number] < len(self.ways[number]) - 1 for number in self._mine])
+        self._waited = np.where(under_way & (moved < STILL * self.pace), self._waited + 1, 0)
+        for robot in np.flatnonzero(self._waited >= PATIENCE).tolist():
+            apart = np.hypot(*(here - here[robot]).T)
+            apart[robot] = np.inf
+            other = int(apart.argmin())
+            if self._waited[robot] and apart[other] <= self.near:
+                self._mine[robot], self._mine[other] = self._mine[other], self._mine[robot]
+                self._waited[[robot, other]] = 0
 
 
 @dataclass(eq=False)
@@ -138,20 +171,26 @@ class Driven:
     pace: float  # how far the fastest robot had driven at any time, as a share of what top speed allows until then
 
 
-def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...]) -> Driven:
-    """Drive a tour in the building and with the bodies of a run. Raises InputError for ways that do not fit them."""
+def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...], record: Path | None = None) -> Driven:
+    """Drive a tour in the building and with the bodies of a run, and `record` it into a new file.
+
+    Raises InputError for ways that do not fit them.
+    """
     points = [_points(ground, robot, way) for robot, way in enumerate(ways)]
     if len(points) != len(ground.starts):
         raise InputError(f"{len(points)} ways for {len(ground.starts)} robots; expected a way for each")
     planned = tuple(float(np.hypot(*np.diff(way, axis=0).T).sum()) for way in points)
     limit = int(SLACK * max(planned) / ground.pace) + MORE
 
+    near = 3.0 * built.scenario.robots.radius
+
     def following(parts: Parts) -> Parts:
-        return replace(parts, strategy=Followed(points))
+        return replace(parts, strategy=Followed(points, ground.pace, near))
 
     run = build(bare(built.scenario, limit), built.simulation.name, built.world, watch=following)
     watched, digests = Watched(np.zeros(ground.lattice.shape, np.bool_)), Digests()
-    run.simulate([watched, digests])
+    with nullcontext() if record is None else run.recorder(record) as recorder:
+        run.simulate([watched, digests, *([] if recorder is None else [recorder])])
     missed = np.flatnonzero(~watched.seen.reshape(-1)[ground.domain])
     allowed = ground.pace * np.arange(1, len(watched.poses))[:, None]
     return Driven(watched, planned, missed, digests.total(), float((watched.driven[1:] / allowed).max(initial=0.0)))

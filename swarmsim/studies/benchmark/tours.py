@@ -10,18 +10,16 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Iterable
-from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import csgraph
 
-from swarmsim.studies.benchmark.solver import routing
+from swarmsim.studies.benchmark.net import Coverage, Net, Routes
+from swarmsim.studies.benchmark.solver import shorter
 from swarmsim.studies.benchmark.views import Ground
 
 UNITS: Final = 100  # of the solver's whole numbers in a cell
@@ -29,7 +27,6 @@ CHOICE: Final = 0.3  # of the largest gain: places that gain less are not looked
 FIRST: Final = 20_000  # looks of the search for one tour of all viewpoints
 LOOSE: Final = 0.02  # how much longer than the best routes may be to go on from them, at first
 SPAN: Final = 100  # how much more the longest way counts than all ways together
-Routes = list[list[int]]  # by robot: the places of viewpoints, the start first
 
 
 class Effort(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -39,102 +36,6 @@ class Effort(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     looks: int = 100_000  # of one such search at what it has
     rounds: int = 100  # of taking out stops and covering what is lost, after each
     repairs: int = 4  # replays after which cells that were missed are added to the tour
-
-
-@dataclass(eq=False)
-class Net:
-    """Shortest ways from some places to all places, found when first asked for."""
-
-    ground: Ground
-
-    def __post_init__(self) -> None:
-        self.views = self.ground.views.copy()
-        self._rows = dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]]()
-        self._legs = dict[tuple[int, int], NDArray[np.int64]]()
-        self._seen = dict[tuple[int, int], NDArray[np.int64]]()
-
-    def prepare(self, places: NDArray[np.int64]) -> None:
-        """Find the ways from these places (k,)."""
-        new = np.array([place for place in dict.fromkeys(places.tolist()) if place not in self._rows], np.int64)
-        if len(new):
-            far, before = csgraph.dijkstra(self.ground.steps, indices=new, return_predecessors=True)
-            self._rows.update(zip(new.tolist(), zip(far, before, strict=True), strict=True))
-
-    def ways(self, place: int) -> NDArray[np.float64]:
-        """The lengths in m (p,) of the ways from a place to all."""
-        if place not in self._rows:
-            self.prepare(np.array([place]))
-        return self._rows[place][0]
-
-    def forget(self, routes: Routes, cells: NDArray[np.int64]) -> None:
-        """Count no more on seeing these cells of the domain (k,) from anywhere on the routes."""
-        places = np.unique(np.concatenate([self.walk(route) for route in routes]))
-        lost = sparse.csr_array(
-            (
-                np.ones((len(places), len(cells)), np.bool_).ravel(),
-                (np.repeat(places, len(cells)), np.tile(cells, len(places))),
-            ),
-            shape=self.views.shape,
-        )
-        seen = self.views.astype(np.int8) - self.views.multiply(lost).astype(np.int8)
-        self.views = sparse.csr_array(seen.astype(np.bool_))
-        self.views.eliminate_zeros()
-        self._seen.clear()
-
-    def leg(self, start: int, end: int) -> NDArray[np.int64]:
-        """The places on the way from one to another, without the first."""
-        if (start, end) not in self._legs:
-            self.ways(start)
-            before, found = self._rows[start][1], [end]
-            while found[-1] != start:
-                found.append(int(before[found[-1]]))
-            self._legs[start, end] = np.array(found[-2::-1], np.int64)
-        return self._legs[start, end]
-
-    def seen(self, start: int, end: int) -> NDArray[np.int64]:
-        """The cells of the domain seen on the way, each once."""
-        if (start, end) not in self._seen:
-            self._seen[start, end] = np.unique(self.views[self.leg(start, end)].indices)
-        return self._seen[start, end]
-
-    def length(self, route: list[int]) -> float:
-        """The length in m of a route."""
-        return float(sum(self.ways(one)[other] for one, other in pairwise(route)))
-
-    def longest(self, routes: Routes) -> float:
-        """The length in m of the longest route."""
-        return max(self.length(route) for route in routes)
-
-    def walk(self, route: list[int]) -> NDArray[np.int64]:
-        """All places on a route, in order."""
-        return np.concatenate([np.array(route[:1], np.int64), *(self.leg(*pair) for pair in pairwise(route))])
-
-
-class Coverage:
-    """How often each cell of the domain is seen on the legs of routes."""
-
-    def __init__(self, net: Net, routes: Routes) -> None:
-        self._net, self._counts = net, np.zeros(len(net.ground.domain), np.int64)
-        for route in routes:
-            self._counts[np.unique(net.views[route[:1]].indices)] += 1
-            for pair in pairwise(route):
-                self._counts[net.seen(*pair)] += 1
-
-    @property
-    def missing(self) -> NDArray[np.bool_]:
-        """The cells (m,) that nobody sees."""
-        return self._counts == 0
-
-    def replace(self, old: list[int], new: list[int]) -> bool:
-        """Replace a piece of a route by another one; whether no cell is lost by that."""
-        for pair in pairwise(new):
-            self._counts[self._net.seen(*pair)] += 1
-        kept = True
-        for pair in pairwise(old):
-            cells = self._net.seen(*pair)
-            self._counts[cells] -= 1
-            kept &= bool(self._counts[cells].all())
-        return kept
 
 
 def viewpoints(ground: Ground, covered: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -218,7 +119,7 @@ def shortened(net: Net, routes: Routes, looks: int) -> Routes:
     for route in routes:
         numbers.append(list(range(first, first + len(route) - 1)))
         first += len(route) - 1
-    found = routing(matrix.tolist(), numbers, SPAN, looks)
+    found = shorter(matrix, numbers, SPAN, looks)
     return [[nodes[robot], *(nodes[number] for number in way)] for robot, way in enumerate(found)]
 
 
