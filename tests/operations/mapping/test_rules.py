@@ -19,6 +19,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.engine.build import build
 from swarmsim.engine.simulation import Simulation
 from swarmsim.operations.mapping.exploration.rules import (
+    NO_WAY,
     AssignedFrontier,
     CoordinatedFrontier,
     DispersedFrontier,
@@ -29,8 +30,9 @@ from swarmsim.operations.mapping.exploration.rules import (
     RandomFrontier,
     ReservedFrontier,
     UtilityFrontier,
+    shared_out,
 )
-from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, _latest_tiles
+from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, latest_tiles
 from swarmsim.operations.mapping.maps import PlainTiles
 from swarmsim.operations.mapping.sharing.codecs import GOAL
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
@@ -157,7 +159,18 @@ def test_dispersed_goes_where_others_are_not() -> None:
     assert DispersedFrontier().choose(candidates([[5, 12], [FAR, FAR]])) == 0
 
 
-@pytest.mark.parametrize("use", ["market", "reserved-frontier"])
+def test_pieces_are_shared_out_at_the_least_price_of_all() -> None:
+    """Alone both would take the first; the one that gives way is the one that loses less by it."""
+    ways = np.array([[3.0, 4.0, 50.0], [2.0, 30.0, 50.0]])
+    assert shared_out(ways, 0.0, 15.0).tolist() == [1, 0]
+    assert shared_out(ways[:, :1], 0.0, 15.0).tolist() == [0, 0]  # one is left over, and follows
+    assert shared_out(np.array([[3.0, NO_WAY], [2.0, NO_WAY]]), 20.0, 15.0).tolist() == [0, 0]
+    alone = np.array([[5.0, 12.0], [1.0, 30.0]])  # 5 + 10 exp(-0.1) against 12 + 10 exp(-3), as above
+    assert shared_out(alone, 10.0, 10.0).tolist() == [1, 0]
+    assert shared_out(alone[:1], 10.0, 10.0).tolist() == [0]
+
+
+@pytest.mark.parametrize("use", ["market", "reserved-frontier", "oracle-frontier"])
 def test_rules_that_need_goals_say_so(use: str) -> None:
     with pytest.raises(InputError, match=r"expected mind\.computation\.sharing\.use = 'tile-and-goal'"):
         made(f'mind.strategy={{use="{use}"}}').simulation.run()
@@ -204,10 +217,10 @@ def test_of_several_tiles_of_one_robot_the_latest_counts() -> None:
     sources, sensed = np.array([1, -1, 1, 0], np.int32), np.array([4, 4, 5, 5], np.int32)
     tiles = PlainTiles(np.zeros((4, 2, 2), np.uint8), origins, sources, sensed)
     heard = Inbox(np.array([0, 0, 0, 1]), np.array([1, 2, 1, 0]), sensed, tiles)
-    latest = _latest_tiles(heard)
+    latest = latest_tiles(heard)
     assert latest.receivers.tolist() == [0, 1]
     assert latest.content.origins.tolist() == [[4, 5], [6, 7]]
-    assert len(_latest_tiles(heard.take(np.zeros(0, int)))) == 0
+    assert len(latest_tiles(heard.take(np.zeros(0, int)))) == 0
 
 
 def test_gossip_tells_what_waited_longest_and_never_what_it_does_not_know() -> None:
@@ -241,3 +254,19 @@ def test_the_recommended_way_is_faster_than_the_papers_rule() -> None:
         assert all(run.run() for run in runs)
         took.append(np.mean([run.finished_after for run in runs]))
     assert took[0] < 0.9 * took[1]
+
+
+def test_one_planner_that_hears_everything_is_faster_than_the_nearest_frontier() -> None:
+    """By a third in these two buildings, where robots that walk to the nearest frontier hear everything too."""
+    took = {}
+    for use in ("oracle-frontier", "nearest-frontier"):
+        keys = [
+            f'mind={{strategy={{use="{use}"}}, computation={{sharing={{use="tile-and-goal"}}}}}}',
+            'network.topology={use="full"}',
+            "robots.count=4",
+        ]
+        path = ROOT / "scenarios" / "exploring.toml"
+        runs = [build(load(path, [*keys, f"world.seed={seed}"]), str(path)).simulation for seed in (9000, 9001)]
+        assert all(run.run() for run in runs)
+        took[use] = sum(run.finished_after for run in runs)
+    assert took["oracle-frontier"] < 0.8 * took["nearest-frontier"]

@@ -11,6 +11,7 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Grain
@@ -30,8 +31,8 @@ class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only
     """
 
     grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
-    keeps: bool = False
-    near: Cells = 7.0  # cells, with keeps
+    keeps: bool | None = None  # default: false
+    near: Cells | None = None  # cells, with keeps; default: 7
 
     @property
     def needs_others(self) -> bool:
@@ -39,13 +40,13 @@ class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only
 
     @property
     def keeps_ways(self) -> bool:
-        return self.keeps
+        return bool(self.keeps)
 
     def choose(self, candidates: Candidates) -> int:
         """The piece that it keeps, or one drawn."""
         if self.keeps and candidates.present >= 0:
             return candidates.present
-        if self.keeps and candidates.own[0] <= self.near:
+        if self.keeps and candidates.own[0] <= (self.near or 7.0):
             return 0
         return int(candidates.random.integers(len(candidates.own)))
 
@@ -221,3 +222,20 @@ class DispersedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_o
         if candidates.present >= 0:
             price[candidates.present] -= self.stays
         return int(np.argmin(price))
+
+
+def shared_out(ways: NDArray[np.float64], weight: float, reach: float) -> NDArray[np.int64]:
+    """The piece that each robot gets (n,), given the ways (n, p) of all to all, NO_WAY where there is none.
+
+    A piece costs a robot its way plus weight exp(-way / reach), with the way of the nearest of the others. The sum of
+    what all pay for a piece of their own is least; a robot left over takes the cheapest, whoever else does.
+    """
+    closeness = np.exp(-ways / reach)
+    best = closeness.max(axis=0)
+    second = np.sort(closeness, axis=0)[-2] if len(ways) > 1 else np.zeros_like(best)
+    prices = ways + weight * np.where(closeness == best, second, best)
+    chosen = prices.argmin(axis=1)
+    robots, pieces = linear_sum_assignment(prices)
+    reached = ways[robots, pieces] < NO_WAY / 2
+    chosen[robots[reached]] = pieces[reached]
+    return np.asarray(chosen, np.int64)

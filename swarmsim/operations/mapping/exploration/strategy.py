@@ -116,7 +116,7 @@ class ExploringStrategy(PlannedStrategy):
             self._scratch,
         )  # fmt: skip
         height, width = tiles_of(senses).values.shape[1:]
-        heard = _latest_tiles(maps.accepted)
+        heard = latest_tiles(maps.accepted)
         starts = np.searchsorted(heard.receivers, np.arange(len(here) + 1))
         middles = np.clip(np.add(heard.content.origins, (height // 2, width // 2)), 0, np.subtract(self._shape, 1))
         cells = (middles @ (self._columns, 1)).astype(np.int32)
@@ -167,7 +167,7 @@ class _Descent:
         return int(frontier_costs.descend(*self.at, self.others, self.found, reach, self.ground))
 
 
-def _latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
+def latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
     """The latest tile heard of each robot, sorted by receiver and by the robot that sensed it."""
     items = inbox.content
     order = np.lexsort((items.sensed, items.sources, inbox.receivers))

@@ -46,10 +46,10 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     goes to explore and how far it has to go there, as in `tile-and-goal`: 6 bytes more.
     """
 
-    goals: bool = False
+    goals: bool | None = None  # default: false
 
     def build(self, context: BuildContext) -> GossipSharing:
-        return GossipSharing(context, self.goals)
+        return GossipSharing(context, bool(self.goals))
 
 
 class GossipSharing:
