@@ -17,7 +17,7 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.identity import differences
 from swarmsim.recording.digests import versions
 from swarmsim.studies.benchmark import entries
-from swarmsim.studies.benchmark.entries import Entry, read_entry
+from swarmsim.studies.benchmark.entries import MethodEntry, read_entry
 from swarmsim.studies.benchmark.imported import ImportedSet, Pictures, imported
 from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.referenced import kept_tours, refer, unconfirmed
@@ -33,7 +33,7 @@ from swarmsim.studies.store import Store
 class MadeEntry:
     """An entry that was made, and its files."""
 
-    entry: Entry
+    entry: MethodEntry
     files: tuple[Path, ...]
     scores: Standings  # of this entry alone
 

@@ -20,7 +20,7 @@ from tiny_set import tiny_set
 import swarmsim as sw
 from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark import sets
-from swarmsim.studies.benchmark.entries import Entry, checksum, read_entry, read_method
+from swarmsim.studies.benchmark.entries import MethodEntry, checksum, overheard, read_entry, read_method
 from swarmsim.studies.benchmark.leaderboard import write_board
 from swarmsim.studies.benchmark.scores import kept_order, sign_flip, standings
 from swarmsim.studies.benchmark.sets import ReferenceRow, TaskSet, open_set
@@ -55,28 +55,28 @@ def tiny(place: Path) -> TaskSet:
 
 
 @pytest.fixture(scope="module")
-def entry(place: Path, tiny: TaskSet) -> Entry:
+def entry(place: Path, tiny: TaskSet) -> MethodEntry:
     return read_entry(place / "entry", tiny)
 
 
-def sealed(entry: Entry) -> Entry:
+def sealed(entry: MethodEntry) -> MethodEntry:
     """The entry with the checksum that belongs to it, as a forger would leave it."""
     return msgspec.structs.replace(entry, checksum=checksum(entry))
 
 
-def written(entry: Entry, path: Path) -> Path:
+def written(entry: MethodEntry, path: Path) -> Path:
     path.write_bytes(msgspec.json.encode(entry))
     return path
 
 
-def with_run(entry: Entry, place: int, **changes: object) -> Entry:
+def with_run(entry: MethodEntry, place: int, **changes: object) -> MethodEntry:
     """A forged entry, one of whose runs has other numbers."""
     runs = list(entry.runs)
     runs[place] = msgspec.structs.replace(runs[place], **changes)
     return sealed(msgspec.structs.replace(entry, runs=tuple(runs)))
 
 
-def test_an_entry_holds_every_run_with_its_digest_and_the_code(entry: Entry, place: Path) -> None:
+def test_an_entry_holds_every_run_with_its_digest_and_the_code(entry: MethodEntry, place: Path) -> None:
     assert [run.task for run in entry.runs] == ["a/2", "a/3", "b/2", "b/3", "c/2", "c/3"]
     assert entry.parts == ("public", "held-out")
     assert len({run.digest for run in entry.runs}) == 6
@@ -85,7 +85,7 @@ def test_an_entry_holds_every_run_with_its_digest_and_the_code(entry: Entry, pla
     assert read_method(place / "entry" / "method.toml") == entry.method
 
 
-def test_verification_in_another_process_finds_a_forged_number(place: Path, entry: Entry) -> None:
+def test_verification_in_another_process_finds_a_forged_number(place: Path, entry: MethodEntry) -> None:
     forged = shutil.copytree(place / "entry", place / "forged")
     run = entry.runs[2]
     assert run.t99 is not None
@@ -118,7 +118,7 @@ FORGED = {
 
 
 @pytest.mark.parametrize("what", FORGED)
-def test_numbers_that_cannot_be_are_refused(tiny: TaskSet, entry: Entry, tmp_path: Path, what: str) -> None:
+def test_numbers_that_cannot_be_are_refused(tiny: TaskSet, entry: MethodEntry, tmp_path: Path, what: str) -> None:
     changes, told = FORGED[what]
     path = written(with_run(entry, 0, **changes), tmp_path / "entry.json")
     with pytest.raises(InputError) as problem:
@@ -127,7 +127,7 @@ def test_numbers_that_cannot_be_are_refused(tiny: TaskSet, entry: Entry, tmp_pat
     assert str(path) in str(problem.value)
 
 
-def test_an_edited_entry_and_one_of_another_set_are_refused(tiny: TaskSet, entry: Entry, tmp_path: Path) -> None:
+def test_an_edited_entry_and_one_of_another_set_are_refused(tiny: TaskSet, entry: MethodEntry, tmp_path: Path) -> None:
     edited = msgspec.structs.replace(with_run(entry, 0, way=1.0), checksum=entry.checksum)
     with pytest.raises(InputError, match="damaged or edited"):
         read_entry(written(edited, tmp_path / "entry.json"), tiny)
@@ -162,19 +162,30 @@ FUZZED = b""
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _fuzzed(entry: Entry, tmp_path_factory: pytest.TempPathFactory) -> None:
+def _fuzzed(entry: MethodEntry, tmp_path_factory: pytest.TempPathFactory) -> None:
     global FUZZED, FUZZED_FILE
     FUZZED, FUZZED_FILE = msgspec.json.encode(entry), tmp_path_factory.mktemp("fuzz") / "entry.json"
 
 
 @pytest.mark.parametrize("value", [None, -1, 1e400, "12", True, [], {}, float("nan")])
 @pytest.mark.parametrize("key", ["t99", "way", "digest", "task", "status", "bytes", "seed"])
-def test_a_value_of_another_kind_is_refused_or_sound(entry: Entry, tmp_path: Path, key: str, value: object) -> None:
+def test_a_value_of_another_kind_is_refused_or_sound(
+    entry: MethodEntry, tmp_path: Path, key: str, value: object
+) -> None:
     table = json.loads(msgspec.json.encode(entry))
     table["runs"][0][key] = value
     (tmp_path / "entry.json").write_text(json.dumps(table))
     with pytest.raises(InputError, match=r"entry\.json"):  # at the latest, the checksum is another
         read_entry(tmp_path / "entry.json")
+
+
+def test_an_oracle_hears_everything_and_dies_like_all_others(tiny: TaskSet) -> None:
+    struck = next(task for task in tiny.made if task.name == "b/3")
+    changes = overheard(struck).changes or {}
+    assert (changes["network.topology"], changes["network.channel"]) == ({"use": "full"}, {"use": "perfect"})
+    assert [fault["use"] for fault in changes["faults"]] == ["remove"]
+    assert len((struck.changes or {})["faults"]) == 2
+    assert changes["world"] == (struck.changes or {})["world"]
 
 
 METHODS = {
@@ -211,7 +222,7 @@ def references(tiny: TaskSet, t99: int) -> TaskSet:
     return TaskSet(tiny.folder, tiny.about, tiny.tasks, tiny.limit, rows, tiny.digest)
 
 
-def claimed(entry: Entry, name: str, t99: list[int | None], limit: int = 2000) -> Entry:
+def claimed(entry: MethodEntry, name: str, t99: list[int | None], limit: int = 2000) -> MethodEntry:
     """An entry with these T99, and halves of them before."""
     runs = tuple(
         msgspec.structs.replace(
@@ -224,7 +235,7 @@ def claimed(entry: Entry, name: str, t99: list[int | None], limit: int = 2000) -
     return sealed(msgspec.structs.replace(entry, method=method, runs=runs))
 
 
-def test_scores_are_those_worked_out_by_hand(tiny: TaskSet, entry: Entry) -> None:
+def test_scores_are_those_worked_out_by_hand(tiny: TaskSet, entry: MethodEntry) -> None:
     known = references(tiny, 10)
     fast = claimed(entry, "fast", [20, 40, 20, 40, 20, 40])
     never = claimed(entry, "never", [20, 40, 20, None, 20, 40])
@@ -250,7 +261,7 @@ def test_scores_are_those_worked_out_by_hand(tiny: TaskSet, entry: Entry) -> Non
     assert pair.ratio[0] == pytest.approx(8**0.5 / 4.0)
 
 
-def test_a_limit_below_the_cap_counts_alike_for_all(tiny: TaskSet, entry: Entry) -> None:
+def test_a_limit_below_the_cap_counts_alike_for_all(tiny: TaskSet, entry: MethodEntry) -> None:
     known = references(tiny, 1000)  # the limit, 2000, is 2 tours
     slow = claimed(entry, "slow", [1999, 1999, 1999, 1999, 1, 1])
     never = claimed(entry, "never", [None] * 6)
@@ -259,7 +270,7 @@ def test_a_limit_below_the_cap_counts_alike_for_all(tiny: TaskSet, entry: Entry)
     assert one.times["t99"][0] == pytest.approx(1.999)
 
 
-def test_without_references_the_best_entry_is_the_unit(tiny: TaskSet, entry: Entry) -> None:
+def test_without_references_the_best_entry_is_the_unit(tiny: TaskSet, entry: MethodEntry) -> None:
     one = claimed(entry, "one", [10, 40, 10, 40, 1, 1])
     other = claimed(entry, "other", [20, 20, 20, None, 1, 1])
     found = standings(tiny, [one, other])
@@ -273,11 +284,12 @@ def test_without_references_the_best_entry_is_the_unit(tiny: TaskSet, entry: Ent
 
 def test_pairs_are_told_apart_by_worlds_together() -> None:
     assert sign_flip(np.zeros(9)) == 1.0
+    assert sign_flip(np.array([0.7])) == 1.0
     assert sign_flip(np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])) == pytest.approx(2 / 64)
     assert sign_flip(np.array([0.1, -0.1])) == 1.0
 
 
-def test_a_pair_turned_round_on_held_out_worlds_is_told(tiny: TaskSet, entry: Entry) -> None:
+def test_a_pair_turned_round_on_held_out_worlds_is_told(tiny: TaskSet, entry: MethodEntry) -> None:
     one = claimed(entry, "one", [10, 10, 10, 10, 40, 40])
     other = claimed(entry, "other", [20, 20, 20, 20, 20, 20])
     public, held = (standings(tiny, [one, other], part) for part in ("public", "held-out"))
@@ -287,7 +299,9 @@ def test_a_pair_turned_round_on_held_out_worlds_is_told(tiny: TaskSet, entry: En
     assert (count, [pair.first for pair in turned]) == (1, ["one"])
 
 
-def test_the_page_has_tables_figures_and_no_markup_of_entries(tiny: TaskSet, entry: Entry, tmp_path: Path) -> None:
+def test_the_page_has_tables_figures_and_no_markup_of_entries(
+    tiny: TaskSet, entry: MethodEntry, tmp_path: Path
+) -> None:
     other = claimed(entry, "other", [40, 40, 40, None, 40, 40])
     found, files = write_board(references(tiny, 10), [entry, other], tmp_path / "board.html")
     page = (tmp_path / "board.html").read_text()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import random
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -35,7 +36,7 @@ class Method(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     name: Name
     title: Annotated[str, Meta(max_length=200)] = ""
     tuning: Annotated[str, Meta(max_length=500)] = ""  # how its numbers were chosen, and on what
-    oracle: bool = False  # whether its robots know or hear what robots cannot
+    oracle: bool = False  # whether its robots hear all others, whatever the task's network
     mind: dict[str, object]  # `strategy` and `computation` as in a scenario
 
 
@@ -57,7 +58,7 @@ class EntryRun(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     digest: Digest  # of everything that happened in it
 
 
-class Entry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class MethodEntry(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The contents of entry.json."""
 
     format: Literal[1] = FORMAT
@@ -90,7 +91,17 @@ def open_method(tasks: TaskSet, method: Method, place: Path, chosen: Sequence[Se
     mind = {
         key: _resolved(value, place.absolute().parent, f"{place}: mind.{key}") for key, value in method.mind.items()
     }
-    return plan_of(tasks, mind, place, chosen)
+    return plan_of(tasks, mind, place, [overheard(task) for task in chosen] if method.oracle else chosen)
+
+
+def overheard(task: SetTask) -> SetTask:
+    """The task as an oracle has it: every robot hears all others, and no message is lost."""
+    changes = dict(task.changes or {})
+    faults = changes.get("faults")
+    if isinstance(faults, list):
+        changes["faults"] = [fault for fault in faults if fault.get("use") != "radio"]
+    network = {"network.topology": {"use": "full"}, "network.channel": {"use": "perfect"}}
+    return replace(task, changes=changes | network)
 
 
 def _resolved(value: object, folder: Path, place: str) -> object:
@@ -99,7 +110,7 @@ def _resolved(value: object, folder: Path, place: str) -> object:
     return with_files(value, folder, f"{place}.")
 
 
-def entry_of(tasks: TaskSet, method: Method, plan: Plan, results: Mapping[str, Result]) -> Entry:
+def entry_of(tasks: TaskSet, method: Method, plan: Plan, results: Mapping[str, Result]) -> MethodEntry:
     """The entry of a method's runs. Raises InputError if runs failed or are missing."""
     failed = [row for result in results.values() for row in result.failed]
     if failed:
@@ -110,7 +121,7 @@ def entry_of(tasks: TaskSet, method: Method, plan: Plan, results: Mapping[str, R
     if lacking := [name for name, result in results.items() if result.missing]:
         raise InputError(f"{plan.path}: runs are missing, so there is no entry: {lacking[0]}, and others")
     runs = tuple(run_of(row) for result in results.values() for row in result.rows)
-    whole = Entry(
+    whole = MethodEntry(
         set=tasks.name, set_digest=tasks.digest, parts=_parts(tasks, results), method=method,
         code=dict(plan.conditions[0].code.hashes), libraries=libraries(versions()), runs=runs, checksum="",
     )  # fmt: skip
@@ -143,13 +154,13 @@ def _count(value: float | None) -> int | None:
     return None if value is None else int(value)
 
 
-def checksum(entry: Entry) -> str:
+def checksum(entry: MethodEntry) -> str:
     """A hash of all but the checksum itself."""
     text = msgspec.json.encode(msgspec.structs.replace(entry, checksum=""), order="deterministic")
     return hashlib.blake2b(text, digest_size=16).hexdigest()
 
 
-def write_entry(entry: Entry, out: Path, code: Code, folder: Path) -> list[Path]:
+def write_entry(entry: MethodEntry, out: Path, code: Code, folder: Path) -> list[Path]:
     """Write an entry as a .json file or, with the method's own code, into a folder; gives the files.
 
     Own code has to lie in `folder`, that of the method's file. Raises InputError.
@@ -170,7 +181,7 @@ def write_entry(entry: Entry, out: Path, code: Code, folder: Path) -> list[Path]
     return list(files)
 
 
-def _json(entry: Entry) -> str:
+def _json(entry: MethodEntry) -> str:
     return msgspec.json.format(msgspec.json.encode(entry), indent=1).decode() + "\n"
 
 
@@ -178,11 +189,11 @@ def _toml(method: Method) -> str:
     return tomli_w.dumps(msgspec.to_builtins(method))
 
 
-def read_entry(path: Path, tasks: TaskSet | None = None) -> Entry:
+def read_entry(path: Path, tasks: TaskSet | None = None) -> MethodEntry:
     """An entry from its file or folder, checked against its set if that is given. Raises InputError."""
     file = path / FILE if path.is_dir() else path
     try:
-        entry = msgspec.json.decode(content(file, EXPECTED), type=Entry)
+        entry = msgspec.json.decode(content(file, EXPECTED), type=MethodEntry)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
         raise InputError(f"{file}: {problem}; expected {EXPECTED}") from problem
     if entry.checksum != checksum(entry):
@@ -209,7 +220,7 @@ def _contradiction(run: EntryRun) -> str:
     return ""
 
 
-def _check_tasks(entry: Entry, tasks: TaskSet, file: Path) -> None:
+def _check_tasks(entry: MethodEntry, tasks: TaskSet, file: Path) -> None:
     if entry.set != tasks.name or entry.set_digest != tasks.digest:
         raise InputError(
             f"{file}: made for {entry.set} ({entry.set_digest[:8]}); expected {tasks.name} ({tasks.digest[:8]}), the "
@@ -225,7 +236,7 @@ def _check_tasks(entry: Entry, tasks: TaskSet, file: Path) -> None:
         )
 
 
-def disagreements(entry: Entry, repeated: Sequence[EntryRun]) -> list[str]:
+def disagreements(entry: MethodEntry, repeated: Sequence[EntryRun]) -> list[str]:
     """A sentence for each number of the entry that a repeated run does not confirm."""
     claimed = {(run.task, run.seed): run for run in entry.runs}
     told = []
@@ -238,7 +249,7 @@ def disagreements(entry: Entry, repeated: Sequence[EntryRun]) -> list[str]:
     return told
 
 
-def sampled(entry: Entry, share: float, names: Iterable[str], seed: int) -> list[str]:
+def sampled(entry: MethodEntry, share: float, names: Iterable[str], seed: int) -> list[str]:
     """The tasks to repeat: a share of the entry's among `names`, one at least, drawn by the seed."""
     known = sorted(set(names) & {run.task for run in entry.runs})
     count = max(1, round(share * len(known)))

@@ -12,7 +12,7 @@ import tomli_w
 from markdown_it import MarkdownIt
 
 from swarmsim.core.scenario.files import write_whole
-from swarmsim.studies.benchmark.entries import Entry
+from swarmsim.studies.benchmark.entries import MethodEntry
 from swarmsim.studies.benchmark.scores import SHARES, TAUS, EntryScore, Estimate, Standings, kept_order, standings
 from swarmsim.studies.benchmark.sets import TaskSet
 from swarmsim.studies.report import page
@@ -111,7 +111,7 @@ def _ratios(one: EntryScore, found: Estimate, robots: int) -> plots.Ratios:
     return plots.Ratios(one.name, *found, TAUS, one.profiles[robots])
 
 
-def write_board(tasks: TaskSet, entries: Sequence[Entry], out: Path) -> tuple[dict[str, Standings], list[Path]]:
+def write_board(tasks: TaskSet, entries: Sequence[MethodEntry], out: Path) -> tuple[dict[str, Standings], list[Path]]:
     """Write the page `out`, and the figures beside it; gives the standings of each part, and the files."""
     parts = ["public"]
     if all("held-out" in entry.parts for entry in entries):
@@ -128,7 +128,7 @@ def write_board(tasks: TaskSet, entries: Sequence[Entry], out: Path) -> tuple[di
     return found, files
 
 
-def _text(tasks: TaskSet, entries: Sequence[Entry], found: Mapping[str, Standings]) -> str:
+def _text(tasks: TaskSet, entries: Sequence[MethodEntry], found: Mapping[str, Standings]) -> str:
     public, about = found["public"], tasks.about
     title = {name: regime.title for name, regime in about.regimes.items()}
     head, split = split_lines(public, title)
@@ -168,7 +168,7 @@ def _unit(found: Standings) -> str:
     )
 
 
-def _described(entry: Entry) -> str:
+def _described(entry: MethodEntry) -> str:
     method = entry.method
     code = ", ".join(f"{name} {found}" for name, found in entry.code.items())
     told = "\n".join(

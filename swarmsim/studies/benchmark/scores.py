@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from swarmsim.core.errors import InputError
-from swarmsim.studies.benchmark.entries import Entry, EntryRun
+from swarmsim.studies.benchmark.entries import EntryRun, MethodEntry
 from swarmsim.studies.benchmark.sets import SetTask, TaskSet
 from swarmsim.studies.statistics import holm
 from swarmsim.studies.survival import Interval
@@ -123,7 +123,7 @@ class _Frame:
         return float(np.exp(value)), (float(np.exp(low)), float(np.exp(high)))
 
 
-def standings(tasks: TaskSet, entries: Sequence[Entry], part: str = "public") -> Standings:
+def standings(tasks: TaskSet, entries: Sequence[MethodEntry], part: str = "public") -> Standings:
     """Score entries on one part of a set, the fastest first. Raises InputError for two entries with one name."""
     names = [entry.method.name for entry in entries]
     if len(set(names)) < len(names):
@@ -157,7 +157,7 @@ def _keys(tasks: TaskSet, part: str) -> list[tuple[SetTask, int]]:
     return [(task, seed) for task in tasks.of_part(part) for seed in tasks.about.seeds]
 
 
-def _runs(tasks: TaskSet, entry: Entry, part: str) -> Runs:
+def _runs(tasks: TaskSet, entry: MethodEntry, part: str) -> Runs:
     """An entry's runs of a part, in the set's order. Raises InputError if it has not run it."""
     found = {(run.task, run.seed): run for run in entry.runs}
     try:
@@ -192,7 +192,7 @@ def _logs(frame: _Frame, runs: Runs, share: str) -> Values:
     return np.asarray(np.log(np.minimum(_ratios(frame, runs, share), frame.cap)))
 
 
-def _score(entry: Entry, frame: _Frame, runs: Runs) -> EntryScore:
+def _score(entry: MethodEntry, frame: _Frame, runs: Runs) -> EntryScore:
     logs = _logs(frame, runs, "t99")
     reached = _ratios(frame, runs, "t99")
     counts = frame.apart(lambda task: task.robots)
@@ -240,7 +240,7 @@ def sign_flip(differences: Values) -> float:
     It tests the mean that the ratio shows, so that both always point the same way. All signs are tried for up to
     FLIPS ways to set them, else FLIPS are drawn.
     """
-    if not differences.any():
+    if len(differences) < 2 or not differences.any():
         return 1.0
     found = stats.permutation_test(
         (differences,), np.mean, permutation_type="samples", n_resamples=FLIPS, rng=np.random.default_rng(0)
