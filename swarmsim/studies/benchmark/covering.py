@@ -53,7 +53,7 @@ def covering(places: Places, entered: NDArray[np.float64], needed: Sequence[int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Edges:
+class LeadingEdges:
     """The leading edges of rectangles around places, in one direction."""
 
     cells: sparse.csr_array  # (e, m): which cells of the domain each may hold, 1 for each
@@ -64,7 +64,7 @@ class Edges:
         return np.asarray((self.cells @ values)[self.of].max(axis=1))
 
 
-def edges_of(places: Places, axis: int) -> Edges:
+def edges_of(places: Places, axis: int) -> LeadingEdges:
     """The upper and lower edges for axis 0, the left and right ones for axis 1."""
     long, far = (np.array(places.window) + 1)[[1 - axis, axis]].tolist()  # cells of an edge; half cells to it
     where = np.argwhere(places.possible)
@@ -89,7 +89,7 @@ def edges_of(places: Places, axis: int) -> Edges:
     unique, of = np.unique(np.concatenate(found), axis=0, return_inverse=True)
     edge, spot = np.nonzero(unique >= 0)
     cells = sparse.csr_array((np.ones(len(edge)), (edge, unique[edge, spot])), shape=(len(unique), len(places.domain)))
-    return Edges(cells, of.reshape(4, len(where)).T)
+    return LeadingEdges(cells, of.reshape(4, len(where)).T)
 
 
 def weights(places: Places, worth: NDArray[np.float64]) -> NDArray[np.float64]:

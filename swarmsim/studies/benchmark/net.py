@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
 
-from swarmsim.studies.benchmark.views import Ground
+from swarmsim.studies.benchmark.views import Stands
 
 Routes = list[list[int]]  # by robot: the places of its stops, its start first
 
@@ -19,7 +19,7 @@ Routes = list[list[int]]  # by robot: the places of its stops, its start first
 class Net:
     """Shortest ways from some places to all places, found when first asked for."""
 
-    ground: Ground
+    ground: Stands
 
     def __post_init__(self) -> None:
         self.views = self.ground.views.copy()
@@ -84,7 +84,7 @@ class Net:
         return np.concatenate([np.array(route[:1], np.int64), *(self.leg(*pair) for pair in pairwise(route))])
 
 
-class Coverage:
+class Tally:
     """How often each cell of the domain is seen on the legs of routes."""
 
     def __init__(self, net: Net, routes: Routes) -> None:

@@ -12,7 +12,7 @@ from swarmsim.studies.benchmark.bounds import Bounds, bounds_of
 from swarmsim.studies.benchmark.net import Net, Routes
 from swarmsim.studies.benchmark.replay import Driven, drive, way_of
 from swarmsim.studies.benchmark.tours import Effort, best_routes, covering
-from swarmsim.studies.benchmark.views import Ground, ground_of
+from swarmsim.studies.benchmark.views import Stands, ground_of
 
 
 class Times(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -84,7 +84,7 @@ def replayed(built: BuiltRun, ways: tuple[str, ...], record: Path | None = None)
     return _times(driven), driven.watched.coverage[-1], driven.digest
 
 
-def _best_tour(built: BuiltRun, ground: Ground, effort: Effort) -> tuple[tuple[str, ...], Driven]:
+def _best_tour(built: BuiltRun, ground: Stands, effort: Effort) -> tuple[tuple[str, ...], Driven]:
     """The tour whose replay covers most of the domain soonest, of the best found and its repairs."""
     net = Net(ground)
     routes = best_routes(net, effort)
@@ -98,12 +98,13 @@ def _best_tour(built: BuiltRun, ground: Ground, effort: Effort) -> tuple[tuple[s
         # From nowhere on the way were these cells seen, whatever was planned: somebody has to go elsewhere for them.
         net.forget(routes, driven.missed)
         routes = covering(net, routes)
-    return min(found, key=lambda one: [math.inf if time is None else time for time in _shown(one[1])])
+    return min(found, key=lambda one: _rank(one[1]))
 
 
-def _shown(driven: Driven) -> tuple[int | None, int | None]:
-    """What decides between tours."""
-    return driven.watched.first(0.99), driven.watched.first(1.0)
+def _rank(driven: Driven) -> tuple[float, ...]:
+    """What is better of two replays comes first: those that cover everything, then by time."""
+    t99, t100 = (driven.watched.first(share) for share in (0.99, 1.0))
+    return float(t100 is None), *(math.inf if time is None else float(time) for time in (t99, t100))
 
 
 def _ways(net: Net, routes: Routes) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from swarmsim.core.state import Intents, Knowledge, Moment, Senses
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.kernels import occupancy
 from swarmsim.recording.digests import Digests
-from swarmsim.studies.benchmark.views import Ground
+from swarmsim.studies.benchmark.views import Stands
 
 AHEAD: Final = 10  # points of its way that a robot is given in an iteration
 WINDOW: Final = 4  # points that it may pass in one
@@ -60,7 +60,7 @@ def cells_of(way: str) -> NDArray[np.int64]:
 
 
 @dataclass(eq=False)
-class Followed:
+class KnownWays:
     """A strategy: robots follow ways known beforehand, and avoid nobody.
 
     Where two block each other, they take over each other's rest of the way: together they see the same.
@@ -171,7 +171,7 @@ class Driven:
     pace: float  # how far the fastest robot had driven at any time, as a share of what top speed allows until then
 
 
-def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...], record: Path | None = None) -> Driven:
+def drive(built: BuiltRun, ground: Stands, ways: tuple[str, ...], record: Path | None = None) -> Driven:
     """Drive a tour in the building and with the bodies of a run, and `record` it into a new file.
 
     Raises InputError for ways that do not fit them.
@@ -185,7 +185,7 @@ def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...], record: Path |
     near = 3.0 * built.scenario.robots.radius
 
     def following(parts: Parts) -> Parts:
-        return replace(parts, strategy=Followed(points, ground.pace, near))
+        return replace(parts, strategy=KnownWays(points, ground.pace, near))
 
     run = build(bare(built.scenario, limit), built.simulation.name, built.world, watch=following)
     watched, digests = Watched(np.zeros(ground.lattice.shape, np.bool_)), Digests()
@@ -196,7 +196,7 @@ def drive(built: BuiltRun, ground: Ground, ways: tuple[str, ...], record: Path |
     return Driven(watched, planned, missed, digests.total(), float((watched.driven[1:] / allowed).max(initial=0.0)))
 
 
-def _points(ground: Ground, robot: int, way: str) -> NDArray[np.float64]:
+def _points(ground: Stands, robot: int, way: str) -> NDArray[np.float64]:
     """The points (k, 2) in m of a robot's way. Raises InputError for one that starts elsewhere or leaves the ground."""
     cells = cells_of(way)
     inside = ((cells >= 0) & (cells < ground.lattice.shape)).all()

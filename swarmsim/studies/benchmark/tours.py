@@ -18,9 +18,9 @@ from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from swarmsim.studies.benchmark.net import Coverage, Net, Routes
+from swarmsim.studies.benchmark.net import Net, Routes, Tally
 from swarmsim.studies.benchmark.solver import shorter
-from swarmsim.studies.benchmark.views import Ground
+from swarmsim.studies.benchmark.views import Stands
 
 UNITS: Final = 100  # of the solver's whole numbers in a cell
 CHOICE: Final = 0.3  # of the largest gain: places that gain less are not looked at
@@ -35,10 +35,10 @@ class Effort(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     searches: int = 2  # how often guided local search starts again from what then covers everything
     looks: int = 100_000  # of one such search at what it has
     rounds: int = 100  # of taking out stops and covering what is lost, after each
-    repairs: int = 4  # replays after which cells that were missed are added to the tour
+    repairs: int = 8  # replays after which cells that were missed are added to the tour
 
 
-def viewpoints(ground: Ground, covered: NDArray[np.bool_]) -> NDArray[np.int64]:
+def viewpoints(ground: Stands, covered: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Places that together see all cells of the domain not yet `covered` (m,): each sees the most of the rest."""
     views, seen = ground.views, covered.copy()
     gains = views @ (~seen).astype(np.int64)
@@ -123,7 +123,7 @@ def shortened(net: Net, routes: Routes, looks: int) -> Routes:
     return [[nodes[robot], *(nodes[number] for number in way)] for robot, way in enumerate(found)]
 
 
-def pruned(net: Net, routes: Routes, coverage: Coverage, which: Iterable[int] | None = None) -> Routes:
+def pruned(net: Net, routes: Routes, coverage: Tally, which: Iterable[int] | None = None) -> Routes:
     """The routes without stops whose cells are seen on the ways anyway; those that save most go first.
 
     `which` are the only ones to look at, if given.
@@ -136,7 +136,7 @@ def pruned(net: Net, routes: Routes, coverage: Coverage, which: Iterable[int] | 
     return routes
 
 
-def _prune(net: Net, route: list[int], coverage: Coverage) -> bool:
+def _prune(net: Net, route: list[int], coverage: Tally) -> bool:
     """Take stops out of a route; whether any went."""
     before = len(route)
     savings = sorted((-_saving(net, route, at), at) for at in range(1, len(route)))
@@ -157,7 +157,7 @@ def _saving(net: Net, route: list[int], at: int) -> float:
     return net.length(old) - net.length([old[0], *old[2:]])
 
 
-def completed(net: Net, routes: Routes, coverage: Coverage) -> Routes:
+def completed(net: Net, routes: Routes, coverage: Tally) -> Routes:
     """The routes with more stops, so that they see everything, where that lengthens the longest least."""
     routes = [list(route) for route in routes]
     while (missing := coverage.missing).any():
@@ -204,7 +204,7 @@ def rebuilt(net: Net, routes: Routes, rounds: int, random: np.random.Generator) 
         near = net.ways(among[int(random.integers(len(among)))])
         gone = set(sorted(stops, key=lambda stop: (near[stop], stop))[: int(random.integers(2, 9))])
         trial = [[route[0], *(stop for stop in route[1:] if stop not in gone)] for route in now]
-        coverage = Coverage(net, trial)
+        coverage = Tally(net, trial)
         trial = completed(net, trial, coverage)
         trial = pruned(net, trial, coverage, [robot for robot, route in enumerate(trial) if route != now[robot]])
         score = _score(net, trial)
@@ -223,7 +223,7 @@ def _score(net: Net, routes: Routes) -> float:
 def best_routes(net: Net, effort: Effort) -> Routes:
     """The best routes found that cover all of the domain."""
     routes = first_routes(net)
-    best = pruned(net, routes, Coverage(net, routes))
+    best = pruned(net, routes, Tally(net, routes))
     random = np.random.default_rng(len(best))
     for _ in range(effort.searches):
         routes = covering(net, shortened(net, best, effort.looks))
@@ -234,5 +234,5 @@ def best_routes(net: Net, effort: Effort) -> Routes:
 
 def covering(net: Net, routes: Routes) -> Routes:
     """The routes with as few more stops and as many fewer as cover everything."""
-    coverage = Coverage(net, routes)
+    coverage = Tally(net, routes)
     return pruned(net, completed(net, routes, coverage), coverage)

@@ -16,13 +16,13 @@ from swarmsim.core.scenario.file import sensors_of
 from swarmsim.engine.build import BuiltRun
 from swarmsim.engine.survey import MANY, surveyor, tiles_from
 
-ASIDE: Final = 0.25  # cells from the centre, see `Ground.points`
+ASIDE: Final = 0.25  # cells from the centre, see `Stands.points`
 #: Rows and columns of a step, one of each pair of opposite ones.
 MOVES: Final = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class SeenFrom:
     """How far tiles reach, and what they show from some points."""
 
     window: tuple[int, int]  # rows and columns of the largest tile
@@ -30,7 +30,7 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class Stands:
     """The cells that robots can reach, as places to stand; place i is row i of `cells`."""
 
     lattice: Lattice
@@ -71,7 +71,7 @@ class Ground:
         return sparse.csr_array(one_way + one_way.T)
 
 
-def sight_of(built: BuiltRun, points: NDArray[np.float64]) -> Sight:
+def sight_of(built: BuiltRun, points: NDArray[np.float64]) -> SeenFrom:
     """What the robots' sensors show from points (k, 2) in m. Raises InputError for sensors without tiles."""
     context, shape = built.context, built.arena.lattice.shape
     sensors = [surveyor(place, part, context) for place, part in sensors_of(built.scenario)]
@@ -88,10 +88,10 @@ def sight_of(built: BuiltRun, points: NDArray[np.float64]) -> Sight:
             ends = (piece[who], cell)
             seen.append(sparse.coo_array((np.ones(len(who), np.int8), ends), shape=(len(points), np.prod(shape))))
     total = sparse.csr_array(sum(seen[1:], seen[0]))
-    return Sight((int(window[0]), int(window[1])), sparse.csr_array(total > 0))
+    return SeenFrom((int(window[0]), int(window[1])), sparse.csr_array(total > 0))
 
 
-def ground_of(built: BuiltRun) -> Ground:
+def ground_of(built: BuiltRun) -> Stands:
     """The ground of a run's robots. Raises InputError for sensors without tiles."""
     lattice, reachable = built.arena.lattice, built.reachable
     cells = np.argwhere(reachable)
@@ -104,7 +104,7 @@ def ground_of(built: BuiltRun) -> Ground:
     starts = index[tuple(lattice.cells(built.context.start[:, :2]).T)]
     pace = built.scenario.robots.speed * built.scenario.period
     views = sparse.csr_array(sight_of(built, points).seen[:, domain])
-    return Ground(lattice, cells, points, domain, views, starts, pace)
+    return Stands(lattice, cells, points, domain, views, starts, pace)
 
 
 def _aside(reachable: NDArray[np.bool_], cells: NDArray[np.int64], window: tuple[int, int]) -> NDArray[np.int64]:
