@@ -24,7 +24,7 @@ TOGETHER: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         (
             "nearest-frontier", "random-frontier", "largest-frontier", "utility-frontier", "coordinated-frontier",
             "min-pos", "assigned-frontier", "potential-field", "market", "reserved-frontier", "dispersed-frontier",
-            "oracle-frontier",
+            "shared-frontier", "oracle-frontier",
         ),
         ("coverage",),
     ),

@@ -29,6 +29,7 @@ from swarmsim.operations.mapping.exploration.rules import (
     PotentialField,
     RandomFrontier,
     ReservedFrontier,
+    SharedFrontier,
     UtilityFrontier,
     shared_out,
 )
@@ -168,6 +169,15 @@ def test_pieces_are_shared_out_at_the_least_price_of_all() -> None:
     alone = np.array([[5.0, 12.0], [1.0, 30.0]])  # 5 + 10 exp(-0.1) against 12 + 10 exp(-3), as above
     assert shared_out(alone, 10.0, 10.0).tolist() == [1, 0]
     assert shared_out(alone[:1], 10.0, 10.0).tolist() == [0]
+
+
+def test_shared_takes_its_part_of_the_plan_and_keeps_its_mind() -> None:
+    rule = SharedFrontier(weight=0.0)
+    assert rule.choose(candidates([[3, 4, 50], [2, 30, 50]])) == 1
+    assert rule.choose(candidates([[2, 30, 50], [3, 4, 50]])) == 0
+    assert rule.choose(candidates([[3, FAR], [1, FAR]])) == 0  # there is no other piece for it
+    assert rule.choose(candidates([[5, 7]])) == 0
+    assert rule.choose(candidates([[5, 7]], present=1)) == 1
 
 
 @pytest.mark.parametrize("use", ["market", "reserved-frontier", "oracle-frontier"])

@@ -224,6 +224,28 @@ class DispersedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_o
         return int(np.argmin(price))
 
 
+class SharedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot also plans for those it hears: a piece for each, near for it and far from the nearest of the others.
+
+    A piece costs a robot its way plus weight exp(-way / reach), with the way of the nearest of the others; the sum of
+    all costs is least, as in `assigned-frontier` that of the ways. So it joins what `assigned-frontier` does where
+    robots are many, and `dispersed-frontier` where they are few. `oracle-frontier` is the same with one planner. Of
+    others it needs where they are, which their tiles say: no byte more.
+    """
+
+    replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
+    weight: Weight = 20.0  # cells
+    reach: Cells = 15.0  # cells
+    stays: Weight = 3.0  # cells that a new goal has to be better than the present one
+
+    def choose(self, candidates: Candidates) -> int:
+        """The robot's own part of the plan."""
+        ways = np.minimum(candidates.ways, NO_WAY)
+        if candidates.present >= 0:
+            ways[0, candidates.present] -= self.stays
+        return int(shared_out(ways, self.weight, self.reach)[0])
+
+
 def shared_out(ways: NDArray[np.float64], weight: float, reach: float) -> NDArray[np.int64]:
     """The piece that each robot gets (n,), given the ways (n, p) of all to all, NO_WAY where there is none.
 
