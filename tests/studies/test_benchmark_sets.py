@@ -11,6 +11,7 @@ from tiny_set import SECRET, tiny_set
 
 from swarmsim.core.errors import InputError
 from swarmsim.studies.benchmark import sets
+from swarmsim.studies.benchmark.entries import open_method, read_method
 from swarmsim.studies.benchmark.listed import read_lines
 
 
@@ -110,3 +111,16 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
         sets.open_set(tmp_path)
     with pytest.raises(InputError, match="worlds"):
         read_lines(tmp_path / "worlds.csv", sets.SetWorld)
+
+
+METHODS = sorted((sets.shipped_set().parent / "methods").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", METHODS, ids=[path.stem for path in METHODS])
+def test_every_shipped_method_can_enter_with_the_same_means(tiny: Path, path: Path) -> None:
+    found, method = sets.open_set(tiny), read_method(path)
+    plan = open_method(found, method, path, found.made[:1])
+    (mind,) = [condition.scenario.mind for condition in plan.conditions]
+    assert method.name == path.stem
+    assert method.mind["computation"] == {"use": "occupancy-grid", "sharing": {"use": "gossip", "goals": True}}
+    assert method.oracle or mind.strategy.table["replan"] == "every-iteration"
