@@ -19,6 +19,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from swarmsim.api.benchmark import (
+        benchmark_board,
+        benchmark_explore,
+        benchmark_import,
+        benchmark_references,
+        benchmark_verify,
+    )
     from swarmsim.api.doctor import doctor
     from swarmsim.api.expectations import Expectations, open_expectations, test
     from swarmsim.api.imports import world_import
@@ -38,10 +45,11 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "compare", "doctor", "example",
-    "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce", "run",
-    "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate",
-    "world_import", "world_preview",
+    "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board", "benchmark_explore",
+    "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor", "example", "examples",
+    "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce", "run", "schema", "simulate",
+    "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate", "world_import",
+    "world_preview",
 ]  # fmt: skip
 
 _PLACES = {
@@ -51,6 +59,11 @@ _PLACES = {
     "Run": "api.recorded:Run",
     "StorageError": "core.errors:StorageError",
     "StudyRun": "api.studies:StudyRun",
+    "benchmark_board": "api.benchmark:benchmark_board",
+    "benchmark_explore": "api.benchmark:benchmark_explore",
+    "benchmark_import": "api.benchmark:benchmark_import",
+    "benchmark_references": "api.benchmark:benchmark_references",
+    "benchmark_verify": "api.benchmark:benchmark_verify",
     "compare": "api.runs:compare",
     "doctor": "api.doctor:doctor",
     "example": "core.scenario.shipped:example",

@@ -133,7 +133,7 @@ def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
 
 
 #: Pages whose listings are files that belong together, with their own tests.
-TOLD = ("docs/minds.md", "docs/own.md", "docs/papers.md")
+TOLD = ("docs/benchmark.md", "docs/minds.md", "docs/own.md", "docs/papers.md")
 ROOM = {**tomllib.loads((ROOT / "scenarios" / "basilica.toml").read_text()), "world": "worlds/basilica.svg"}
 FRAGMENTS = [(page, text) for page in PAGES if page not in TOLD for text in blocks(page, "toml")]
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from swarmsim.cli import (
+    benchmark,
     comparisons,
     doctor,
     examples,
@@ -62,6 +63,7 @@ for verb in (
 ):
     app.command()(verb)
 app.add_typer(studies.app, name="study")
+app.add_typer(benchmark.app, name="benchmark")
 app.add_typer(figures.app, name="figure")
 app.add_typer(worlds.app, name="world")
 app.add_typer(examples.app, name="examples")

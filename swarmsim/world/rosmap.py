@@ -135,11 +135,11 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def dark(path: Path) -> NDArray[np.bool_]:
-    """The dark pixels (rows, columns) of a picture by its first channel, from the bottom up. Raises InputError."""
+def dark(path: Path, most: int = _DARK) -> NDArray[np.bool_]:
+    """The pixels (rows, columns) up to a level of a picture's first channel, from the bottom up. Raises InputError."""
     with _opened(path) as opened:
         try:
-            return np.asarray(np.asarray(opened.convert("RGB"))[::-1, :, 0] <= _DARK)
+            return np.asarray(np.asarray(opened.convert("RGB"))[::-1, :, 0] <= most)
         except _BROKEN as problem:
             raise InputError(f"{path}: a broken image; expected a whole PNG or PGM") from problem
 

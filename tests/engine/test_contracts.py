@@ -485,6 +485,7 @@ MINDS = [
         for share in ("tile-and-goal" if name in GOALS else "gossip",)
     ),
     *(("room", f'mind.computation.sharing={{use="{policy}"}}') for policy in registry.known("sharing")),
+    ("room", 'mind={strategy={use="oracle-frontier"}, computation={sharing={use="tile-and-goal"}}}'),
     *((scenario, "seed=1") for name, scenario in SCENARIOS.items() if name != "occupancy-grid"),
     ("operations/heading-consensus", "seed=1"),
     ("operations/pursuit", "seed=1"),

@@ -24,6 +24,7 @@ TOGETHER: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         (
             "nearest-frontier", "random-frontier", "largest-frontier", "utility-frontier", "coordinated-frontier",
             "min-pos", "assigned-frontier", "potential-field", "market", "reserved-frontier", "dispersed-frontier",
+            "shared-frontier", "oracle-frontier",
         ),
         ("coverage",),
     ),
@@ -35,7 +36,12 @@ TOGETHER: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }  # fmt: skip
 ANY_STRATEGY = ("stand", "wander", "random-waypoint")
 ANY_TASK = ("gathered", "spacing", "locational-cost", "guarded", "formation-error", "travelled")
-TOLD_GOALS = ("market", "reserved-frontier", "dispersed-frontier")  # strategies that need to hear where others go
+TOLD_GOALS = (
+    "market",
+    "reserved-frontier",
+    "dispersed-frontier",
+    "oracle-frontier",
+)  # that need to hear where others go
 LAYERED = 0.5  # how often a channel lies over another
 FIRST_LARGE, EVERY_LARGE = 300, 40  # from which scenario on, and how often, there are many robots for long
 

@@ -316,15 +316,15 @@ def kinematics_of(scenario: Scenario) -> list[tuple[str, Part[Kinematics]]]:
 
 def table_of(scenario: Scenario) -> Table:
     """A scenario as a complete TOML table."""
-    table: Table = _without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
+    table: Table = without_none(without_later(msgspec.to_builtins(scenario, enc_hook=plain)))
     return table
 
 
-def _without_none(value: object) -> Any:  # noqa: ANN401 - same type out as in
+def without_none(value: object) -> Any:  # noqa: ANN401 - same type out as in
     """The same without None, which TOML lacks."""
     if isinstance(value, dict):
-        return {key: _without_none(inner) for key, inner in value.items() if inner is not None}
-    return [_without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
+        return {key: without_none(inner) for key, inner in value.items() if inner is not None}
+    return [without_none(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def without_later(table: Table) -> Table:

@@ -25,7 +25,9 @@ def examples() -> dict[str, str]:
     Raises InputError if they are not installed.
     """
     home = root() / "scenarios"
-    paths = sorted(path for path in home.rglob("*.toml") if "studies" not in path.relative_to(home).parts)
+    paths = sorted(
+        path for path in home.rglob("*.toml") if not {"studies", "benchmarks"} & {*path.relative_to(home).parts}
+    )
     titled = {path.relative_to(home).with_suffix("").as_posix(): _title(path) for path in paths}
     return dict(sorted(titled.items(), key=lambda pair: (pair[0].count("/"), pair[0])))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,6 +12,8 @@ from matplotlib.figure import Figure
 from swarmsim.view.plots.fault_marks import line_key
 from swarmsim.view.plots.sheet import settled, sheet
 from swarmsim.view.plots.style import COLOURS, DASHES, GREY, MARKERS, Reals, styled
+
+TAUS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # marked along profiles
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +28,8 @@ class Ratios:
 
 
 @styled
-def ratios(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
-    """Ratios of each method's time to the first one's, with 95 % intervals, per group; on a logarithmic scale."""
+def ratios(groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "") -> Figure:
+    """Ratios of each method's time to the first one's, or to the `unit`, with 95 % intervals, per group; in logs."""
     names = [one.method for one in next(iter(groups.values()))]
     figure = sheet(8.4, 1.6 + 0.4 * len(names), title)
     axes = figure.subplots()
@@ -42,7 +45,11 @@ def ratios(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
             handles.append(line_key(group, colour, marker, "-"))
     axes.axvline(1.0, color=GREY, lw=1.2)
     axes.set_yticks(range(len(names)), names)
-    axes.set(ylim=(len(names) - 0.5, -0.5), xscale="log", xlabel=f"time, times that of {names[0]}")
+    axes.set(
+        ylim=(len(names) - 0.5, -0.5),
+        xscale="log",
+        xlabel=f"T99 over {unit}" if unit else f"time, times that of {names[0]}",
+    )
     ends = np.array([one.interval for methods in groups.values() for one in methods])
     ticks = [tick for tick in (0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0)
              if ends.min() / 1.3 <= tick <= ends.max() * 1.3]  # fmt: skip
@@ -52,8 +59,10 @@ def ratios(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
 
 
 @styled
-def profiles(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
-    """The share of runs that each method finishes within tau times the first method's mean in the task; per group.
+def profiles(
+    groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "the first method's mean", of: str = "runs finished"
+) -> Figure:
+    """The share of runs (`of`: which) that each method finishes within tau times the unit in the task; per group.
 
     Performance profiles as in Agarwal et al. (2021): the higher the curve, the better.
     """
@@ -65,15 +74,16 @@ def profiles(groups: Mapping[str, Sequence[Ratios]], title: str) -> Figure:
             colour, dash = COLOURS[row % len(COLOURS)], DASHES[row // len(COLOURS) % len(DASHES)]
             axes.plot(one.taus, 100.0 * one.profile, color=colour, linestyle=dash, lw=1.5)
         axes.set(title=group, xscale="log", ylim=(0.0, 102.0), xlim=(one.taus[0], one.taus[-1]))
-        axes.set_xticks([0.25, 0.5, 1.0, 2.0, 4.0], ["0.25", "0.5", "1", "2", "4"])
+        ticks = [tick for tick in TAUS if one.taus[0] <= tick <= one.taus[-1]]
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.minorticks_off()
         axes.axvline(1.0, color=GREY, lw=0.8)
     for axes in panels.flat[len(groups) :]:
         axes.remove()
     for axes in panels[:, 0]:
-        axes.set_ylabel("runs finished, %")
+        axes.set_ylabel(f"{of}, %")
     for axes in panels[-1]:
-        axes.set_xlabel("within so many times the first method's mean")
+        axes.set_xlabel(f"within so many times {unit}")
     for row, one in enumerate(next(iter(groups.values()))):
         key = line_key(one.method, COLOURS[row % len(COLOURS)], "")
         key.set_linestyle(DASHES[row // len(COLOURS) % len(DASHES)])

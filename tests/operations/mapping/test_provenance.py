@@ -48,7 +48,15 @@ class Followed:
 
 
 @pytest.mark.parametrize(
-    "share", ['{use="current-tile"}', '{use="relay", hops=3}', '{use="gossip"}', '{use="map"}', '{use="tile-and-goal"}']
+    "share",
+    [
+        '{use="current-tile"}',
+        '{use="relay", hops=3}',
+        '{use="gossip"}',
+        '{use="gossip", goals=true}',
+        '{use="map"}',
+        '{use="tile-and-goal"}',
+    ],
 )
 def test_every_reading_is_followed_to_every_map(share: str) -> None:
     run = made(

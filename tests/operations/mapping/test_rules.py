@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from conftest import ROOT, made, seen_as, setting_of
+from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox
@@ -16,7 +17,9 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.part import Part
 from swarmsim.engine.build import build
+from swarmsim.engine.simulation import Simulation
 from swarmsim.operations.mapping.exploration.rules import (
+    NO_WAY,
     AssignedFrontier,
     CoordinatedFrontier,
     DispersedFrontier,
@@ -26,9 +29,11 @@ from swarmsim.operations.mapping.exploration.rules import (
     PotentialField,
     RandomFrontier,
     ReservedFrontier,
+    SharedFrontier,
     UtilityFrontier,
+    shared_out,
 )
-from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, _latest_tiles
+from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Others, latest_tiles
 from swarmsim.operations.mapping.maps import PlainTiles
 from swarmsim.operations.mapping.sharing.codecs import GOAL
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
@@ -60,6 +65,29 @@ def test_random_takes_every_frontier_equally_often() -> None:
     three = candidates([1, 2, 3])
     drawn = [RandomFrontier().choose(three) for _ in range(3000)]
     assert np.abs(np.bincount(drawn, minlength=3) / 3000 - 1 / 3).max() < 0.04
+
+
+def test_random_keeps_what_it_has_drawn() -> None:
+    """Its piece, then what is near; it draws among all only if nothing is."""
+    rule = RandomFrontier(keeps=True, near=7.0)
+    assert {rule.choose(candidates([9, 20, 30], present=2)) for _ in range(20)} == {2}
+    assert {rule.choose(candidates([7, 20, 30])) for _ in range(20)} == {0}
+    far = candidates([8, 20, 30])
+    assert {rule.choose(far) for _ in range(50)} == {0, 1, 2}
+
+
+def test_random_that_keeps_does_not_turn_on_its_way() -> None:
+    """Only walls that it did not know of, and robots, make it choose another way."""
+    turns = []
+    for keeps in ("false", "true"):
+        simulation = made("robots.count=3", f'mind.strategy={{use="random-frontier", keeps={keeps}}}').simulation
+        plans = simulation.parts.strategy._plans
+        turns.append(0)
+        for _ in range(60):
+            left = plans.steps - plans.cursor
+            simulation.tick()
+            turns[-1] += int((plans.planned & (left > 2)).sum())  # a new way with more than a step left of the old one
+    assert turns[1] < turns[0] / 4, turns
 
 
 def test_largest_takes_the_largest_and_of_equals_the_nearest() -> None:
@@ -132,7 +160,27 @@ def test_dispersed_goes_where_others_are_not() -> None:
     assert DispersedFrontier().choose(candidates([[5, 12], [FAR, FAR]])) == 0
 
 
-@pytest.mark.parametrize("use", ["market", "reserved-frontier"])
+def test_pieces_are_shared_out_at_the_least_price_of_all() -> None:
+    """Alone both would take the first; the one that gives way is the one that loses less by it."""
+    ways = np.array([[3.0, 4.0, 50.0], [2.0, 30.0, 50.0]])
+    assert shared_out(ways, 0.0, 15.0).tolist() == [1, 0]
+    assert shared_out(ways[:, :1], 0.0, 15.0).tolist() == [0, 0]  # one is left over, and follows
+    assert shared_out(np.array([[3.0, NO_WAY], [2.0, NO_WAY]]), 20.0, 15.0).tolist() == [0, 0]
+    alone = np.array([[5.0, 12.0], [1.0, 30.0]])  # 5 + 10 exp(-0.1) against 12 + 10 exp(-3), as above
+    assert shared_out(alone, 10.0, 10.0).tolist() == [1, 0]
+    assert shared_out(alone[:1], 10.0, 10.0).tolist() == [0]
+
+
+def test_shared_takes_its_part_of_the_plan_and_keeps_its_mind() -> None:
+    rule = SharedFrontier(weight=0.0)
+    assert rule.choose(candidates([[3, 4, 50], [2, 30, 50]])) == 1
+    assert rule.choose(candidates([[2, 30, 50], [3, 4, 50]])) == 0
+    assert rule.choose(candidates([[3, FAR], [1, FAR]])) == 0  # there is no other piece for it
+    assert rule.choose(candidates([[5, 7]])) == 0
+    assert rule.choose(candidates([[5, 7]], present=1)) == 1
+
+
+@pytest.mark.parametrize("use", ["market", "reserved-frontier", "oracle-frontier"])
 def test_rules_that_need_goals_say_so(use: str) -> None:
     with pytest.raises(InputError, match=r"expected mind\.computation\.sharing\.use = 'tile-and-goal'"):
         made(f'mind.strategy={{use="{use}"}}').simulation.run()
@@ -144,6 +192,26 @@ RULES = [name for name, kind in registry.known("strategy").items() if issubclass
 @pytest.mark.parametrize("use", RULES)
 def test_every_rule_maps_the_room(use: str) -> None:
     assert made(f'mind={{strategy={{use="{use}"}}, computation={{sharing={{use="tile-and-goal"}}}}}}').simulation.run()
+
+
+@pytest.mark.parametrize("replan", ["on-arrival", "every-iteration"])
+@pytest.mark.parametrize("use", RULES)
+def test_every_rule_runs_by_the_same_means(use: str, replan: str) -> None:
+    """Gossip with goals holds all that any rule needs; 6 bytes more than gossip, told and charged."""
+    simulation = made(
+        f'mind={{strategy={{use="{use}", replan="{replan}"}}, computation={{sharing={{use="gossip", goals=true}}}}}}'
+    ).simulation
+    assert {int(size) for _ in range(12) for size in sizes(simulation)} <= {21 + 6, 21 + 6 + 15}
+
+
+def sizes(simulation: Simulation) -> NDArray[np.int32]:
+    """The bytes that each robot's message takes in the next iteration."""
+    said: list = []
+    say = simulation.parts.computation.say
+    simulation.parts.computation.say = lambda senses: said.append(say(senses)) or said[-1]
+    simulation.tick()
+    simulation.parts.computation.say = say
+    return said[0].sizes
 
 
 def test_rules_count_their_bytes() -> None:
@@ -159,10 +227,10 @@ def test_of_several_tiles_of_one_robot_the_latest_counts() -> None:
     sources, sensed = np.array([1, -1, 1, 0], np.int32), np.array([4, 4, 5, 5], np.int32)
     tiles = PlainTiles(np.zeros((4, 2, 2), np.uint8), origins, sources, sensed)
     heard = Inbox(np.array([0, 0, 0, 1]), np.array([1, 2, 1, 0]), sensed, tiles)
-    latest = _latest_tiles(heard)
+    latest = latest_tiles(heard)
     assert latest.receivers.tolist() == [0, 1]
     assert latest.content.origins.tolist() == [[4, 5], [6, 7]]
-    assert len(_latest_tiles(heard.take(np.zeros(0, int)))) == 0
+    assert len(latest_tiles(heard.take(np.zeros(0, int)))) == 0
 
 
 def test_gossip_tells_what_waited_longest_and_never_what_it_does_not_know() -> None:
@@ -196,3 +264,19 @@ def test_the_recommended_way_is_faster_than_the_papers_rule() -> None:
         assert all(run.run() for run in runs)
         took.append(np.mean([run.finished_after for run in runs]))
     assert took[0] < 0.9 * took[1]
+
+
+def test_one_planner_that_hears_everything_is_faster_than_the_nearest_frontier() -> None:
+    """By a third in these two buildings, where robots that walk to the nearest frontier hear everything too."""
+    took = {}
+    for use in ("oracle-frontier", "nearest-frontier"):
+        keys = [
+            f'mind={{strategy={{use="{use}"}}, computation={{sharing={{use="tile-and-goal"}}}}}}',
+            'network.topology={use="full"}',
+            "robots.count=4",
+        ]
+        path = ROOT / "scenarios" / "exploring.toml"
+        runs = [build(load(path, [*keys, f"world.seed={seed}"]), str(path)).simulation for seed in (9000, 9001)]
+        assert all(run.run() for run in runs)
+        took[use] = sum(run.finished_after for run in runs)
+    assert took["oracle-frontier"] < 0.8 * took["nearest-frontier"]

@@ -25,7 +25,8 @@ from swarmsim.recording.reader import Recording
 
 LATTICE = Lattice(0.0, 0.0, 0.15, 20, 24)
 TILE = (6, 7)
-POLICIES = [{"use": name} for name in registry.known("sharing")] + [{"use": "relay", "hops": 4}]
+POLICIES = [{"use": name} for name in registry.known("sharing")]
+POLICIES += [{"use": "relay", "hops": 4}, {"use": "gossip", "goals": True}]
 every_policy = pytest.mark.parametrize("table", POLICIES, ids=lambda table: "-".join(map(str, table.values())))
 
 

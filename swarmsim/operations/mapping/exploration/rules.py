@@ -11,6 +11,7 @@ from typing import Annotated, Final, Literal
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Grain
@@ -23,16 +24,30 @@ Cells = Annotated[float, Meta(gt=0.0, le=1e6)]
 class RandomFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot walks to a frontier drawn at random, all equally likely. Needs nothing of others.
 
-    The baseline without judgement; in place of the nearest of Yamauchi (1997).
+    The baseline without judgement; in place of the nearest of Yamauchi (1997). As it stands robots cross the building
+    for every look, and turn back when others have seen their frontier meanwhile, so few runs end. With `keeps` a robot
+    keeps what it has drawn: it walks its way to the end, goes on with the nearest frontier within `near` cells, and
+    draws again only if there is none. That is the fair baseline beside rules that stay where they are.
     """
 
     grain: Grain = None  # cells: frontiers are cut at the lines of such a grid; None: they are not
+    keeps: bool | None = None  # default: false
+    near: Cells | None = None  # cells, with keeps; default: 7
 
     @property
     def needs_others(self) -> bool:
         return False
 
+    @property
+    def keeps_ways(self) -> bool:
+        return bool(self.keeps)
+
     def choose(self, candidates: Candidates) -> int:
+        """The piece that it keeps, or one drawn."""
+        if self.keeps and candidates.present >= 0:
+            return candidates.present
+        if self.keeps and candidates.own[0] <= (self.near or 7.0):
+            return 0
         return int(candidates.random.integers(len(candidates.own)))
 
 
@@ -148,7 +163,10 @@ class Market(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
     The profit is the unknown share of the view from there, times `revenue`, less the way in cells; the price is
     the way. A robot that hears of a lower price gives way: Zlot, Stentz, Dias and Thayer, "Multi-robot exploration
     controlled by a market economy", ICRA (2002), with announcements in place of an auctioneer. Of others it needs where
-    they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    they go and how far that is: 6 bytes, the sharing tile-and-goal or gossip with goals.
+
+    The revenue draws robots to wide views, past the crumbs beside their way, which they leave for later. With
+    `revenue = 0`, where no robot hears another, each walks to the nearest frontier.
     """
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
@@ -168,7 +186,7 @@ class ReservedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_on
 
     Others' goals, and all frontiers within reach of these, are reserved for them unless they have the longer way; a
     robot's own goal counts as nearer by `stays` cells. This keeps robots with equal maps from herding. Of others it
-    needs where they go and how far that is: 6 bytes, the sharing tile-and-goal.
+    needs where they go and how far that is: 6 bytes, the sharing tile-and-goal or gossip with goals.
     """
 
     replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
@@ -204,3 +222,42 @@ class DispersedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_o
         if candidates.present >= 0:
             price[candidates.present] -= self.stays
         return int(np.argmin(price))
+
+
+class SharedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Each robot also plans for those it hears: a piece for each, near for it and far from the nearest of the others.
+
+    A piece costs a robot its way plus weight exp(-way / reach), with the way of the nearest of the others; the sum of
+    all costs is least, as in `assigned-frontier` that of the ways. So it joins what `assigned-frontier` does where
+    robots are many, and `dispersed-frontier` where they are few. `oracle-frontier` is the same with one planner. Of
+    others it needs where they are, which their tiles say: no byte more.
+    """
+
+    replan: Literal["on-arrival", "every-iteration"] = "every-iteration"
+    weight: Weight = 20.0  # cells
+    reach: Cells = 15.0  # cells
+    stays: Weight = 3.0  # cells that a new goal has to be better than the present one
+
+    def choose(self, candidates: Candidates) -> int:
+        """The robot's own part of the plan."""
+        ways = np.minimum(candidates.ways, NO_WAY)
+        if candidates.present >= 0:
+            ways[0, candidates.present] -= self.stays
+        return int(shared_out(ways, self.weight, self.reach)[0])
+
+
+def shared_out(ways: NDArray[np.float64], weight: float, reach: float) -> NDArray[np.int64]:
+    """The piece that each robot gets (n,), given the ways (n, p) of all to all, NO_WAY where there is none.
+
+    A piece costs a robot its way plus weight exp(-way / reach), with the way of the nearest of the others. The sum of
+    what all pay for a piece of their own is least; a robot left over takes the cheapest, whoever else does.
+    """
+    closeness = np.exp(-ways / reach)
+    best = closeness.max(axis=0)
+    second = np.sort(closeness, axis=0)[-2] if len(ways) > 1 else np.zeros_like(best)
+    prices = ways + weight * np.where(closeness == best, second, best)
+    chosen = prices.argmin(axis=1)
+    robots, pieces = linear_sum_assignment(prices)
+    reached = ways[robots, pieces] < NO_WAY / 2
+    chosen[robots[reached]] = pieces[reached]
+    return np.asarray(chosen, np.int64)

@@ -61,7 +61,7 @@ class Candidates:
         if others.goals is None or others.left is None:
             raise InputError(
                 "mind.strategy.use: this strategy needs to hear where others go; expected "
-                "mind.computation.sharing.use = 'tile-and-goal'"
+                "mind.computation.sharing.use = 'tile-and-goal', or 'gossip' with goals = true"
             )
         has = others.goals[:, 0] >= 0
         apart = others.goals[has, None, :] - self.goals[None]
@@ -80,6 +80,11 @@ class Exploring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     def needs_others(self) -> bool:
         """Whether it needs the others' ways, which take a while to compute."""
         return True
+
+    @property
+    def keeps_ways(self) -> bool:
+        """Whether robots walk to the end of a way whose frontier others have explored meanwhile."""
+        return False
 
     @abstractmethod
     def choose(self, candidates: Candidates) -> int:
@@ -104,12 +109,14 @@ class ExploringStrategy(PlannedStrategy):
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], maps: Maps) -> Intents:
         now, plans, rules = senses.iteration + 1, self._plans, self._rules
         grids = search.Maps(maps.log_odds, maps.observed, self._barred, self._shunned)
+        if self._rule.keeps_ways:
+            self._keep_ways(grids)
         here, chooses, stuck, draws, before = decide.look(
             now, senses.pose, senses.alive, maps.new_cells, grids, plans, self._patrol, rules, self._salts,
             self._scratch,
         )  # fmt: skip
         height, width = tiles_of(senses).values.shape[1:]
-        heard = _latest_tiles(maps.accepted)
+        heard = latest_tiles(maps.accepted)
         starts = np.searchsorted(heard.receivers, np.arange(len(here) + 1))
         middles = np.clip(np.add(heard.content.origins, (height // 2, width // 2)), 0, np.subtract(self._shape, 1))
         cells = (middles @ (self._columns, 1)).astype(np.int32)
@@ -138,6 +145,13 @@ class ExploringStrategy(PlannedStrategy):
             decide.go(now, i, here[i], found.goals[chosen], found.stands[chosen], grids, plans, rules, self._scratch)
         return self._intents()
 
+    def _keep_ways(self, grids: search.Maps) -> None:
+        """Make goals that are no frontiers any more mere ways, which robots walk to their ends."""
+        goals = self._plans.goal
+        for i in np.flatnonzero(goals >= 0).tolist():
+            if not search.is_frontier(grids, i, *divmod(int(goals[i]), self._columns)):
+                goals[i] = -1
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Descent:
@@ -153,7 +167,7 @@ class _Descent:
         return int(frontier_costs.descend(*self.at, self.others, self.found, reach, self.ground))
 
 
-def _latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
+def latest_tiles(inbox: Inbox[TileItems]) -> Inbox[TileItems]:
     """The latest tile heard of each robot, sorted by receiver and by the robot that sensed it."""
     items = inbox.content
     order = np.lexsort((items.sensed, items.sources, inbox.receivers))

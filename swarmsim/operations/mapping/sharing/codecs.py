@@ -108,6 +108,17 @@ def unpack(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.in
     return sender, iteration, np.array([row, column], np.int32), unpack_cells(data[HEADER.size :], shape)
 
 
+def pack_goal(goal: NDArray[np.int32], left: np.int32) -> bytes:
+    """A robot's goal (2,) and the cells left of its way there."""
+    return GOAL.pack(int(goal[0]), int(goal[1]), int(left))
+
+
+def unpack_goal(data: bytes, start: int) -> tuple[NDArray[np.int32], int]:
+    """The goal (2,) and the cells left that `pack_goal` packed, from this byte on."""
+    row, column, left = GOAL.unpack_from(data, start)
+    return np.array([row, column], np.int32), left
+
+
 def pack_relay(
     sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8], relayed: Sequence[RelayedTile]
 ) -> bytes:
@@ -176,15 +187,13 @@ class GoalCodec:
 
     def pack(self, sender: int, iteration: int, items: GoalItems) -> bytes:
         """The message with its one tile and goal."""
-        goal = GOAL.pack(*items.goals[0].tolist(), int(items.left[0]))
-        return self._tile.pack(sender, iteration, items) + goal
+        return self._tile.pack(sender, iteration, items) + pack_goal(items.goals[0], items.left[0])
 
     def unpack(self, data: bytes) -> tuple[int, int, GoalItems]:
         """Its sender, iteration, tile and goal."""
         sender, iteration, items = self._tile.unpack(data[: -GOAL.size])
-        row, column, left = GOAL.unpack(data[-GOAL.size :])
-        goals = np.array([[row, column]], np.int32)
-        return sender, iteration, GoalItems.of(items, goals, _ints(left))
+        goal, left = unpack_goal(data, len(data) - GOAL.size)
+        return sender, iteration, GoalItems.of(items, goal[None], _ints(left))
 
 
 class RelayCodec:

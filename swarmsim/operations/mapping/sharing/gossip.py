@@ -15,14 +15,18 @@ from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.state import FREE, OCCUPIED, Senses
 from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.codecs import (
+    GOAL,
+    GoalItems,
     current_tile_bytes,
     pack,
     pack_cells,
+    pack_goal,
     packed_bytes,
     unpack,
     unpack_cells,
+    unpack_goal,
 )
-from swarmsim.operations.mapping.sharing.policies import tile_shape, tiles_of
+from swarmsim.operations.mapping.sharing.policies import decided_goals, tile_shape, tiles_of
 
 #: Before the cells of a piece of map: the row and column of its lower-left cell (2 bytes each, signed), big-endian.
 PIECE: Final = struct.Struct(">hh")
@@ -38,18 +42,22 @@ class Gossip(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     Once all changes have been told, it starts again with the piece told longest ago. A piece is belief, not evidence:
     it fills only cells unknown to the receiver, as in sharing whole maps. So knowledge spreads through the network like
-    a rumour (Demers et al. 1987), in messages of constant length.
+    a rumour (Demers et al. 1987), in messages of constant length. With `goals` each robot also tells the cell that it
+    goes to explore and how far it has to go there, as in `tile-and-goal`: 6 bytes more.
     """
 
+    goals: bool | None = None  # default: false
+
     def build(self, context: BuildContext) -> GossipSharing:
-        return GossipSharing(context)
+        return GossipSharing(context, bool(self.goals))
 
 
 class GossipSharing:
-    """A tile and a piece of map per message."""
+    """A tile and a piece of map per message, and a goal if robots tell theirs."""
 
-    def __init__(self, context: BuildContext) -> None:
-        self.codec = GossipCodec(tile_shape(context))
+    def __init__(self, context: BuildContext, goals: bool = False) -> None:
+        self.codec = GossipCodec(tile_shape(context), goals)
+        self._goals, self._lattice = goals, context.lattice
         self._ids = context.ids.astype(np.int32)
         self._robots = np.arange(len(self._ids), dtype=np.int32)  # their rows
         self._grid, self._tile = context.lattice.shape, tile_shape(context)
@@ -76,7 +84,13 @@ class GossipSharing:
         )
         sizes = alive * np.int32(current_tile_bytes(*self._tile))
         sizes[tellers] += np.int32(piece_bytes(*self._tile))
-        return Broadcast(items, np.searchsorted(speakers[order], self._robots, side="right"), sizes)
+        ends = np.searchsorted(speakers[order], self._robots, side="right")
+        if not self._goals:
+            return Broadcast(items, ends, sizes)
+        goals, left = decided_goals(senses, self._lattice)
+        told, whose = items.sources >= 0, speakers[order]
+        with_goals = GoalItems.of(items, np.where(told[:, None], goals[whose], np.int32(-1)), left[whose] * told)
+        return Broadcast(with_goals, ends, sizes + alive * np.int32(GOAL.size))
 
     def _chosen(self, alive: NDArray[np.bool_]) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
         """Which robots have a piece to tell, and which one: first news, then anything known."""
@@ -102,26 +116,33 @@ class GossipSharing:
 
 
 class GossipCodec:
-    """One robot's current tile, then a piece of its map if it has one to tell."""
+    """One robot's current tile, its goal if robots tell theirs, then a piece of its map if it has one to tell."""
 
-    def __init__(self, shape: tuple[int, int]) -> None:
-        """`shape` of the tiles, in rows and columns."""
-        self._shape = shape
+    def __init__(self, shape: tuple[int, int], goals: bool = False) -> None:
+        """`shape` of the tiles, in rows and columns; `goals`: whether robots tell theirs."""
+        self._shape, self._goals = shape, goals
 
     def pack(self, sender: int, iteration: int, items: TileItems) -> bytes:
         """The message; its first item is the sender's own tile."""
         pieces = zip(items.origins[1:].tolist(), items.values[1:], strict=True)
         told = b"".join(PIECE.pack(row, column) + pack_cells(cells) for (row, column), cells in pieces)
-        return pack(sender, iteration, items.origins[0], items.values[0]) + told
+        goal = pack_goal(items.goals[0], items.left[0]) if isinstance(items, GoalItems) else b""
+        return pack(sender, iteration, items.origins[0], items.values[0]) + goal + told
 
     def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
-        """Its sender, iteration, tile and piece of map."""
+        """Its sender, iteration, tile, goal and piece of map."""
         own = current_tile_bytes(*self._shape)
         sender, iteration, origin, tile = unpack(data[:own], self._shape)
         origins, values, sources = [origin], [tile], [sender]
-        if len(data) > own:
-            origins.append(np.array(PIECE.unpack_from(data, own), np.int32))
-            values.append(unpack_cells(data[own + PIECE.size :], self._shape))
+        piece = own + self._goals * GOAL.size
+        if len(data) > piece:
+            origins.append(np.array(PIECE.unpack_from(data, piece), np.int32))
+            values.append(unpack_cells(data[piece + PIECE.size :], self._shape))
             sources.append(-1)
         sensed = np.full(len(values), iteration, np.int32)
-        return sender, iteration, PlainTiles(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)
+        items = PlainTiles(np.array(values), np.array(origins), np.array(sources, np.int32), sensed)
+        if not self._goals:
+            return sender, iteration, items
+        goals, left = np.full((len(values), 2), -1, np.int32), np.zeros(len(values), np.int32)
+        goals[0], left[0] = unpack_goal(data, own)
+        return sender, iteration, GoalItems.of(items, goals, left)

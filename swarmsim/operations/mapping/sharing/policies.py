@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.readings import Tiles
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses
@@ -104,11 +105,7 @@ class TileAndGoalSharing:
     def say(self, senses: Senses, maps: Maps) -> Broadcast[GoalItems]:
         """Every robot's own tile and goal; a dead robot's tile is UNKNOWN, and no robot is linked to it."""
         said = self._tiles.say(senses, maps)
-        count, decided = len(said.sizes), senses.decided
-        none = np.full((count, 2), np.nan)
-        goals = self._lattice.cells_within(none if decided is None else decided.goals)
-        left = np.zeros(count, np.int32) if decided is None else np.minimum(decided.counts, 0xFFFF)
-        items = GoalItems.of(said.content, goals, left)
+        items = GoalItems.of(said.content, *decided_goals(senses, self._lattice))
         return Broadcast(items, said.ends, said.sizes + np.int32(GOAL.size), one_each=True)
 
     def accepted(self, senses: Senses, inbox: Inbox[GoalItems]) -> Inbox[GoalItems]:
@@ -121,6 +118,14 @@ def tile_shape(context: BuildContext) -> tuple[int, int]:
         raise InputError("sensor.use: this sensor gives no tiles, and robots that map need them; expected ir-ring")
     rows, columns = context.channels["tiles.values"].shape
     return rows, columns
+
+
+def decided_goals(senses: Senses, lattice: Lattice) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """The cells (n, 2) that robots chose to explore in the iteration before, -1 for none, and the ways left (n,)."""
+    count, decided = len(senses.alive), senses.decided
+    if decided is None:
+        return np.full((count, 2), -1, np.int32), np.zeros(count, np.int32)
+    return lattice.cells_within(decided.goals), np.minimum(decided.counts, 0xFFFF).astype(np.int32)
 
 
 def tiles_of(senses: Senses) -> Tiles:
