@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from swarmsim.core.drawing import Texts
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
 from swarmsim.operations.mapping.maps import Frames, Maps
+from swarmsim.operations.mapping.sharing.places import Transform
 from swarmsim.operations.mapping.sharing.policies import cells_of, mark_sensed
-from swarmsim.operations.mapping.sharing.registration import Transform
 from swarmsim.view.camera import Camera
 from swarmsim.view.layers.robots import bodies
 from swarmsim.view.lettering import Lettering
