@@ -34,17 +34,15 @@ from swarmsim.operations.mapping.sharing.introductions import (
     cell_pieces,
 )
 from swarmsim.operations.mapping.sharing.links import Link, Links
-from swarmsim.operations.mapping.sharing.places import AGREEMENT, Cells, Match, Place, Transform, at
+from swarmsim.operations.mapping.sharing.places import AGREEMENT, WALLS, Cells, Match, Place, Transform, at
 from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
-SPREAD: Final = 2.0  # times `within`, the least span of the places where two robots met
-WALLS: Final = 40  # of one map on walls of the other, the least for a link ...
-SURE: Final = 60  # ... and its excess, cells, beyond which robots do not test it again
+SURE: Final = 60  # cells of excess beyond which robots do not test a link again
 PATIENCE: Final = 5  # times `again` before robots test a known frame again
 MOVED: Final = 1.0  # cells: how much farther a better estimate of a frame puts what was heard, before it is heard anew
 ELSEWHERE: Final = 5.0  # cells: beyond this it was another place, so the frame as it was is withdrawn
-GROWN: Final = 1.1  # by how much two maps together, or the span of meetings, grow before another comparison
+GROWN: Final = 1.2  # by how much two maps together, or the span of meetings, grow before another comparison
 
 
 class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -110,7 +108,8 @@ class MergeSharing:
         self._links = [Links(robot) for robot in context.ids.tolist()]
         self._known: dict[tuple[int, int], _Acquaintance] = {}  # by row and number
         self._offers = np.zeros(count, np.bool_)  # robots that tell their whole map next
-        self._offered = np.full(count, -parameters.again, np.int64)
+        self._offered_at = np.full(count, -parameters.again, np.int64)  # the iteration in which each told its map ...
+        self._offered = np.zeros(count, np.int64)  # ... and how many cells it had
         self._told: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)  # cells worth telling
         self._maps: Maps | None = None  # at the end of the last iteration
         #: The robots' knowledge of each other's frames, and its errors.
@@ -136,7 +135,6 @@ class MergeSharing:
             sizes[list(links)] += np.int32(FRAME.size)
         offering = np.flatnonzero(self._offers & senses.alive).astype(np.int32)
         if len(offering):
-            self._offered[offering] = now
             known = self._sensed_by_itself(maps)[offering]
             owners, origins, values = pieces(known, tile)
             items.append(MergeItems.of(cell_pieces(values, origins, now), MAP))
@@ -182,13 +180,14 @@ class MergeSharing:
         return replace(heard, content=replace(heard.content, values=values, origins=origins))
 
     def _meet(self, senses: Senses, inbox: Inbox[MergeItems]) -> None:
-        """Note which robots hear each other nearby; those that met in places far enough apart will tell their maps."""
-        self._offers[:] = False
+        """Note which robots hear each other nearby, and which ones will tell their maps."""
         content, now = inbox.content, senses.iteration
         own = np.flatnonzero((content.part == TILE) & (content.sources == inbox.senders))  # where their senders are
         here = cells_at(senses.pose[inbox.receivers[own]], self._lattice)
         there = content.origins[own] + np.array(self._tile) / 2.0
         near = np.hypot(*(here - there).T) * self._lattice.cell <= self._parameters.within
+        eager, heard = np.zeros(len(self._robots), np.bool_), np.zeros_like(self.frames.known)
+        heard[inbox.receivers[own], inbox.senders[own]] = True
         for row in np.flatnonzero(near).tolist():
             hearer, teller = int(inbox.receivers[own[row]]), int(inbox.senders[own[row]])
             if not self._wants(hearer, teller, now):
@@ -198,8 +197,13 @@ class MergeSharing:
             both = np.stack([here[row], there[row]])
             if not other.met or np.hypot(*(both - other.met[-1]).T).max() >= 1.0:
                 other.met.append(both)
-            if now + 1 - self._offered[hearer] >= self._parameters.again:
-                self._offers[hearer] |= self._far_enough(other)
+                eager[hearer] = True
+        for hearer, teller in self._known:
+            eager[hearer] |= heard[hearer, teller] and not self.frames.known[hearer, teller]
+        sensed = np.count_nonzero(self.frames.sensed, axis=(1, 2))
+        rested = now + 1 - self._offered_at >= self._parameters.again
+        self._offers = eager & rested & (sensed >= GROWN * self._offered)
+        self._offered_at[self._offers], self._offered[self._offers] = now + 1, sensed[self._offers]
 
     def _wants(self, hearer: int, teller: int, now: int) -> bool:
         """Whether a robot compares maps with another: with strangers, and now and then to test a link that is weak."""
@@ -214,10 +218,6 @@ class MergeSharing:
         robot = int(self._ids[hearer])
         return min(robot, teller), max(robot, teller)
 
-    def _far_enough(self, other: _Acquaintance) -> bool:
-        """Whether two robots' meetings are far enough apart to find a turn by them."""
-        return other.spread * self._lattice.cell >= SPREAD * self._parameters.within
-
     def _compare_maps(self, now: int, inbox: Inbox[MergeItems]) -> None:
         """Look where the maps told may lie on their hearers' own."""
         part = np.flatnonzero(inbox.content.part == MAP)
@@ -228,7 +228,7 @@ class MergeSharing:
         pairs = np.unique(np.stack([inbox.receivers[part], inbox.senders[part]], axis=1), axis=0).tolist()
         for hearer, teller in pairs:
             other = self._known.get((hearer, teller))
-            if other is None or not self._wants(hearer, teller, now) or not self._far_enough(other):
+            if other is None or not self._wants(hearer, teller, now):
                 continue
             rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._lattice.shape)
@@ -260,7 +260,7 @@ class MergeSharing:
         here = self._own[hearer].after(Transform(0.0, *corner.tolist()))
         robot, links = int(self._ids[hearer]), self._links[hearer]
         self.frames.places[hearer, teller] = 1 + len(match.rivals)
-        if match.accepted(WALLS):
+        if match.accepted():
             place = here.after(match.best.transform).after(there)
             place = place if robot < teller else place.inverse()
             rounded = Transform(

@@ -96,9 +96,9 @@ class Match:
     rivals: tuple[Place, ...]  # places not refuted, one for each spot and turn, the least contradicted first
     excess: int  # cells that contradict the least contradicted other place beyond those of the best
 
-    def accepted(self, walls: int = WALLS) -> bool:
+    def accepted(self) -> bool:
         """Whether the best place is proved: both maps agree there, by enough walls, and every other one is refuted."""
-        return self.best.agreement >= AGREEMENT and self.best.walls >= walls and not self.rivals
+        return self.best.agreement >= AGREEMENT and self.best.walls >= WALLS and not self.rivals
 
 
 def judged(fixed: Cells, placed: Cells, transform: Transform) -> Place:
