@@ -12,7 +12,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from buildings import EQUAL, ORDINARY, drawn, truth
+from alike import EQUAL, ORDINARY, drawn, truth
 from scipy import ndimage
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from buildings import ORDINARY, write
+from alike import ORDINARY, write
 from scipy import ndimage
 
 from swarmsim.core.scenario.file import load
@@ -40,7 +40,7 @@ COLUMNS = (
     "building", "runs", "frames", *COUNTS, "all known", "decided", "finished", "median", "sensed", "false", "worst",
     "union", "CPU, s",
 )  # fmt: skip
-ROBOTS, LIMIT, FIRST = 5, 800, 2000  # robots, iterations, seed
+ROBOTS, LIMIT, FIRST = 4, 800, 2000  # robots, iterations, seed
 
 
 @dataclass(frozen=True)

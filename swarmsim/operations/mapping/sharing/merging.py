@@ -34,14 +34,19 @@ from swarmsim.operations.mapping.sharing.introductions import (
     cell_pieces,
 )
 from swarmsim.operations.mapping.sharing.links import Link, Links
-from swarmsim.operations.mapping.sharing.places import AGREEMENT, WALLS, Cells, Match, Place, Transform, at
+from swarmsim.operations.mapping.sharing.places import AGREEMENT, Cells, Match, Place, Transform, at
 from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
+CROSS: Final = np.array([[[0, 1, 0], [1, 1, 1], [0, 1, 0]]], np.bool_)  # a cell and those beside it
+EDGE: Final = (
+    5  # cells: the side of the square around a cell at the edge of what a robot has sensed that it does not tell
+)
 SURE: Final = 60  # cells of excess beyond which robots do not test a link again
 PATIENCE: Final = 5  # times `again` before robots test a known frame again
 MOVED: Final = 1.0  # cells: how much farther a better estimate of a frame puts what was heard, before it is heard anew
 ELSEWHERE: Final = 5.0  # cells: beyond this it was another place, so the frame as it was is withdrawn
+ENOUGH: Final = 50  # walls on each map, before which it is too early to compare them
 GROWN: Final = 1.2  # by how much two maps together, or the span of meetings, grow before another comparison
 
 
@@ -148,14 +153,13 @@ class MergeSharing:
     def _worth_telling(self, maps: Maps) -> Maps:
         """The part of its map that each robot tells: what it has sensed itself, but for the edges of that.
 
-        What is passed on from frame to frame would be placed anew each time, and a frontier that lands a cell beside
-        its place hides a cell that no robot has sensed.
+        What is passed on from frame to frame would be placed anew each time, and an edge that lands beside its place
+        hides cells that no robot has sensed.
         """
         cells = self._sensed_by_itself(maps)
-        inner = ndimage.minimum_filter((cells != UNKNOWN).astype(np.uint8), (1, 3, 3), mode="constant")
-        inner *= cells == FREE
-        walls = ndimage.maximum_filter(inner, (1, 3, 3), mode="constant") * (cells == OCCUPIED)
-        told: NDArray[np.bool_] = np.asarray(inner + walls, np.bool_)
+        unknown = cells == UNKNOWN
+        edge = (cells == FREE) & ndimage.binary_dilation(unknown, CROSS)
+        told: NDArray[np.bool_] = ~unknown & ~ndimage.maximum_filter(edge, (1, EDGE, EDGE))
         robots, where = np.nonzero((told & ~self._told).reshape(len(told), -1))
         changes = np.stack([robots, where, np.zeros_like(where)], axis=1).astype(np.int32)
         self._told = told
@@ -232,20 +236,24 @@ class MergeSharing:
                 continue
             rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._lattice.shape)
-            if self._has_grown(other, int(np.count_nonzero(cells[hearer])) + int(np.count_nonzero(told))):
+            if self._has_grown(hearer, teller, int(np.count_nonzero(cells[hearer])) + int(np.count_nonzero(told))):
                 other.tried = now
                 self._judge(hearer, teller, cells[hearer], told, now)
 
-    def _has_grown(self, other: _Acquaintance, cells: int) -> bool:
-        """Whether there is enough more to compare than at the last time; notes how much there is."""
-        if cells < GROWN * other.cells and other.spread < GROWN * other.span:
+    def _has_grown(self, hearer: int, teller: int, cells: int) -> bool:
+        """Whether there is enough more to compare than at the last time; notes how much there is.
+
+        Of two robots the one with the higher number compares less often, since the other will tell it what it finds.
+        """
+        other, least = self._known[hearer, teller], GROWN if self._ids[hearer] < teller else GROWN**2
+        if cells < least * other.cells and other.spread < least * other.span:
             return False
         other.cells, other.span = cells, other.spread
         return True
 
     def _judge(self, hearer: int, teller: int, own: Cells, told: Cells, now: int) -> None:
         """Link the frames of two robots if their maps prove a place, or withdraw what they refute."""
-        if np.count_nonzero(own == OCCUPIED) < WALLS or np.count_nonzero(told == OCCUPIED) < WALLS:
+        if min(np.count_nonzero(one == OCCUPIED) for one in (own, told)) < ENOUGH:
             return
         met = np.array(self._known[hearer, teller].met)
         fixed, corner = cropped(own)

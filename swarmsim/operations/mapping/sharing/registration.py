@@ -31,7 +31,7 @@ from swarmsim.operations.mapping.sharing.places import (
 
 COARSE: Final = np.deg2rad(3.0)  # between the turns that are tried first ...
 FINE: Final = np.deg2rad(0.5)  # ... and between those around the best of them
-KEPT: Final = 12  # coarse turns that are refined
+KEPT: Final = 8  # coarse turns that are refined
 WALL: Final = 4.0  # score of a wall on a wall; beside it, half of that
 FLOOR: Final = 0.3  # score of free floor on free floor, away from walls
 CLASH: Final = 20.0  # cost of a wall on free floor, away from walls, since one place cannot be both ...
@@ -136,16 +136,15 @@ class _Judge:
 
     def turned(self, turn: float) -> Cells:
         """The moving map at a turn about the middle of a square that holds it."""
-        middle = (np.array(self._moving.shape) - 1) / 2.0
+        rows, columns = self._moving.shape
         cos, sin = np.cos(turn), np.sin(turn)
-        matrix = np.array([[cos, -sin], [sin, cos]])  # from the turned square to the map
-        offset = middle - matrix @ np.full(2, (self._side - 1) / 2.0)
-        return np.asarray(
-            ndimage.affine_transform(
-                self._moving, matrix, offset, (self._side, self._side), order=0, mode="constant", cval=UNKNOWN
-            ),
-            np.uint8,
-        )
+        away = np.arange(self._side) - (self._side - 1) / 2.0
+        row = np.floor(cos * away[:, None] - sin * away + rows / 2.0).astype(np.intp)  # from the square to the map
+        column = np.floor(sin * away[:, None] + cos * away + columns / 2.0).astype(np.intp)
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        np.clip(row, 0, rows - 1, out=row)
+        np.clip(column, 0, columns - 1, out=column)
+        return np.asarray(self._moving[row, column] * inside, np.uint8)  # UNKNOWN, 0, beyond it
 
     def _scores(self, turn: float, lenient: bool = False) -> NDArray[np.float32]:
         turned = self.turned(turn)
