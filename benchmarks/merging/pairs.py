@@ -56,15 +56,21 @@ def noisy(cells: np.ndarray, noise: float, random: np.random.Generator) -> np.nd
     return np.where(wrong, np.where(cells == FREE, OCCUPIED, FREE), cells).astype(np.uint8)
 
 
-def pair(kind: str, seed: int, noise: float = 0.0) -> Pair:
-    """One pair."""
+def pair(kind: str, seed: int, noise: float = 0.0, apart: bool = False) -> Pair:
+    """One pair; `apart`: the robots are in two buildings of a kind, and take themselves to have met."""
     random, whole = np.random.default_rng([seed, 7, *kind.encode()]), truth(drawn(kind, seed))
     free = np.argwhere(whole == FREE)
     here = free[random.integers(len(free))].astype(float)
     near = free[np.hypot(*(free - here).T) <= WITHIN - 1.0]
     there = near[random.integers(len(near))].astype(float)
-    first, second = (noisy(seen(whole, at, random), noise, random) for at in (here, there))
-    turn, side = random.uniform(-np.pi, np.pi), int(np.ceil(np.hypot(*whole.shape))) + 4
+    other_one = whole
+    if apart:
+        other_one = truth(drawn(kind, seed + 500))
+        free = np.argwhere(other_one == FREE)
+        there = free[random.integers(len(free))].astype(float)
+    first = noisy(seen(whole, here, random), noise, random)
+    second = noisy(seen(other_one, there, random), noise, random)
+    turn, side = random.uniform(-np.pi, np.pi), int(np.ceil(np.hypot(*second.shape))) + 4
     matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     middle, centre = (np.array(second.shape) - 1) / 2.0, np.full(2, (side - 1) / 2.0) + random.uniform(-1.0, 1.0, 2)
     other = ndimage.affine_transform(second, matrix, middle - matrix @ centre, (side, side), order=0, cval=UNKNOWN)
@@ -83,16 +89,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", choices=["choose", "judge"], default="judge")
     parser.add_argument("--noise", type=float, default=0.0, help="share of cells that are wrong")
+    parser.add_argument("--apart", action="store_true", help="in two different buildings: every answer is wrong")
     arguments = parser.parse_args()
     seeds, total, began = {"choose": CHOOSE, "judge": JUDGE}[arguments.pairs], np.zeros(4, int), time.process_time()
     print("building    pairs  right  wrong  undecided")
     for kind in (*EQUAL, *ORDINARY):
         counts = np.zeros(4, int)
         for seed in seeds:
-            one = pair(kind, seed, arguments.noise)
+            one = pair(kind, seed, arguments.noise, arguments.apart)
             match = register(one.first, one.other, one.met)
             told = match is not None and match.accepted()
-            right = told and one.error(match.best.transform) <= WRONG
+            right = told and not arguments.apart and one.error(match.best.transform) <= WRONG
             counts += [1, right, told and not right, not told]
         total += counts
         print(f"{kind:10}  {counts[0]:5}  {counts[1]:5}  {counts[2]:5}  {counts[3]:9}", flush=True)
