@@ -39,9 +39,7 @@ from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cel
 from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
 CROSS: Final = np.array([[[0, 1, 0], [1, 1, 1], [0, 1, 0]]], np.bool_)  # a cell and those beside it
-EDGE: Final = (
-    5  # cells: the side of the square around a cell at the edge of what a robot has sensed that it does not tell
-)
+EDGE: Final = 5  # cells: the side of the square around an edge of what a robot has sensed, of which it tells nothing
 SURE: Final = 60  # cells of excess beyond which robots do not test a link again
 PATIENCE: Final = 5  # times `again` before robots test a known frame again
 MOVED: Final = 1.0  # cells: how much farther a better estimate of a frame puts what was heard, before it is heard anew
@@ -54,11 +52,11 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots start without knowing each other's places: they gossip, and hear only those whose frame they have found.
 
     Robots that hear each other `within` reach have met, and note where on their own maps: the tile in a message gives
-    its sender's estimated position, to half a cell. Those that have met in places far enough apart tell what they have
-    mapped themselves, at most once in `again` iterations. The receiver looks for all rotations and translations that
-    agree with all their meetings and with both maps. It takes the other's frame for known once the maps refute every
-    place but one (`places`); until then it uses what the other says for nothing else. Meetings and maps are kept, so
-    each new one can refute more. Where rooms are equal, that may never be enough.
+    its sender's estimated position, to half a cell. Those that have met tell what they have sensed themselves, at most
+    once in `again` iterations, and as it grows. The receiver looks for all rotations and translations that agree with
+    all their meetings and with both maps. It takes the other's frame for known once the maps refute every place but one
+    (`places`); until then it uses what the other says for nothing else. Meetings and maps are kept, so each new one can
+    refute more. Where rooms are equal, that may never be enough.
 
     What two robots have found is a link between their frames. Each message tells one link that its sender knows, the
     one told longest ago, and every robot puts frames together from links. A link is known by its pair, so being passed
