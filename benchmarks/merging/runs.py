@@ -22,10 +22,11 @@ from alike import ORDINARY, write
 from scipy import ndimage
 
 from swarmsim.core.scenario.file import load
-from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.core.state import FREE, OCCUPIED
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.measures.frames import FrameMeasures
+from swarmsim.operations.mapping.measures.sightings import Sightings
 from swarmsim.operations.mapping.sharing.policies import cells_of
 
 MERGING = Path(__file__).parents[2] / "scenarios" / "merging.toml"
@@ -66,28 +67,14 @@ def outcome(kind: str, seed: int, more: dict[str, Any], folder: Path) -> Outcome
     run = build(
         load(MERGING, changes={"robots.count": ROBOTS, "stop.iterations": LIMIT, "seed": seed, **world, **more}), kind
     )
-    probe, began, moment, seen = (
-        FrameMeasures(run.explorable),
-        time.process_time(),
-        None,
-        np.zeros(run.explorable.shape, bool),
-    )
+    probe, sightings, began = FrameMeasures(run.explorable), Sightings(run.context.lattice), time.process_time()
     while not run.simulation.over:
         moment = run.simulation.tick([probe])
-        tiles = moment.readings.tiles
-        for (row, column), values in zip(
-            tiles.origins[moment.state.alive].tolist(), tiles.values[moment.state.alive], strict=True
-        ):
-            low, left = max(row, 0), max(column, 0)
-            shown = values[low - row :, left - column :] != UNKNOWN
-            area = seen[low : row + values.shape[0], left : column + values.shape[1]]
-            area |= shown[: area.shape[0], : area.shape[1]]
+        sightings.add(moment)
     finished = moment.measured.values["coverage"] >= 1.0
     false, union = false_cells(run, moment.knowledge)
-    return Outcome(
-        probe.summary(), run.simulation.state.iteration, finished, float(seen[run.explorable].mean()), false, union,
-        time.process_time() - began,
-    )  # fmt: skip
+    sensed, seconds = float(sightings.seen[run.explorable].mean()), time.process_time() - began
+    return Outcome(probe.summary(), run.simulation.state.iteration, finished, sensed, false, union, seconds)
 
 
 def false_cells(run: BuiltRun, maps: Maps) -> tuple[float, float]:
@@ -124,14 +111,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kinds", nargs="+", default=[*ALIKE, *GENERATED, *ORDINARY])
     parser.add_argument("--runs", type=int, default=25, help="of each kind where rooms look alike")
-    parser.add_argument("--others", type=int, default=10, help="of each other kind")
+    parser.add_argument("--others", type=int, default=6, help="of each other kind")
     parser.add_argument("--drift", type=float, default=0.0, help="m, standard deviation of odometry's steps")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
     more: dict[str, Any] = {}
     if arguments.drift:
         more["faults"] = [
-            {"use": "localisation", "failure": "drift", "sigma": arguments.drift, "sigma_yaw": arguments.drift}
+            {
+                "use": "localisation",
+                "failure": "drift",
+                "at": 0,
+                "count": ROBOTS,
+                "sigma": arguments.drift,
+                "sigma_yaw": arguments.drift,
+            }
         ]
     print("".join(f"{name:<11}" for name in COLUMNS).rstrip())
     with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(arguments.workers) as pool:
