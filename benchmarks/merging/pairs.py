@@ -16,7 +16,8 @@ from alike import EQUAL, ORDINARY, drawn, truth
 from scipy import ndimage
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-from swarmsim.operations.mapping.sharing.registration import Meetings, Transform, register
+from swarmsim.operations.mapping.sharing.places import Transform
+from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
 CHOOSE, JUDGE = range(25), range(1000, 1040)  # seeds of buildings and of what robots have seen in them
 WITHIN = 7.0  # cells: the greatest distance of robots that meet, about 1 m
