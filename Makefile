@@ -36,7 +36,8 @@ bench: .venv/test
 	$(BIN)/pytest benchmarks -m bench -s
 
 merging: .venv/test
-	$(BIN)/python benchmarks/merging/merging.py
+	$(BIN)/python benchmarks/merging/pairs.py
+	$(BIN)/python benchmarks/merging/runs.py
 
 external: .venv/test
 	$(BIN)/python benchmarks/external/external.py

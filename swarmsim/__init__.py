@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board", "benchmark_explore",
-    "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor", "example", "examples",
-    "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce", "run", "schema", "simulate",
-    "size", "study", "study_worst", "test", "world_check", "world_convert", "world_generate", "world_import",
-    "world_preview",
+    "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
+    "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
+    "example", "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce",
+    "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert",
+    "world_generate", "world_import", "world_preview",
 ]  # fmt: skip
 
 _PLACES = {

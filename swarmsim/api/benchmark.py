@@ -97,8 +97,7 @@ def benchmark_verify(
     """Repeat a share of an entry's runs in other processes and compare every number: `swarmsim benchmark verify`.
 
     The `share` (0 to 1) of its tasks is drawn anew each time, unless `seed` says how: who made the entry cannot know
-    which. Other parameters are those of `benchmark_explore`. Raises InputError for a damaged entry, or one
-    of another set.
+    which. Others are those of `benchmark_explore`. Raises InputError for a damaged entry, or one of another set.
     """
     if not 0.0 < share <= 1.0:
         raise InputError(f"--share {share:g}: expected a share of the runs, above 0 and at most 1")

@@ -146,10 +146,10 @@ def open_study(
     Raises InputError that names the file, the condition and the key.
     """
     study = read_study(path)
-    return plan_of(path, msgspec.structs.replace(study, set={**study.set, **(changes or {})}), seeds, keep_old)
+    return plan_study(path, msgspec.structs.replace(study, set={**study.set, **(changes or {})}), seeds, keep_old)
 
 
-def plan_of(path: Path, study: Study, seeds: int | None = None, keep_old: bool = False) -> Plan:
+def plan_study(path: Path, study: Study, seeds: int | None = None, keep_old: bool = False) -> Plan:
     """Check every condition of a study by building its swarm, as `open_study` does; messages name `path`."""
     chosen = study.seeds if seeds is None else seeds
     numbers = tuple(range(1, chosen + 1)) if isinstance(chosen, int) else tuple(chosen)

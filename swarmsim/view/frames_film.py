@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from swarmsim.core.drawing import Texts
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Moment
 from swarmsim.operations.mapping.maps import Frames, Maps
+from swarmsim.operations.mapping.sharing.places import Transform
 from swarmsim.operations.mapping.sharing.policies import cells_of, mark_sensed
-from swarmsim.operations.mapping.sharing.registration import Transform
 from swarmsim.view.camera import Camera
 from swarmsim.view.layers.robots import bodies
 from swarmsim.view.lettering import Lettering
@@ -185,7 +185,10 @@ class Gathering:
         write(f"iteration {moment.state.iteration + 1}", theme.text, gap=0.1)
         covered = math.floor(1000.0 * moment.measured.values["coverage"]) / 10.0  # 100 % is all of it
         write(f"coverage {covered:.1f} %", theme.text, gap=0.8)
-        write(f"{count} frame{'s' * (count != 1)} of reference", theme.text, 1.3, 0.6)
+        write(f"{count} frame{'s' * (count != 1)} of reference", theme.text, 1.3, 0.3)
+        frames = _frames(moment)
+        undecided = int(np.count_nonzero((frames.places > 0) & ~frames.known))
+        write(f"undecided {undecided}, withdrawn {int(frames.withdrawn.sum())}", theme.text, gap=0.6)
         for robot, root in list(enumerate(self._roots.tolist()))[:LINES]:
             colour = colour_of(root)
             pygame.draw.circle(self._surface, colour, (self._left + line // 2, at + line // 2 - 2), line // 2 - 2)

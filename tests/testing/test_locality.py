@@ -19,7 +19,7 @@ SCENARIOS = sorted(
     for path in (ROOT / "scenarios").rglob("*.toml")
     if "studies" not in path.parts
 )
-LONGER = {"merging": 110}  # frames are found after 84 iterations
+LONGER = {"merging": 110}  # frames are found after 91 iterations
 FORGETS = 'faults=[{use="mind", failure="reboot", at=8, duration=3}, {use="remove", at=4, count=2, duration=9}]'
 KINDS = (
     'robots=[{count=4, speed=0.1, sensor={tile=[5, 9]}}, {count=3, radius=0.04, sensor={preset="gternal"}}, {count=3}]'

@@ -26,7 +26,7 @@ from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 from swarmsim.operations.mapping.lies import LIES
-from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
+from swarmsim.operations.mapping.maps import Frames, Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 from swarmsim.operations.mapping.sharing.seam import Sharing
 
@@ -140,6 +140,7 @@ class MapComputation:
         """Map own tiles, then those heard."""
         tiles, alive = tiles_of(senses), senses.alive
         accepted = self._sharing.accepted(senses, inbox)
+        self._forget_hearsay()
         if self._forgets:
             known, log_odds = (grid.reshape(len(alive), -1) for grid in (self._grids.observed, self._grids.log_odds))
             occupancy.fade(log_odds, known, alive, self._kept, self._least)
@@ -174,9 +175,21 @@ class MapComputation:
         """How many cells each robot's map holds (n,)."""
         return np.asarray(np.count_nonzero(self._observed, axis=(1, 2)))
 
+    @property
+    def _frames(self) -> Frames | None:
+        """What robots know of each other's frames of reference; most policies need none."""
+        frames: Frames | None = getattr(self._sharing, "frames", None)
+        return frames
+
+    def _forget_hearsay(self) -> None:
+        """Let robots that may have put it in wrong places forget what they heard."""
+        frames = self._frames
+        if frames is not None and frames.spoilt.any():
+            self._grids.keep(np.flatnonzero(frames.spoilt), frames.sensed)
+            self._rewritten = True
+
     def _maps(self, changes: NDArray[np.int32], new_cells: NDArray[np.int32], accepted: Inbox[TileItems]) -> Maps:
-        frames = getattr(self._sharing, "frames", None)  # most policies need none
-        return Maps(self._observed, self._log_odds, changes, new_cells, accepted, frames)
+        return Maps(self._observed, self._log_odds, changes, new_cells, accepted, self._frames)
 
     def _changes(self, tiles: Tiles, accepted: Inbox[TileItems]) -> NDArray[np.int32]:
         """The cells whose state differs from that last reported: under tiles or, if need be, everywhere."""

@@ -59,6 +59,11 @@ class OccupancyGrids:
         self.observed[robots] = False
         self.log_odds[robots] = 0.0
 
+    def keep(self, robots: NDArray[np.int64], cells: NDArray[np.bool_]) -> None:
+        """Let these robots forget all but some `cells` (n, rows, columns)."""
+        self.observed[robots] &= cells[robots]
+        self.log_odds[robots] *= cells[robots]
+
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Copy another robot's map to these robots."""
         self.observed[robots], self.log_odds[robots] = self.observed[source], self.log_odds[source]
@@ -149,6 +154,13 @@ class QuorumGrids:
         self._grids.reset(robots)
         for column in (self._witnesses.own, self._witnesses.free, self._witnesses.occupied):
             column[robots] = 0
+
+    def keep(self, robots: NDArray[np.int64], cells: NDArray[np.bool_]) -> None:
+        """Let these robots forget all but some `cells` (n, rows, columns), and what they were told."""
+        self._grids.keep(robots, cells)
+        for column in (self._witnesses.free, self._witnesses.occupied):
+            if column.size:  # a quorum of 1 keeps no record
+                column[robots] = 0
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Copy another robot's map to these robots, without its record of senders."""

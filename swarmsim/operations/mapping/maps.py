@@ -44,6 +44,10 @@ class Frames:
     #: (n, N, 3): its true error in placing them: a turn about the grid's corner (rad), then rows and columns (cells).
     #: All are 0 where it is right.
     errors: NDArray[np.float64]
+    places: NDArray[np.int32]  # (n, N): where their maps left room for each other's at the last comparison; 0: never
+    withdrawn: NDArray[np.int32]  # (n,): frames that each once knew and then no longer, or elsewhere
+    spoilt: NDArray[np.bool_]  # (n,): robots that forget, in this iteration, what they have not ...
+    sensed: NDArray[np.bool_]  # (n, rows, columns): ... sensed themselves
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,7 +23,7 @@ from swarmsim.core.scenario.file import World, decode, load
 from swarmsim.core.scenario.files import content
 from swarmsim.core.scenario.toml import read_toml
 from swarmsim.studies.benchmark.listed import read_lines
-from swarmsim.studies.plan import Named, Plan, Study, plan_of
+from swarmsim.studies.plan import Named, Plan, Study, plan_study
 from swarmsim.world.source import read_world
 
 SET, WORLDS, REFERENCES = "set.toml", "worlds.csv", "references.csv"
@@ -271,4 +271,4 @@ def plan_of(tasks: TaskSet, mind: Mapping[str, object], place: Path, chosen: Ite
         set={f"mind.{key}": value for key, value in mind.items()},
         condition=tuple(Named(name=task.name, set=task.changes or {}) for task in chosen),
     )
-    return plan_of(place, study)
+    return plan_study(place, study)

@@ -16,10 +16,10 @@ from swarmsim.core.state import Done, Knowledge, Measured
 from swarmsim.kernels import occupancy
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.measures.changes import ChangeMeasures
+from swarmsim.operations.mapping.measures.frames import FrameMeasures
 from swarmsim.operations.mapping.measures.provenance import MapProvenance
 from swarmsim.operations.mapping.measures.quality import MapMeasures
 from swarmsim.operations.mapping.measures.sightings import Sightings
-from swarmsim.operations.mapping.sharing.merging import FrameMeasures
 from swarmsim.operations.mapping.sharing.policies import cells_of
 
 CURVE: Final = Curve("coverage", "coverage, %", scale=100.0, low=0.0, high=100.0, robots="covered", format=".1f")

@@ -1,15 +1,15 @@
-"""Aligns two maps of robots that do not know each other's places: a turn and a shift, or no answer.
+"""Aligns two maps of robots that do not know each other's places, and tells where else one may lie on the other.
 
 One map is turned step by step; for each turn all shifts are judged at once, by correlating both maps' occupied and free
 cells (as Carpin, "Fast and accurate map merging for multi-robot systems", Autonomous Robots 25 (2008), and Birk and
 Carpin, "Merging Occupancy Grid Maps From Multiple Robots", Proceedings of the IEEE 94 (2006), judge overlaps by
-agreement). There is an answer only if it is good and nothing else is nearly as good: a wrong merge spoils both maps, a
-late one only costs time.
+agreement). The best place may still be a wrong one, where rooms are equal: it is proved only once both maps contradict
+each other in every other place.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,13 +17,21 @@ from numpy.typing import NDArray
 from scipy import fft, ndimage, optimize
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
-
-Cells = NDArray[np.uint8]  # (rows, columns): UNKNOWN, FREE or OCCUPIED
-Points = NDArray[np.float64]  # (p, 2): row and column
+from swarmsim.operations.mapping.sharing.places import (
+    ASIDE,
+    ASKEW,
+    Cells,
+    Match,
+    Place,
+    Points,
+    Transform,
+    between,
+    judged,
+)  # fmt: skip
 
 COARSE: Final = np.deg2rad(3.0)  # between the turns that are tried first ...
 FINE: Final = np.deg2rad(0.5)  # ... and between those around the best of them
-KEPT: Final = 12  # coarse turns that are refined
+KEPT: Final = 8  # coarse turns that are refined
 WALL: Final = 4.0  # score of a wall on a wall; beside it, half of that
 FLOOR: Final = 0.3  # score of free floor on free floor, away from walls
 CLASH: Final = 20.0  # cost of a wall on free floor, away from walls, since one place cannot be both ...
@@ -31,50 +39,8 @@ ROUNDED: Final = 1.5  # cells by which robots may seem to have been farther apar
 NEAR: Final = 2.0  # cells from a wall, within which another one may be the same ...
 LEVER: Final = 20.0  # ... when a transform is refined; cells that weigh a turn against a shift
 LENIENT: Final = 8.0  # ... but less while turns are coarse, and the ends of a map may lie beside their place
-
-
-@dataclass(frozen=True, slots=True)
-class Transform:
-    """A turn about the corner of cell (0, 0), then a shift: where the cells of one map lie in the other."""
-
-    turn: float  # rad, counter-clockwise with rows upwards
-    rows: float  # cells
-    columns: float  # cells
-
-    def apply(self, points: Points) -> Points:
-        """Points (p, 2) of one map, row and column in cells, in the other."""
-        cos, sin = np.cos(self.turn), np.sin(self.turn)
-        row, column = points[:, 0], points[:, 1]
-        return np.stack([row * cos + column * sin + self.rows, column * cos - row * sin + self.columns], axis=1)
-
-    def after(self, first: Transform) -> Transform:
-        """Another transform followed by this one."""
-        turn = (self.turn + first.turn + np.pi) % (2.0 * np.pi) - np.pi
-        return Transform(float(turn), *self._of(first.rows, first.columns))
-
-    def _of(self, row: float, column: float) -> tuple[float, float]:
-        """One point of the one map in the other."""
-        row, column = self.apply(np.array([[row, column]])).ravel().tolist()
-        return row, column
-
-    def inverse(self) -> Transform:
-        """The inverse transform."""
-        return Transform(-self.turn, *Transform(-self.turn, 0.0, 0.0)._of(-self.rows, -self.columns))
-
-
-@dataclass(frozen=True, slots=True)
-class Match:
-    """The best transform, and how good it is."""
-
-    transform: Transform
-    overlap: int  # cells that both maps know
-    agreement: float  # share of the overlap that agrees
-    walls: int  # occupied cells of the one map that lie on walls of the other
-    margin: float  # its lead, as a share of its score, over the best different one
-
-    def accepted(self, agreement: float = 0.97, walls: int = 25, margin: float = 0.08) -> bool:
-        """Whether to accept it: both maps agree, by enough walls, and nothing else is nearly as good."""
-        return self.agreement >= agreement and self.walls >= walls and self.margin >= margin
+SKEWED: Final = 4  # turns oblique to the best one at which other places are looked for ...
+AROUND: Final = np.deg2rad(np.arange(-1.5, 1.6, 0.5))  # ... each with these around it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,11 +64,13 @@ def register(fixed: Cells, moving: Cells, meetings: Meetings) -> Match | None:
     best = max(peaks, key=lambda peak: peak.score)
     if best.score <= 0.0:
         return None
-    rival = max([judge.second(best), *(peak.score for peak in peaks if _apart(peak.turn, best.turn) > 2.0 * COARSE)])
-    overlap, agreement, walls = judge.compared(best)
-    return Match(
-        _settled(judge.transform(best), fixed, moving), overlap, agreement, walls, 1.0 - max(rival, 0.0) / best.score
-    )
+    peaks.sort(key=lambda peak: -peak.score)
+    place = judge.place(best)
+    others = judge.others(best, [peak.turn for peak in peaks if peak.score > 0.0])
+    settled = replace(place, transform=_settled(place.transform, fixed, moving))
+    least = int(others[:, 6].min()) if len(others) else place.overlap  # the meetings may allow no other place
+    rivals = judge.distinct(others[others[:, 6] < place.contradictions + place.needed])
+    return Match(settled, rivals, least - place.contradictions)
 
 
 def _settled(first: Transform, fixed: Cells, moving: Cells) -> Transform:
@@ -140,9 +108,10 @@ class _Peak:
     score: float
 
 
-def _apart(one: float, other: float) -> float:
-    """The angle between two turns, rad."""
-    return float(abs((one - other + np.pi) % (2.0 * np.pi) - np.pi))
+def _is_other(table: NDArray[np.float64], turn: float, spot: Points) -> NDArray[np.bool_]:
+    """Which places (s, 8) are others than one with this turn and meeting spot (1, 2)."""
+    turned: NDArray[np.float64] = np.abs((table[:, 0] - turn + np.pi) % (2.0 * np.pi) - np.pi)
+    return np.asarray((np.hypot(*(table[:, 3:5] - spot).T) > ASIDE) | (turned > ASKEW))
 
 
 class _Judge:
@@ -155,6 +124,8 @@ class _Judge:
         near: NDArray[np.float32] = ndimage.maximum_filter((fixed == OCCUPIED).astype(np.float32), 3)
         self._walls = np.maximum(0.5 * near, fixed == OCCUPIED)
         clear: NDArray[np.bool_] = (fixed == FREE) & (near == 0.0)
+        parts = fixed != UNKNOWN, (near > 0.0) & (fixed != UNKNOWN), clear, fixed == OCCUPIED
+        self._plain = [fft.rfft2(one.astype(np.float32), self._shape, workers=1) for one in parts]
         self._spectra: dict[bool, list[NDArray[np.complex64]]] = {
             lenient: [
                 fft.rfft2(one.astype(np.float32), self._shape, workers=1)
@@ -165,16 +136,15 @@ class _Judge:
 
     def turned(self, turn: float) -> Cells:
         """The moving map at a turn about the middle of a square that holds it."""
-        middle = (np.array(self._moving.shape) - 1) / 2.0
+        rows, columns = self._moving.shape
         cos, sin = np.cos(turn), np.sin(turn)
-        matrix = np.array([[cos, -sin], [sin, cos]])  # from the turned square to the map
-        offset = middle - matrix @ np.full(2, (self._side - 1) / 2.0)
-        return np.asarray(
-            ndimage.affine_transform(
-                self._moving, matrix, offset, (self._side, self._side), order=0, mode="constant", cval=UNKNOWN
-            ),
-            np.uint8,
-        )
+        away = np.arange(self._side) - (self._side - 1) / 2.0
+        row = np.floor(cos * away[:, None] - sin * away + rows / 2.0).astype(np.intp)  # from the square to the map
+        column = np.floor(sin * away[:, None] + cos * away + columns / 2.0).astype(np.intp)
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        np.clip(row, 0, rows - 1, out=row)
+        np.clip(column, 0, columns - 1, out=column)
+        return np.asarray(self._moving[row, column] * inside, np.uint8)  # UNKNOWN, 0, beyond it
 
     def _scores(self, turn: float, lenient: bool = False) -> NDArray[np.float32]:
         turned = self.turned(turn)
@@ -186,11 +156,15 @@ class _Judge:
         )
         return np.asarray(fft.irfft2(sums, self._shape, workers=1), np.float32)
 
-    def _window(self, turn: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-        """The rows and columns of shifts, and which of them keep the robots within their meeting distance."""
+    def _wanted(self, turn: float) -> Points:
+        """The shifts (m, 2) that put both robots on one place, meeting by meeting."""
         middle = (np.array(self._moving.shape) - 1) / 2.0
         away = Transform(turn, 0.0, 0.0).apply(self._meetings.moving - middle) + (self._side - 1) / 2.0
-        wanted = self._meetings.fixed - away  # (m, 2): the shift that puts both on one place
+        return self._meetings.fixed - away
+
+    def _window(self, turn: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+        """The rows and columns of shifts, and which of them keep the robots within their meeting distance."""
+        wanted = self._wanted(turn)
         reach = self._meetings.within + ROUNDED
         low, high = np.ceil(wanted.max(axis=0) - reach), np.floor(wanted.min(axis=0) + reach)
         down, right = (np.arange(low[axis], high[axis] + 1.0) for axis in (0, 1))
@@ -207,15 +181,60 @@ class _Judge:
         row, column = np.unravel_index(int(scores.argmax()), scores.shape)
         return _Peak(float(turn), int(rows[row]), int(columns[column]), float(scores[row, column]))
 
-    def second(self, best: _Peak) -> float:
-        """The score of the best different shift at the same turn: more than three cells away."""
-        rows, columns, near = self._window(best.turn)
-        down, right = (
-            np.minimum((at - peak) % side, (peak - at) % side)
-            for at, peak, side in ((rows, best.row, self._shape[0]), (columns, best.column, self._shape[1]))
+    def others(self, best: _Peak, turns: list[float]) -> NDArray[np.float64]:
+        """All other places that the meetings allow, as `_judged` gives them.
+
+        They are looked for at the best turn and those square to it, since buildings are, and at the first of the other
+        `turns`.
+        """
+        tried = [best.turn + quarter for quarter in np.arange(4) * np.pi / 2.0]
+        for turn in turns:
+            if len(tried) < 4 + SKEWED and min(between(turn, one) for one in tried) > ASKEW:
+                tried.append(turn)
+        table = np.concatenate([self._judged(turn + step) for turn in tried for step in AROUND])
+        spot = self._spot(best.turn, np.array([[best.row, best.column]]))
+        return table[_is_other(table, best.turn, spot)]
+
+    def distinct(self, table: NDArray[np.float64]) -> tuple[Place, ...]:
+        """One place for each spot and turn: the least contradicted one, by most walls."""
+        found: list[Place] = []
+        table = table[np.lexsort((-table[:, 7], table[:, 6]))]
+        while len(table):
+            turn, row, column, *_, overlap, contradictions, walls = table[0].tolist()
+            transform = self.transform(_Peak(turn, int(row), int(column), 0.0))
+            found.append(Place(transform, int(overlap), int(contradictions), int(walls)))
+            table = table[_is_other(table, turn, table[:1, 3:5])]
+        return tuple(found)
+
+    def _judged(self, turn: float) -> NDArray[np.float64]:
+        """Every shift that the meetings allow at a turn (s, 8).
+
+        Turn, row and column of the shift, row and column of its meeting spot, overlap, contradictions and walls.
+        """
+        rows, columns, near = self._window(turn)
+        if not near.any():
+            return np.zeros((0, 8))
+        turned = self.turned(turn)
+        walls = turned == OCCUPIED
+        clear = (turned == FREE) & ~ndimage.maximum_filter(walls, 3)
+        known, full, empty = (
+            np.conj(fft.rfft2(one.astype(np.float32), self._shape, workers=1))
+            for one in (turned != UNKNOWN, walls, clear)
         )
-        scores = self._scores(best.turn)[np.ix_(rows, columns)]
-        return float(scores[near & ((down[:, None] > 3) | (right > 3))].max(initial=0.0))
+        held, near_walls, far, solid = self._plain
+        counts = [
+            np.round(fft.irfft2(sums, self._shape, workers=1)[np.ix_(rows, columns)][near])
+            for sums in (held * known, far * full + solid * empty, near_walls * full)
+        ]
+        shifts = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1)[near]
+        return np.column_stack([np.full(len(shifts), turn), shifts, self._spot(turn, shifts), *counts])
+
+    def _spot(self, turn: float, shifts: NDArray[np.int64]) -> Points:
+        """Where shifts (s, 2) put the moving map's robot, from where the fixed map's was, mean over the meetings."""
+        rows, columns = self._shape
+        down = np.where(shifts[:, 0] > self._fixed.shape[0], shifts[:, 0] - rows, shifts[:, 0])
+        right = np.where(shifts[:, 1] > self._fixed.shape[1], shifts[:, 1] - columns, shifts[:, 1])
+        return np.asarray(np.stack([down, right], axis=1) - self._wanted(turn).mean(axis=0))
 
     def shift(self, peak: _Peak) -> tuple[int, int]:
         """Where the lower left cell of the turned square lies in the fixed map."""
@@ -235,8 +254,8 @@ class _Judge:
         rows, columns = centre - matrix @ middle
         return Transform(peak.turn, float(rows), float(columns))
 
-    def compared(self, peak: _Peak) -> tuple[int, float, int]:
-        """The overlap in cells, the share that agrees, and how many walls lie on walls."""
+    def place(self, peak: _Peak) -> Place:
+        """The peak as a place."""
         turned = self.turned(peak.turn)
         down, right = self.shift(peak)
         rows, columns = self._fixed.shape
@@ -245,10 +264,4 @@ class _Judge:
         high, end = min(down + self._side, rows), min(right + self._side, columns)
         if high > low and end > left:
             placed[low:high, left:end] = turned[low - down : high - down, left - right : end - right]
-        both: NDArray[np.bool_] = (placed != UNKNOWN) & (self._fixed != UNKNOWN)
-        near_wall = self._walls > 0.0
-        walls: NDArray[np.bool_] = both & (placed == OCCUPIED) & near_wall
-        around: NDArray[np.bool_] = ndimage.maximum_filter((placed == OCCUPIED).astype(np.uint8), 3) > 0
-        free: NDArray[np.bool_] = both & (placed == FREE) & ((self._fixed == FREE) | around)
-        overlap = int(both.sum())
-        return overlap, float((walls | free).sum() / overlap) if overlap else 0.0, int(walls.sum())
+        return judged(self._fixed, placed, self.transform(peak))
