@@ -1,6 +1,6 @@
 """Judge a rule of exploration between another and the online oracle, in worlds that neither was chosen on.
 
-    python benchmarks/exploring/judge.py REGIME [--first 20000] [--rounds 6]
+    python benchmarks/exploring/judge.py REGIME [--rule shared] [--first 20000] [--rounds 6]
 
 Each round has one world of each of six kinds, with 4, 10 or 30 robots in turn. All methods run in each world from the
 same starts. Ratios are of geometric means, intervals 95 % by the bootstrap over worlds; a run that has not ended after
@@ -34,6 +34,7 @@ REGIMES = {
 METHODS = {  # strategy, sharing, and whether all hear all
     "dispersed": ("dispersed-frontier", "gossip", False),
     "shared": ("shared-frontier", "gossip", False),
+    "assigned": ('assigned-frontier", replan="every-iteration', "gossip", False),
     "oracle": ("oracle-frontier", "tile-and-goal", True),
 }
 
@@ -62,13 +63,16 @@ def times(kind: str, seed: int, robots: int, regime: str, method: str) -> tuple[
 def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("regime", choices=REGIMES)
+    asked.add_argument("--rule", choices=("shared", "assigned"), default="shared")
     asked.add_argument("--first", type=int, default=20000)
     asked.add_argument("--rounds", type=int, default=6)
     args = asked.parse_args()
     tasks = [
         (kind, args.first + i, (4, 10, 30)[(i + j) % 3]) for i in range(args.rounds) for j, kind in enumerate(KINDS)
     ]
-    done = {method: [times(*task, args.regime, method) for task in tasks] for method in METHODS}
+    done = {
+        method: [times(*task, args.regime, method) for task in tasks] for method in ("dispersed", args.rule, "oracle")
+    }
     logs = {method: np.log([run for run, _ in runs]) for method, runs in done.items()}
     drawn = np.random.default_rng(1).integers(len(tasks), size=(10_000, len(tasks)))
     told = {method: round(float(np.mean([size for _, size in runs])), 1) for method, runs in done.items()}
