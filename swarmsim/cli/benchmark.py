@@ -30,7 +30,9 @@ def explore(
     out: Annotated[Path, typer.Option(help="The entry: a folder, or a file that ends in .json.")],
     tasks: Tasks = None,
     secret: Secret = None,
-    store: Annotated[Path | None, typer.Option(help="Results; default: runs/benchmark/SET/NAME.sqlite.")] = None,
+    store: Annotated[
+        Path | None, typer.Option(help="Where runs are kept; default: runs/benchmark/SET/NAME.sqlite.")
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     allow_code: AllowCode = False,
@@ -64,9 +66,7 @@ def verify(
     share: Annotated[float, typer.Option(help="Share of the tasks to repeat, above 0 and at most 1.")] = 0.05,
     tasks: Tasks = None,
     secret: Secret = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Says which tasks are drawn; default: others each time.", min=0)
-    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Which tasks are drawn; default: others each time.", min=0)] = None,
     workers: Workers = None,
     allow_code: AllowCode = False,
     quiet: Quiet = False,
@@ -119,12 +119,12 @@ def board(
 
 @app.command()
 def references(
-    tasks: Annotated[Path, typer.Argument(metavar="SET", help="Folder of a set of tasks, where they are kept.")],
+    tasks: Annotated[Path, typer.Argument(metavar="SET", help="Folder of a set of tasks; references are kept there.")],
     secret: Secret = None,
-    check: Annotated[float, typer.Option(help="Instead, replay this share of the tours that are kept.")] = 0.0,
+    check: Annotated[float, typer.Option(help="Only replay this share of the kept tours, and compare.")] = 0.0,
     quiet: Quiet = False,
 ) -> None:
-    """Find what a set's tasks lack: proved lower bounds, and tours with the map known, replayed.
+    """Find the proved lower bounds and the replayed tours that a set's tasks lack, with the map known.
 
     Exit code 0: done; 1: a replay did not confirm a reference; 2: bad input.
 
@@ -156,7 +156,7 @@ def import_(
     limit: Annotated[int | None, typer.Option(help="Iterations after which a run is not finished.", min=1)] = None,
     tasks: Tasks = None,
 ) -> None:
-    """Make a set of tasks from maps of others, for the same commands by --tasks.
+    """Make a set of tasks from others' maps; the other verbs take it with --tasks.
 
     Example: swarmsim benchmark import maps --out runs/maps --width 12
     """

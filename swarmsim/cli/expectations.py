@@ -15,6 +15,7 @@ from swarmsim.cli.options import AllowCode, Quiet
 from swarmsim.cli.progress import progress_bar
 from swarmsim.cli.studies import Scheduler, Workers
 from swarmsim.cli.tables import print_table
+from swarmsim.core.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,17 +31,20 @@ COLOURS: Final = {"holds": "green", "fails": "red", "undecided": "yellow"}
 TODAY: Final = "today"
 
 Files = Annotated[list[Path], typer.Argument(metavar="PATHS", help="Scenarios, studies, or folders of them.")]
-Only = Annotated[str, typer.Option("-k", metavar="TEXT", help="Only expectations whose name has this text.")]
-Planned = Annotated[bool, typer.Option("--plan", help="Print what it will cost, and run nothing.")]
-Mutate = Annotated[bool, typer.Option("--mutate", help="Break the swarm, and list what no expectation notices.")]
-Mutants = Annotated[list[str] | None, typer.Option(help="With --mutate, another way: a fault in words, or KEY=VALUE.")]
-Fresh = Annotated[str, typer.Option("--fresh", metavar="NIGHT", help="New seeds, of a date or number, or 'today'.")]
+Only = Annotated[str, typer.Option("-k", metavar="TEXT", help="Only expectations whose name contains this text.")]
+Planned = Annotated[bool, typer.Option("--plan", help="Print how many runs it takes, and run nothing.")]
+Mutate = Annotated[bool, typer.Option("--mutate", help="Break the swarm, and list expectations that do not notice.")]
+Mutants = Annotated[list[str] | None, typer.Option(help="With --mutate, one more way: a fault in words, or KEY=VALUE.")]
+Fresh = Annotated[
+    str,
+    typer.Option("--fresh", metavar="NIGHT", help="New seeds, drawn from a date or text, or 'today'."),
+]
 JUnit = Annotated[Path | None, typer.Option(help="JUnit XML file to write.")]
 Films = Annotated[Path | None, typer.Option(help="Folder for films of the worst runs of what fails.")]
 Budget = Annotated[int | None, typer.Option(help="Most runs of an expectation with a chance.", min=1)]
-Alpha = Annotated[float, typer.Option(help="Probability of any wrong 'fails' among these.", min=1e-9, max=0.5)]
-Allowed = Annotated[bool, typer.Option("--allow-undecided", help="Undecided is no failure.")]
-StoreFile = Annotated[Path | None, typer.Option(help="Finished runs; default: runs/expectations.sqlite.")]
+Alpha = Annotated[float, typer.Option(help="Largest probability that any 'fails' is wrong.", min=1e-9, max=0.5)]
+Allowed = Annotated[bool, typer.Option("--allow-undecided", help="Count undecided as passed.")]
+StoreFile = Annotated[Path | None, typer.Option(help="Where runs are kept; default: runs/expectations.sqlite.")]
 
 
 def test(
@@ -63,12 +67,15 @@ def test(
 ) -> None:
     """Say whether runs meet what scenarios and studies expect of them with [[expect]].
 
-    Exit code 0: all hold; 1: some fail; 2: bad input; 5: none fails, but some are undecided. With --mutate 1 means
-    that some expectation is met whatever breaks.
+    Exit code 0: all hold; 1: some fail; 2: bad input; 5: none fails, but some are undecided. With --mutate, 1
+    means that some expectation fails with no mutant, or with nothing broken.
 
     Example: swarmsim test scenarios/room.toml --junit runs/expectations.xml
     """
     from swarmsim.api.expectations import open_expectations
+
+    if mutant and not mutate:
+        raise InputError("--mutant: it breaks the swarm for --mutate only; expected --mutate as well")
 
     when = date.today().isoformat() if night == TODAY else night
     opened = open_expectations(
@@ -172,7 +179,7 @@ def _print_broken(found: Sequence[Tried]) -> int:
         print(f"met even by robots that stand still: {one.expectation.name}{more}")
     blind = [one for one in told if not one.killers]
     for one in blind:
-        print(f"shown to fail with no mutant: {one.expectation.name}")
+        print(f"no mutant is shown to fail it: {one.expectation.name}")
     for one in (one for one in found if one.sound == "fails"):
         print(f"not tried, as it fails with nothing broken: {one.expectation.name}")
     rows = []

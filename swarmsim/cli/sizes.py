@@ -13,33 +13,40 @@ from swarmsim.cli.options import AllowCode, Faults, Overrides, Quiet
 from swarmsim.cli.progress import Counted, progress_bar
 from swarmsim.cli.studies import Scheduler, Workers
 from swarmsim.cli.tables import print_table
+from swarmsim.core.durations import told
 
 NOT_ANSWERED = 1  # exit code
 
 
 def size(
     scenario: Annotated[Path, typer.Argument(help="Scenario file (TOML).")],
-    within: Annotated[str, typer.Option(help="Time that the task may take, such as 8min, 90s or 1.5h.")],
-    sure: Annotated[float, typer.Option(help="Chance of being done within it.")] = 0.95,
-    slack: Annotated[float, typer.Option(help="How much less is enough: a smaller one takes more runs.")] = 0.02,
+    within: Annotated[str, typer.Option(help="Time for the task: 8min, 90s, 1.5h, or seconds.")],
+    sure: Annotated[float, typer.Option(help="Chance of being done by then.")] = 0.95,
+    slack: Annotated[float, typer.Option(help="How much less is enough; a smaller slack takes more runs.")] = 0.02,
     confidence: Annotated[float, typer.Option(help="Confidence in all statements together.")] = 0.95,
-    over: Annotated[str, typer.Option(metavar="KEY", help="Key to find the value of.")] = "robots.count",
-    low: Annotated[float | None, typer.Option(help="Lowest value; of counts by default 1.")] = None,
+    over: Annotated[str, typer.Option(metavar="KEY", help="Key whose value to find.")] = "robots.count",
+    low: Annotated[float | None, typer.Option(help="Lowest value; for counts by default the fewest that work.")] = None,
     high: Annotated[
-        float | None, typer.Option(help="Highest value; of counts by default twice the scenario's, then 4 and 8 times.")
+        float | None,
+        typer.Option(help="Highest value; for counts by default 2, 4 or 8 times the scenario's own."),
     ] = None,
-    values: Annotated[str | None, typer.Option(metavar="V1,V2,...", help="Values, instead of low to high.")] = None,
+    values: Annotated[
+        str | None, typer.Option(metavar="V1,V2,...", help="Values, instead of --low and --high.")
+    ] = None,
     better: Annotated[
-        Literal["more", "less"] | None, typer.Option(help="What makes the task easier; otherwise found out.")
+        Literal["more", "less"] | None,
+        typer.Option(help="What makes the task easier; default: it finds out."),
     ] = None,
     faults: Faults = None,
     set_: Overrides = None,
-    price: Annotated[str | None, typer.Option(metavar="robot=A,minute=B", help="Find the cheapest too.")] = None,
+    price: Annotated[str | None, typer.Option(metavar="robot=A,minute=B", help="Find the cheapest swarm too.")] = None,
     vary: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=V1,V2,...", help="Do it for each of these; repeatable.")
+        list[str] | None, typer.Option(metavar="KEY=V1,V2,...", help="Search once for each value; repeatable.")
     ] = None,
-    budget: Annotated[int, typer.Option(help="Runs to spend at most.")] = 4000,
-    store: Annotated[Path | None, typer.Option(help="Runs; default: runs/sizes/SCENARIO.sqlite.")] = None,
+    budget: Annotated[int, typer.Option(help="Most runs to spend.")] = 4000,
+    store: Annotated[
+        Path | None, typer.Option(help="Where runs are kept; default: runs/sizes/SCENARIO.sqlite.")
+    ] = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     plot: Annotated[Path | None, typer.Option(help="Figure to draw, as PNG and SVG, without suffix.")] = None,
@@ -60,16 +67,16 @@ def size(
     from swarmsim.api.sizes import size as size_of
 
     with progress_bar(quiet or as_json) as progress:
-        told = Counted(progress, "simulating", "{} of at most {} runs")
+        counted = Counted(progress, "simulating", "{} of at most {} runs")
 
         def tell(words: str) -> None:
             progress.console.print(words, markup=False, highlight=False)
 
         def move(runs: int) -> None:
             end_if_asked()
-            told(runs, budget)
+            counted(runs, budget)
 
-        with told_if_interrupted(lambda: f"{told.done} runs are kept; the same command goes on from there"):
+        with told_if_interrupted(lambda: f"{counted.done} runs are kept; the same command goes on from there"):
             found = size_of(
                 scenario, within, sure=sure, slack=slack, confidence=confidence, over=over, low=low, high=high,
                 values=values, better=better, faults=faults or (), overrides=set_, price=price, vary=vary or (),
@@ -79,7 +86,7 @@ def size(
     if as_json:
         print(json.dumps(found.record(), indent=2))
     elif not quiet:
-        print_table(f"{scenario}: done within {within}?", found.head, found.rows)
+        print_table(f"{scenario}: done within {told(found.answers[0].answer.question.within)}?", found.head, found.rows)
         for sentence in (*found.sentences, *map(str, found.figures)):
             print(sentence)
     raise typer.Exit(0 if found.answered else NOT_ANSWERED)

@@ -64,7 +64,7 @@ class Sizing:
                 f"Cheapest of those that suffice: {best.sized.said(best.asked.place)}{where} for {best.price:.2f} a "
                 f"mission on average, between {low:.2f} and {high:.2f}; robots and {told(best.seconds)} of mission."
             )
-        spent = f"{self.used} runs made this answer; {self.simulated} were simulated now."
+        spent = f"This answer rests on {self.used} runs; {self.simulated} were simulated now."
         return [*paragraphs, spent]
 
     @property

@@ -75,7 +75,7 @@ def _none(sized: SizedLadder) -> list[str]:
     within, runs = told(answer.question.within), answer.used
     if not any(one.judged.successes for one in asked):
         return [
-            f"Not one of {runs} runs was done within {within}, whatever was asked of {sized.key} "
+            f"Not one of {runs} runs was done within {within}, with any value of {sized.key} that was asked "
             f"({_listed(sized, [one.place for one in asked])}): give more time, or check that the task can be done."
         ]
     best = max(asked, key=lambda one: one.judged.successes / one.judged.runs)

@@ -25,6 +25,7 @@ class Chances:
     low: Reals  # (t,): the interval of the chance
     high: Reals
     best: bool  # whether it is the answer
+    banded: bool  # whether its interval is drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Way:
 def chances(
     groups: Mapping[str, Sequence[Chances]], title: str, within: float, asked: tuple[float, float], level: float
 ) -> Figure:
-    """The share of runs done against time, with intervals; a panel for each group, the answers thick.
+    """The share of runs done against time, with some intervals; a panel for each group, the answers thick.
 
     `within` is the time allowed, s; `asked` the chance that must be exceeded and the one asked for, with a band
     between; `level` the confidence of the intervals at any one time.
@@ -58,7 +59,7 @@ def chances(
         axes.axvline(within / scale, color=BLACK, lw=1.2, linestyle=":")
         axes.set(title=group, ylabel="done, % of runs", xlim=(0.0, 1.02 * within / scale), ylim=(0.0, 101.5))
         handles += [
-            area_key(f"interval, {100 * level:g} % at any one\ntime, whenever runs stop", GREY, "none", 0.2),
+            area_key(_interval(level, curves), GREY, "none", 0.2),
             area_key(f"asked for: {100 * asked[1]:g} %,\nless the slack", GREY, "none", 0.45),
             line_key("time allowed", BLACK, "", ":"),
         ]
@@ -67,13 +68,19 @@ def chances(
     return settled(figure)
 
 
+def _interval(level: float, curves: Sequence[Chances]) -> str:
+    some = "" if all(curve.banded for curve in curves) else ",\nof those with most runs"
+    return f"interval, {100 * level:g} % at any one\ntime, whenever runs stop{some}"
+
+
 def _curve(axes: Axes, row: int, curve: Chances, scale: float) -> Sequence[Artist]:
     colour = COLOURS[row % len(COLOURS)]
     times = curve.times / scale
-    axes.fill_between(
-        times, 100.0 * curve.low, 100.0 * curve.high, step="post", color=colour, linewidth=0,
-        alpha=0.22 if curve.best else 0.09,
-    )  # fmt: skip
+    if curve.banded:
+        axes.fill_between(
+            times, 100.0 * curve.low, 100.0 * curve.high, step="post", color=colour, linewidth=0,
+            alpha=0.22 if curve.best else 0.09,
+        )  # fmt: skip
     return axes.plot(
         times, 100.0 * curve.shares, color=colour, drawstyle="steps-post", linewidth=2.8 if curve.best else 1.4,
         linestyle="-" if curve.best else DASHES[row // 2 % len(DASHES)], label=curve.label,
