@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swarmsim.core.durations import told
+from swarmsim.core.durations import iterations_in, told
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.files import Table
 from swarmsim.studies.engine import Job
@@ -66,7 +66,7 @@ class Trials:
             values = {self.key: self.values[place]}
             where = f"{self.path}: {label(values)}"
             period = changed(where, self.table, {**self.changes, **values}, self.path.parent).period
-            limit = math.floor(self.within / period * (1.0 + 1e-12))
+            limit = iterations_in(self.within, period)
             if limit < 1:
                 raise InputError(
                     f"--within {told(self.within)}: less than one iteration of {period:g} s; expected a longer time"

@@ -10,9 +10,9 @@ from typing import Final, Literal
 
 import numpy as np
 
-from swarmsim.core.durations import told
+from swarmsim.core.durations import iterations_in, told
 from swarmsim.core.scenario.expect import COMPARED, Expect, MeasureBound, NoRobot, TaskDone
-from swarmsim.studies.expectations.reading import Expectation, iterations_in, percent
+from swarmsim.studies.expectations.reading import Expectation, percent
 from swarmsim.studies.results import command
 from swarmsim.studies.sequential import bounds, evidence, interval
 from swarmsim.studies.store import Row
