@@ -25,8 +25,9 @@ from swarmsim.studies.expectations.junit import junit_of
 from swarmsim.studies.expectations.mutation import Broken, Tried, tried
 from swarmsim.studies.expectations.nights import Nights
 from swarmsim.studies.expectations.reading import Expectation, expectations_of, files_of
-from swarmsim.studies.expectations.session import ExpectationSession, Forecast, Runner, forecast
+from swarmsim.studies.expectations.session import ExpectationSession, Forecast, forecast
 from swarmsim.studies.expectations.verdicts import Answer, Levels, Verdict
+from swarmsim.studies.runner import Runner
 from swarmsim.studies.store import Row, Store
 
 ALPHA: Final = 0.01

@@ -20,6 +20,7 @@ from swarmsim.studies import sequential
 from swarmsim.studies.engine import pool_when_needed
 from swarmsim.studies.plan import changed, label
 from swarmsim.studies.prices import Prices, prices_of
+from swarmsim.studies.runner import Runner
 from swarmsim.studies.sizing import Asked, LadderSearch, Question
 from swarmsim.studies.sizing_figures import figures
 from swarmsim.studies.sizing_report import Sizing
@@ -79,14 +80,10 @@ def size(
         decoded = changed(str(path), table, {**changes, **choices[0]}, path.parent)
         prices = None if price is None else prices_of(price, [one for choice in choices for one in choice.values()])
         kept = stack.enter_context(Store(Path(store or Path("runs") / "sizes" / f"{path.stem}.sqlite")))
-        perform = stack.enter_context(pool_when_needed(workers, scheduler))
-        counted = itertools.count(1)
+        runner = Runner(kept, stack.enter_context(pool_when_needed(workers, scheduler)), progress)
 
         def trials(choice: Mapping[str, object], ladder: Sequence[object]) -> Trials:
-            return Trials(
-                path, table, {**changes, **choice}, over, ladder, question.within, kept, perform,
-                lambda: progress(next(counted)),
-            )  # fmt: skip
+            return Trials(path, table, {**changes, **choice}, over, ladder, question.within, runner)
 
         first: Sequence[int] = ()
         if over == COUNT and values is None:
@@ -105,7 +102,7 @@ def size(
             tell=tell,
         )  # fmt: skip
         answers = tuple(look.at(choice) for choice in choices)
-    found = Sizing(path, confidence, answers, prices, next(counted) - 1)
+    found = Sizing(path, confidence, answers, prices, runner.done)
     if plot is None:
         return found
     return replace(found, figures=tuple(figures(found, Path(plot), path.stem)))
