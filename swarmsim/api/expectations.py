@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -22,13 +20,14 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.engine.build import build
 from swarmsim.faults.in_words import fault_in_words
-from swarmsim.studies.engine import Job, run_job, worker_pool
+from swarmsim.studies.engine import Job, pool_when_needed, run_job
 from swarmsim.studies.expectations.junit import junit_of
 from swarmsim.studies.expectations.mutation import Broken, Tried, tried
 from swarmsim.studies.expectations.nights import Nights
 from swarmsim.studies.expectations.reading import Expectation, expectations_of, files_of
-from swarmsim.studies.expectations.session import ExpectationSession, Forecast, Runner, forecast
+from swarmsim.studies.expectations.session import ExpectationSession, Forecast, forecast
 from swarmsim.studies.expectations.verdicts import Answer, Levels, Verdict
+from swarmsim.studies.runner import Runner
 from swarmsim.studies.store import Row, Store
 
 ALPHA: Final = 0.01
@@ -188,7 +187,7 @@ class Expectations:
         with registry.own_code(self.allow_code), ExitStack() as stack:
             kept = stack.enter_context(Store(self.store))
             here = workers == 1 and scheduler is None
-            perform = run_here if here else _Pool(stack, workers, scheduler).perform
+            perform = run_here if here else stack.enter_context(pool_when_needed(workers, scheduler))
             runner = Runner(kept, perform, progress)
             nights = None
             if self.night:
@@ -200,19 +199,6 @@ class Expectations:
 def run_here(jobs: Sequence[Job]) -> Iterator[Row]:
     """Do runs in this process, one after the other."""
     return map(run_job, jobs)
-
-
-class _Pool:
-    """Workers that start with the first runs, if there are any to do."""
-
-    def __init__(self, stack: ExitStack, workers: int | None, scheduler: str | None) -> None:
-        self._start = partial(stack.enter_context, worker_pool(workers or os.cpu_count() or 1, scheduler))
-        self._perform: Callable[[Sequence[Job]], Iterator[Row]] | None = None
-
-    def perform(self, jobs: Sequence[Job]) -> Iterator[Row]:
-        """Do runs in any order."""
-        self._perform = self._perform or self._start()
-        return self._perform(jobs)
 
 
 def _filmed(verdict: Verdict, films: str | Path | None) -> Verdict:

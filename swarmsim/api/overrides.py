@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from swarmsim.core.durations import seconds_of
 from swarmsim.core.errors import InputError
+from swarmsim.core.parts import Fault
+from swarmsim.core.scenario.part import Part
 from swarmsim.core.scenario.toml import parsed
+from swarmsim.faults.in_words import fault_in_words
 
 Overrides = Mapping[str, object] | Sequence[str]  # {"robots.count": 20}, or as for --set: ["robots.count=20"]
 
@@ -32,3 +36,19 @@ def keys_of(overrides: Overrides | None) -> dict[str, object]:
                 raise InputError(f"--set {text}: {value!r} is not a TOML value: {problem}") from problem
             found[key] = value
     return found
+
+
+def fault_of(text: str) -> Part[Fault]:
+    """A fault in words. Raises InputError, which names the option."""
+    try:
+        return fault_in_words(text)
+    except InputError as problem:
+        raise InputError(f"--fault {text!r}: {problem}") from problem
+
+
+def seconds_in(option: str, time: str | float) -> float:
+    """A time in seconds. Raises InputError, which names the option."""
+    try:
+        return seconds_of(time)
+    except ValueError as problem:
+        raise InputError(f"{option} {problem}") from problem

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from swarmsim.api.overrides import Overrides, told_apart
+from swarmsim.api.overrides import Overrides, fault_of, told_apart
 from swarmsim.api.recorded import Run
 from swarmsim.core.errors import InputError, StorageError, is_of_the_machine
 from swarmsim.core.parts import Observer
@@ -23,7 +23,6 @@ from swarmsim.core.scenario.file import Scenario, load
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.engine import build as engine
-from swarmsim.faults.in_words import fault_in_words
 from swarmsim.recording.reader import Recording
 
 if TYPE_CHECKING:
@@ -118,13 +117,7 @@ def scenario_of(path: Path, seed: int | None, overrides: Overrides | None, fault
     """A scenario file with faults in words besides its own. Raises InputError, which names the option at fault."""
     texts, changes = told_apart(overrides)
     scenario = load(path, texts, changes if seed is None else {**changes, "seed": seed})
-    for text in faults:
-        try:
-            more = fault_in_words(text)
-        except InputError as problem:
-            raise InputError(f"--fault {text!r}: {problem}") from problem
-        scenario = msgspec.structs.replace(scenario, faults=(*scenario.faults, more))
-    return scenario
+    return msgspec.structs.replace(scenario, faults=(*scenario.faults, *map(fault_of, faults)))
 
 
 def record(made: engine.BuiltRun, folder: Path, observers: Sequence[Observer] = ()) -> Run:

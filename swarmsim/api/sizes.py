@@ -11,17 +11,16 @@ from typing import Final, Literal
 
 import numpy as np
 
-from swarmsim.api.overrides import Overrides, keys_of
-from swarmsim.core.durations import seconds_of
+from swarmsim.api.overrides import Overrides, fault_of, keys_of, seconds_in
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.files import Table
 from swarmsim.core.scenario.toml import parsed, read_toml
-from swarmsim.faults.in_words import fault_in_words
 from swarmsim.studies import sequential
 from swarmsim.studies.engine import pool_when_needed
 from swarmsim.studies.plan import changed, label
 from swarmsim.studies.prices import Prices, prices_of
+from swarmsim.studies.runner import Runner
 from swarmsim.studies.sizing import Asked, LadderSearch, Question
 from swarmsim.studies.sizing_figures import figures
 from swarmsim.studies.sizing_report import Sizing
@@ -77,18 +76,14 @@ def size(
     with registry.own_code(allow_code), ExitStack() as stack:
         question = _question(within, sure, slack, confidence, budget)
         table, changes = _base(path, overrides, faults)
-        choices = _choices(vary)
+        choices = _choices(vary, over)
         decoded = changed(str(path), table, {**changes, **choices[0]}, path.parent)
         prices = None if price is None else prices_of(price, [one for choice in choices for one in choice.values()])
         kept = stack.enter_context(Store(Path(store or Path("runs") / "sizes" / f"{path.stem}.sqlite")))
-        perform = stack.enter_context(pool_when_needed(workers, scheduler))
-        counted = itertools.count(1)
+        runner = Runner(kept, stack.enter_context(pool_when_needed(workers, scheduler)), progress)
 
         def trials(choice: Mapping[str, object], ladder: Sequence[object]) -> Trials:
-            return Trials(
-                path, table, {**changes, **choice}, over, ladder, question.within, kept, perform,
-                lambda: progress(next(counted)),
-            )  # fmt: skip
+            return Trials(path, table, {**changes, **choice}, over, ladder, question.within, runner)
 
         first: Sequence[int] = ()
         if over == COUNT and values is None:
@@ -107,7 +102,7 @@ def size(
             tell=tell,
         )  # fmt: skip
         answers = tuple(look.at(choice) for choice in choices)
-    found = Sizing(path, confidence, answers, prices, next(counted) - 1)
+    found = Sizing(path, confidence, answers, prices, runner.done)
     if plot is None:
         return found
     return replace(found, figures=tuple(figures(found, Path(plot), path.stem)))
@@ -154,10 +149,7 @@ class _Look:
 
 
 def _question(within: str | float, sure: float, slack: float, confidence: float, budget: int) -> Question:
-    try:
-        seconds = seconds_of(within)
-    except ValueError as problem:
-        raise InputError(f"--within {problem}") from problem
+    seconds = seconds_in("--within", within)
     if not 0.5 <= confidence < 1.0:
         raise InputError(f"--confidence {confidence:g}: expected 0.5 or more, and below 1")
     if budget < 2:
@@ -175,15 +167,8 @@ def _base(path: Path, overrides: Overrides | None, faults: Sequence[str]) -> tup
     changes = keys_of(overrides)
     if faults:
         own = changes.get("faults", table.get("faults", []))
-        changes["faults"] = [*(own if isinstance(own, list) else []), *map(_fault, faults)]
+        changes["faults"] = [*(own if isinstance(own, list) else []), *(fault_of(text).table for text in faults)]
     return table, changes
-
-
-def _fault(text: str) -> Table:
-    try:
-        return fault_in_words(text).table
-    except InputError as problem:
-        raise InputError(f"--fault {text!r}: {problem}") from problem
 
 
 def _counts(
@@ -225,8 +210,8 @@ def _few(over: str, values: Sequence[object]) -> Sequence[object]:
     return values
 
 
-def _choices(vary: Varied) -> list[dict[str, object]]:
-    """Every combination of the varied keys' values; one without changes if none is varied."""
+def _choices(vary: Varied, over: str) -> list[dict[str, object]]:
+    """Every combination of the varied keys' values, `over` not among them; one without changes if none is varied."""
     if isinstance(vary, Mapping):
         axes = {key: list(values) for key, values in vary.items()}
     else:
@@ -236,6 +221,10 @@ def _choices(vary: Varied) -> list[dict[str, object]]:
             if not equals or not key.strip():
                 raise InputError(f"--vary {text}: expected key=value,value, as in robots.use=e-puck,thymio")
             axes[key.strip()] = _listed(f"--vary {key}", values)
+    if over in axes:
+        raise InputError(f"--vary {over}: it is the key whose value is looked for; expected another one")
+    if ends := [key for key in (over, *axes) if key.partition(".")[0] == "stop"]:
+        raise InputError(f"{ends[0]}: runs end after --within, whatever the scenario's limit; expected another key")
     return [dict(zip(axes, chosen, strict=True)) for chosen in itertools.product(*axes.values())]
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.api.frames import framed
-from swarmsim.core.durations import seconds_of
+from swarmsim.api.overrides import seconds_in
 from swarmsim.core.errors import InputError, unwritten
 from swarmsim.core.scenario import registry
 from swarmsim.studies import chances, methods, pairing, peak, selection
@@ -189,7 +189,7 @@ class StudyRun:
 
         Raises InputError for what is no time.
         """
-        times = [_seconds("--by", one) for one in by]
+        times = [seconds_in("--by", one) for one in by]
         return StudyTable(f"{self.plan.study.title}: chance of being done", *chances.chances(self.results, times))
 
     def quantiles(self, *quantile: float) -> StudyTable:
@@ -304,7 +304,7 @@ class StudyRun:
         done by then, and `tolerance` is a difference of chances. Other parameters are those of `run`. Raises InputError
         if too few runs finish to find the best.
         """
-        seconds = None if within is None else _seconds("--within", within)
+        seconds = None if within is None else seconds_in("--within", within)
         with registry.own_code(self._allow_code), Store(self.store) as kept:
             more = partial(run_jobs, store=kept, workers=workers, scheduler=scheduler, progress=progress)
             answer = selection.best(self.plan, kept, more, confidence, budget, tolerance, seconds)
@@ -328,14 +328,6 @@ class StudyRun:
 
     def _repr_html_(self) -> str:
         return StudyTable(self.plan.study.title, found.HEAD, found.lines(self.results))._repr_html_()
-
-
-def _seconds(option: str, time: str | float) -> float:
-    """A time in seconds. Raises InputError, which names the option."""
-    try:
-        return seconds_of(time)
-    except ValueError as problem:
-        raise InputError(f"{option} {problem}") from problem
 
 
 def run_jobs(jobs: Sequence[Job], store: Store, workers: int | None, scheduler: str | None, progress: Progress) -> None:

@@ -31,3 +31,8 @@ def told(seconds: float) -> str:
     hours, minutes = divmod(minutes, 60)
     parts = [f"{count} {unit}" for count, unit in ((hours, "h"), (minutes, "min"), (rest, "s")) if count]
     return " ".join(parts)
+
+
+def iterations_in(seconds: float, period: float) -> int:
+    """The whole iterations of `period` s that fit into a time, whose quotient may be short of one by rounding."""
+    return math.floor(seconds / period * (1.0 + 1e-12))

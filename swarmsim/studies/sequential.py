@@ -33,9 +33,6 @@ class JudgedChance:
     successes: int
     above: bool  # P > bounds[0] is shown
     below: bool  # P < bounds[1] is shown
-    bounds: Interval
-    above_evidence: float  # the largest logarithm of M so far; alpha is reached at -log(alpha)
-    below_evidence: float
     interval: Interval  # of P: misses at most alpha on each side, at any time; after the last run, and within bounds
 
 
@@ -68,20 +65,17 @@ def judge(outcomes: ArrayLike, chance: float, slack: float, alpha: float) -> Jud
     ended = np.asarray(outcomes, np.bool_)
     good = np.cumsum(ended)
     other = np.arange(1, len(ended) + 1) - good
-    above = float(evidence(good, other, low).max(initial=0.0))
-    below = float(evidence(other, good, 1.0 - high).max(initial=0.0))
     needed = -math.log(alpha)
+    above = bool((evidence(good, other, low) >= needed).any())
+    below = bool((evidence(other, good, 1.0 - high) >= needed).any())
     successes = int(good[-1]) if len(good) else 0
     ends = interval(successes, len(ended), 2.0 * alpha)
-    within = (max(ends[0], low) if above >= needed else ends[0], min(ends[1], high) if below >= needed else ends[1])
+    within = (max(ends[0], low) if above else ends[0], min(ends[1], high) if below else ends[1])
     return JudgedChance(
         runs=len(ended),
         successes=successes,
-        above=bool(above >= needed),
-        below=bool(below >= needed),
-        bounds=(low, high),
-        above_evidence=above,
-        below_evidence=below,
+        above=above,
+        below=below,
         interval=within if within[0] <= within[1] else ends,
     )
 

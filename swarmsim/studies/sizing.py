@@ -10,15 +10,16 @@ seeds 1, 2, 3 and so on are spent on one value until its chance P is settled by 
 - it *may* suffice if the budget ends before.
 
 Half of 1 - confidence goes to each statement of the answer: that one value suffices, and that the next one does not.
-What is said of a value depends on its outcomes in the order of seeds alone, so it stays the same however often one
-looks, and whether the runs were made at once or not.
+Whichever values are asked may come to be these two, so each of them has a part of that; see `smallest`. What is said of
+a value depends on its outcomes in the order of seeds alone, so it stays the same however often one looks, and whether
+the runs were made at once or not.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final, Literal
 
@@ -52,6 +53,7 @@ class Question:
     slack: float = 0.02
     confidence: float = 0.95  # of both statements of the answer together
     budget: int = 4000  # runs; no value gets more than half of them
+    part: float = 1.0  # of alpha, for that a value suffices
 
     @property
     def alpha(self) -> float:
@@ -65,9 +67,8 @@ class Question:
         """
         low, high = sequential.bounds(self.sure, self.slack)
         good, runs = np.cumsum(done)[since:], np.arange(since + 1, len(done) + 1)
-        needed = -np.log(self.alpha)
-        above = sequential.evidence(good, runs - good, low) >= needed
-        below = sequential.evidence(runs - good, good, 1.0 - high) >= needed
+        above = sequential.evidence(good, runs - good, low) >= -np.log(self.alpha * self.part)
+        below = sequential.evidence(runs - good, good, 1.0 - high) >= -np.log(self.alpha)
         less = sequential.evidence(runs - good, good, 1.0 - self.sure) >= np.log(ODDS)
         return np.stack([above, below, less])
 
@@ -94,7 +95,8 @@ class Asked:
     @cached_property
     def judged(self) -> JudgedChance:
         """What the runs show of P."""
-        return sequential.judge(self.done, self.question.sure, self.question.slack, self.question.alpha)
+        asked = self.question
+        return sequential.judge(self.done, asked.sure, asked.slack, asked.alpha * asked.part)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -172,8 +174,13 @@ class LadderSearch:
 
         The easier end is asked first, or the places in `first` in their order, until one suffices. If none does, places
         between are tried, halving the gaps, since the chance may rise and fall again.
+
+        Each value that is asked first or by bisection has an equal part of the error, and those tried between share
+        one: 1/2 + 1/6 + 1/12 + ... = 1.
         """
         order = range(self.places)
+        parts = len(first or (0,)) + (more_is_better is None) + (self.places - 1).bit_length() + (self.places > 1)
+        self.question = replace(self.question, confidence=1.0 - (1.0 - self.question.confidence) / parts)
         self.better = more_is_better
         if more_is_better is None:
             bottom, top = self._suffices(0), self._suffices(order[-1])
@@ -235,29 +242,30 @@ class LadderSearch:
     def _left(self) -> int:
         return self.question.budget - sum(len(one.times) for one in self.found.values())
 
-    def _suffices(self, place: int) -> bool:
+    def _suffices(self, place: int, part: float = 1.0) -> bool:
         """Whether a place suffices; it is asked if it was not yet."""
         if place not in self.found:
-            self.found[place] = self._asked(place, max(0, min(self._left(), self.question.budget // 2)))
+            question = replace(self.question, part=part)
+            self.found[place] = self._asked(place, question, max(0, min(self._left(), question.budget // 2)))
             self.tell(self.found[place])
         return self.found[place].verdict == "suffices"
 
-    def _asked(self, place: int, most: int) -> Asked:
+    def _asked(self, place: int, question: Question, most: int) -> Asked:
         stop, times, shown = None, np.empty(0), np.empty((3, 0), np.bool_)
         while stop is None and len(times) < most:
             times = self.ask(place, min(most, max(self.step(len(times)), len(times) + 1)))
-            new = self.question.shown(times <= self.question.within, shown.shape[1])
+            new = question.shown(times <= question.within, shown.shape[1])
             shown = np.concatenate([shown, new], axis=1)
             hits = np.flatnonzero(np.logical_or(*settled(shown)))
             stop = int(hits[0]) + 1 if len(hits) else None
-        return Asked(place, times[:stop], self.question)
+        return Asked(place, times[:stop], question)
 
     def _anywhere(self, order: Sequence[int]) -> int | None:
         """A rank at which the task is done, by halving the gaps; None if there is none, or the budget ends."""
-        for rank in halved(0, len(order) - 1):
+        for tried, rank in enumerate(halved(0, len(order) - 1), 1):
             if not self._left():
                 return None
-            if self._suffices(order[rank]):
+            if self._suffices(order[rank], 1.0 / (tried * (tried + 1))):
                 return rank
         return None
 

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from swarmsim.core.durations import told
+from swarmsim.core.durations import iterations_in, told
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.files import Table
-from swarmsim.studies.engine import Job
 from swarmsim.studies.plan import Condition, Plan, Study, changed, checked, label
-from swarmsim.studies.results import job_of
+from swarmsim.studies.runner import Runner
 from swarmsim.studies.sizing import Times
-from swarmsim.studies.store import Row, Store
-
-Perform = Callable[[Sequence[Job]], Iterator[Row]]
+from swarmsim.studies.store import Row
 
 
 @dataclass
@@ -34,9 +31,7 @@ class Trials:
     key: str
     values: Sequence[object]
     within: float  # s
-    store: Store
-    perform: Perform
-    progress: Callable[[], None] = lambda: None  # called after each run that is simulated
+    runner: Runner
     worlds: dict[bytes, str] = field(default_factory=dict)
     notices: dict[str, None] = field(default_factory=dict)
     _plans: dict[int, tuple[Plan, Condition]] = field(default_factory=dict)
@@ -66,7 +61,7 @@ class Trials:
             values = {self.key: self.values[place]}
             where = f"{self.path}: {label(values)}"
             period = changed(where, self.table, {**self.changes, **values}, self.path.parent).period
-            limit = math.floor(self.within / period * (1.0 + 1e-12))
+            limit = iterations_in(self.within, period)
             if limit < 1:
                 raise InputError(
                     f"--within {told(self.within)}: less than one iteration of {period:g} s; expected a longer time"
@@ -82,20 +77,11 @@ class Trials:
 
     def _new(self, place: int, seeds: range) -> list[float]:
         plan, condition = self._planned(place)
-        wanted = [plan.identity(condition, seed) for seed in seeds]
-        rows = {one: row for one, row in self.store.rows(wanted).items() if row.status != "failed"}
-        jobs = [
-            job_of(plan, condition, seed, self.store)
-            for seed, one in zip(seeds, wanted, strict=True)
-            if one not in rows
-        ]
-        for row in self.perform(jobs) if jobs else ():
-            self.store.add(row)
-            if row.status == "failed":
-                raise InputError(f"{self.path}: {row.condition}, seed {row.seed}: the run failed: {row.message}")
-            rows[row.identity] = row
-            self.progress()
-        return [self._time(rows[one], condition.scenario.period) for one in wanted]
+        rows = self.runner.rows(plan, condition, seeds)
+        if failed := [row for row in rows if row.status == "failed"]:
+            row = failed[0]
+            raise InputError(f"{self.path}: {row.condition}, seed {row.seed}: the run failed: {row.message}")
+        return [self._time(row, condition.scenario.period) for row in rows]
 
     def _time(self, row: Row, period: float) -> float:
         return math.inf if row.status != "finished" or row.iterations is None else row.iterations * period

@@ -137,7 +137,7 @@ def _surer(sized: SizedLadder, best: Asked) -> list[str]:
     slack = question.slack / 2.0
     bound = question.sure - slack
     share = best.judged.successes / best.judged.runs
-    runs = runs_to_show(share, bound, question.alpha)
+    runs = runs_to_show(share, bound, best.question.alpha * best.question.part)
     if runs is None:
         return [
             *sentences,

@@ -113,6 +113,9 @@ def test_alternatives_are_searched_side_by_side(store: Path) -> None:
     ({"vary": ["k"]}, r"--vary k: expected key=value,value"),
     ({"faults": ["crsh at=3"]}, r"--fault 'crsh at=3': .*crash"),
     ({"confidence": 0.2}, r"--confidence 0\.2"),
+    ({"over": "stop.iterations", "values": [9, 99]}, r"stop\.iterations: runs end after --within"),
+    ({"vary": ["stop.seconds=9,99"]}, r"stop\.seconds: runs end after --within"),
+    ({"vary": ["robots.count=4,5"]}, r"--vary robots\.count: it is the key whose value is looked for"),
 ])  # fmt: skip
 def test_bad_input_is_refused(settings: dict, said: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=said):

@@ -150,6 +150,17 @@ def test_whoever_is_dead_is_not_counted() -> None:
     assert np.isfinite(np.delete(gaps, [0, 4])).all()
 
 
+@pytest.mark.parametrize(
+    "scenario",
+    ["rendezvous", "dispersion", "area-coverage", "perimeter", "formation", "average-consensus", "lights", "pursuit"],
+)
+def test_a_swarm_without_a_live_robot_has_done_no_task(scenario: str) -> None:
+    dead = 'faults=[{use="crash", at=0, fraction=1.0, min_alive=0}]'
+    moments = moments_of(made(dead, "stop.iterations=3", scenario=f"operations/{scenario}"))
+    assert not moments[0].state.alive.any()
+    assert not any(moment.measured.finished for moment in moments)
+
+
 def test_places_and_corners_that_cannot_be_are_refused() -> None:
     for keys, words, scenario in (
         (["mind.strategy.places=[[0.0, 0.0]]"], r"mind\.strategy\.places: 1 for 9 robots", "formation"),

@@ -71,6 +71,12 @@ DAMAGES = {
     "a name that is a path": ("worlds.csv", "b,rooms", "../b,rooms", "line 3: Expected `str` matching regex"),
     "a seed that is a word": ("worlds.csv", "false,0,", "false,zero,", "line 2: Expected `int"),
     "a held-out seed": ("worlds.csv", "sight,false,,", "sight,false,5,", "c: held out, but its seed"),
+    "a limit of a regime's own": (
+        "set.toml",
+        '= {use = "perfect"}}',
+        '= {use = "perfect"}, "stop.iterations" = 9}',
+        "stop.iterations: all",
+    ),
     "no robots": ("set.toml", "counts = [2, 3]", "counts = []", "counts: expected"),
     "an unknown key": ("set.toml", "cap =", "cup =", "cup"),
     "a quote without end": ("worlds.csv", "a,rooms", '"a,rooms', "worlds.csv"),

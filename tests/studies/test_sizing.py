@@ -133,6 +133,16 @@ def test_a_chance_of_exactly_what_is_asked_is_no_coin() -> None:
     assert verdicts.count("suffices") >= 28
 
 
+@pytest.mark.parametrize(("last", "problems"), [(1.0, 60), (0.5999, 10)])
+def test_many_counts_just_too_bad_are_no_more_likely_to_pass(last: float, problems: int) -> None:
+    question = Question(100.0, sure=0.7, slack=0.1, budget=8000)
+    chances = np.append(np.full(63, 0.5999), last)
+    best = [searched(Drawn(chances, seed), question).best for seed in range(problems)]
+    wrong = sum(place is not None and chances[place] < 0.6 for place in best)
+    print(f"63 counts at 0.5999, one at {last:g}: {wrong} of {problems} wrong")
+    assert wrong <= 0.05 * problems
+
+
 def test_a_swarm_that_never_finishes() -> None:
     answer = searched(Drawn(np.zeros(32), 1))
     assert (answer.best, answer.decided) == (None, True)
@@ -143,7 +153,7 @@ def test_a_swarm_that_never_finishes() -> None:
 def test_a_swarm_that_always_finishes() -> None:
     answer = searched(Drawn(np.ones(32), 1))
     assert (answer.best, answer.decided, answer.falls) == (0, True, ())
-    assert {len(one.times) for one in answer.asked} == {74}
+    assert {len(one.times) for one in answer.asked} == {106}
 
 
 def test_a_chance_that_falls_again_is_noticed() -> None:

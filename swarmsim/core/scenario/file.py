@@ -18,6 +18,7 @@ from msgspec import inspect as types
 from swarmsim.core.context import Field
 from swarmsim.core.crew import Length
 from swarmsim.core.drawing import Layer
+from swarmsim.core.durations import iterations_in
 from swarmsim.core.errors import InputError
 from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import (
@@ -195,7 +196,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     @property
     def limit(self) -> int:
         """The iterations after which a run that is not done ends: the whole ones within `stop.seconds`."""
-        within = math.inf if self.stop.seconds is UNSET else math.floor(self.stop.seconds / self.period * (1 + 1e-12))
+        within = math.inf if self.stop.seconds is UNSET else iterations_in(self.stop.seconds, self.period)
         return int(min(within, math.inf if self.stop.iterations is UNSET else self.stop.iterations))
 
 

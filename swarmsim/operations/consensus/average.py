@@ -128,8 +128,9 @@ class AgreementTask:
         """The largest error, the spread of the estimates, and the error of each."""
         knowledge, alive = done.knowledge, done.state.alive
         each = np.abs(knowledge.value - knowledge.measured.mean())
-        error = float(each[alive].max(initial=0.0))
-        spread = float(np.ptp(knowledge.value[alive])) if alive.any() else 0.0
+        if not alive.any():
+            return Measured({"error": float("nan"), "spread": float("nan")}, {"errors": each})
+        error, spread = float(each[alive].max()), float(np.ptp(knowledge.value[alive]))
         self._first = max(error, self._tolerance) if self._first is None else self._first
         progress = 1.0 - np.log(max(error, self._tolerance) / self._tolerance) / max(
             np.log(self._first / self._tolerance), 1e-12

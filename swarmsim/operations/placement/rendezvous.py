@@ -116,8 +116,10 @@ class GatheringTask:
     def measure(self, done: Done[Knowledge]) -> Measured:
         """The diameter, and the mean distance from the middle."""
         place = done.state.pose[done.state.alive, :2]
+        if len(place) == 0:
+            return Measured({"diameter": float("nan"), "off_middle": float("nan")})
         diameter = float(distance.pdist(place).max(initial=0.0))
-        off = float(np.hypot(*(place - place.mean(axis=0)).T).mean()) if len(place) else 0.0
+        off = float(np.hypot(*(place - place.mean(axis=0)).T).mean())
         progress = min(1.0, self._within / diameter) if diameter else 1.0
         return Measured({"diameter": diameter, "off_middle": off}, {}, progress, diameter <= self._within)
 
@@ -179,7 +181,9 @@ class SpacingTask:
             np.fill_diagonal(apart, np.inf)
             gaps[alive] = apart.min(axis=1)
         nearest = float(gaps.min(initial=np.inf))
-        values = {"nearest": nearest, "mean_nearest": float(gaps[alive].mean()) if alive.any() else float("nan")}
+        if not alive.any():
+            return Measured({"nearest": nearest, "mean_nearest": float("nan")}, {"gaps": gaps})
+        values = {"nearest": nearest, "mean_nearest": float(gaps[alive].mean())}
         return Measured(values, {"gaps": gaps}, min(1.0, nearest / self._wanted), nearest >= self._wanted)
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:

@@ -17,7 +17,7 @@ from swarmsim.core.state import Done, Knowledge, Measured
 
 
 class Caught(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Every live evader has been caught: a live pursuer has been within reach of it."""
+    """Every live evader, and one at least, has been caught: a live pursuer has been within reach of it."""
 
     within: Annotated[float, Meta(gt=0.0)] = 0.2  # m, centre to centre
     pursuers: str = "pursuers"  # a group of robots
@@ -46,7 +46,7 @@ class CatchingTask:
         apart = distance.cdist(state.pose[self._evaders, :2], state.pose[pursuers, :2])
         self._caught |= alive & (apart <= self._within).any(axis=1)
         share = float(self._caught.mean())
-        return Measured({"caught": share}, {}, share, bool((self._caught | ~alive).all()))
+        return Measured({"caught": share}, {}, share, share > 0.0 and bool((self._caught | ~alive).all()))
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
         """The last share."""

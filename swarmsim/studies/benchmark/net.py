@@ -75,10 +75,6 @@ class Net:
         """The length in m of a route."""
         return float(sum(self.ways(one)[other] for one, other in pairwise(route)))
 
-    def longest(self, routes: Routes) -> float:
-        """The length in m of the longest route."""
-        return max(self.length(route) for route in routes)
-
     def walk(self, route: list[int]) -> NDArray[np.int64]:
         """All places on a route, in order."""
         return np.concatenate([np.array(route[:1], np.int64), *(self.leg(*pair) for pair in pairwise(route))])

@@ -164,6 +164,9 @@ def open_set(folder: Path, secret: Path | None = None) -> TaskSet:
 
 def _check(folder: Path, about: SetFile, worlds: list[SetWorld]) -> None:
     names = set[str]()
+    for regime in (*about.regimes.values(), *filter(None, [about.struck])):
+        if fixed := [key for key in regime.set if key.partition(".")[0] in ("period", "stop")]:
+            raise InputError(f"{folder / SET}: {fixed[0]}: all tasks have {about.scenario}'s; expected other keys")
     for world in worlds:
         place = f"{folder / WORLDS}: {world.world}"
         if world.world in names:

@@ -11,9 +11,10 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.files import Table
 from swarmsim.studies.expectations.nights import ALIKE
 from swarmsim.studies.expectations.reading import Expectation
-from swarmsim.studies.expectations.session import ExpectationSession, Runner
+from swarmsim.studies.expectations.session import ExpectationSession
 from swarmsim.studies.expectations.verdicts import Answer, Levels, outcome
 from swarmsim.studies.plan import Condition, Plan, planned
+from swarmsim.studies.runner import Runner
 from swarmsim.studies.worst import KINDS
 
 STANDING: Final = "robots stand still"

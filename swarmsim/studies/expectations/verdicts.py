@@ -10,11 +10,11 @@ from typing import Final, Literal
 
 import numpy as np
 
-from swarmsim.core.durations import told
+from swarmsim.core.durations import iterations_in, told
 from swarmsim.core.scenario.expect import COMPARED, Expect, MeasureBound, NoRobot, TaskDone
-from swarmsim.studies.expectations.reading import Expectation, iterations_in, percent
+from swarmsim.studies.expectations.reading import Expectation, percent
 from swarmsim.studies.results import command
-from swarmsim.studies.sequential import evidence, interval
+from swarmsim.studies.sequential import bounds, evidence, interval
 from swarmsim.studies.store import Row
 from swarmsim.studies.survival import Interval
 
@@ -54,8 +54,8 @@ class Verdict:
         expect = self.expectation.expect
         if expect.chance is None or self.answer == "fails" or not self.runs:
             return False
-        most = expect.chance + min(expect.slack, (1.0 - expect.chance) / 2.0)
-        return expect.chance - expect.slack <= self.met / self.runs <= most
+        low, high = bounds(expect.chance, expect.slack)
+        return low <= self.met / self.runs <= high
 
     @property
     def words(self) -> str:
@@ -153,11 +153,8 @@ def decided(
     if len(first) == 0 or len(outcomes) < least:
         return "undecided", len(outcomes)
     taken = max(int(first[0]) + 1 - len(before), least if before else 1)
-    until = len(before) + taken
-    if taken > len(outcomes):
-        return "undecided", len(outcomes)
     if before:  # a later night may still show that it fails
-        return ("fails" if fails[:until].any() else "holds"), taken
+        return ("fails" if fails[: len(before) + taken].any() else "holds"), taken
     return ("fails" if fails[first[0]] else "holds"), taken
 
 
