@@ -17,7 +17,7 @@ from swarmsim.engine import contracts
 SCENARIOS = sorted(
     str(path.relative_to(ROOT / "scenarios").with_suffix(""))
     for path in (ROOT / "scenarios").rglob("*.toml")
-    if "studies" not in path.parts
+    if not {"studies", "benchmarks"} & set(path.parts)
 )
 LONGER = {"merging": 110}  # frames are found after 91 iterations
 FORGETS = 'faults=[{use="mind", failure="reboot", at=8, duration=3}, {use="remove", at=4, count=2, duration=9}]'

@@ -189,7 +189,9 @@ class MapComputation:
             self._rewritten = True
 
     def _maps(self, changes: NDArray[np.int32], new_cells: NDArray[np.int32], accepted: Inbox[TileItems]) -> Maps:
-        return Maps(self._observed, self._log_odds, changes, new_cells, accepted, self._frames)
+        frames = self._frames
+        views = None if frames is None else frames.views()
+        return Maps(self._observed, self._log_odds, changes, new_cells, accepted, views)
 
     def _changes(self, tiles: Tiles, accepted: Inbox[TileItems]) -> NDArray[np.int32]:
         """The cells whose state differs from that last reported: under tiles or, if need be, everywhere."""

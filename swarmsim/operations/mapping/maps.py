@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -48,6 +48,10 @@ class Frames:
     withdrawn: NDArray[np.int32]  # (n,): frames that each once knew and then no longer, or elsewhere
     spoilt: NDArray[np.bool_]  # (n,): robots that forget, in this iteration, what they have not ...
     sensed: NDArray[np.bool_]  # (n, rows, columns): ... sensed themselves
+
+    def views(self) -> Frames:
+        """Views of the same arrays: readers may be kept from writing while the sharing policy still does."""
+        return Frames(*(getattr(self, field.name).view() for field in fields(self)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import State
 from swarmsim.engine import contracts
 from swarmsim.network.channel import letters
+from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.replay import MapReplay
 from swarmsim.operations.mapping.sharing.policies import pieces
 from swarmsim.recording.digests import DIGESTED, Digests
@@ -46,7 +47,9 @@ class Policy:
 
     def say(self, state: State, tiles: Tiles) -> Broadcast:
         self.observed = seen_as(state.iteration, state.pose, state.alive, tiles)
-        said = self.inner.say(self.observed, self.maps)
+        held = self.maps
+        known = Maps(held.observed, held.log_odds, held.changes, np.zeros(len(held.observed), np.int32), None)
+        said = self.inner.say(self.observed, known)
         self.post.post(state.iteration, said)
         return said
 

@@ -114,19 +114,20 @@ class MergeSharing:
         self._offered_at = np.full(count, -parameters.again, np.int64)  # the iteration in which each told its map ...
         self._offered = np.zeros(count, np.int64)  # ... and how many cells it had
         self._told: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)  # cells worth telling
+        self._sensed: NDArray[np.bool_] = memory.zeros((count, *lattice.shape), np.bool_)
         self._maps: Maps | None = None  # at the end of the last iteration
         #: The robots' knowledge of each other's frames, and its errors.
         itself: NDArray[np.bool_] = self._ids[:, None] == np.arange(context.swarm)
         self.frames = Frames(
             itself, np.zeros((*pairs, 3)), np.zeros(pairs, np.int32), np.zeros(count, np.int32),
-            np.zeros(count, np.bool_), memory.zeros((count, *lattice.shape), np.bool_),
+            np.zeros(count, np.bool_), self._sensed,
         )  # fmt: skip
 
     def say(self, senses: Senses, maps: Maps) -> Broadcast[MergeItems]:
         """Gossip, then a link, then, from robots that have met a stranger, the whole map."""
         self._maps, now, robots, tile = maps, senses.iteration, self._robots, self._tile
         said = self._gossip.say(senses, self._worth_telling(maps))
-        mark_sensed(self.frames.sensed, senses.alive, tiles_of(senses))
+        mark_sensed(self._sensed, senses.alive, tiles_of(senses))
         speakers = [np.repeat(robots, np.diff(said.ends, prepend=0))]
         items = [MergeItems.of(said.content, TILE)]
         sizes = said.sizes + senses.alive.astype(np.int32)
@@ -165,7 +166,7 @@ class MergeSharing:
 
     def _sensed_by_itself(self, maps: Maps) -> NDArray[np.uint8]:
         """The part of its map that each robot has sensed itself, as `cells_of` gives it."""
-        return np.asarray(cells_of(maps) * self.frames.sensed)
+        return np.asarray(cells_of(maps) * self._sensed)
 
     def accepted(self, senses: Senses, inbox: Inbox[MergeItems]) -> Inbox[MergeItems]:
         """The items from robots with known frames, placed by the receiver's estimate."""
@@ -202,7 +203,7 @@ class MergeSharing:
                 eager[hearer] = True
         for hearer, teller in self._known:
             eager[hearer] |= heard[hearer, teller] and not self.frames.known[hearer, teller]
-        sensed = np.count_nonzero(self.frames.sensed, axis=(1, 2))
+        sensed = np.count_nonzero(self._sensed, axis=(1, 2))
         rested = now + 1 - self._offered_at >= self._parameters.again
         self._offers = eager & rested & (sensed >= GROWN * self._offered)
         self._offered_at[self._offers], self._offered[self._offers] = now + 1, sensed[self._offers]
