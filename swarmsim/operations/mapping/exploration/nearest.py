@@ -22,7 +22,6 @@ from swarmsim.kernels import decide, occupancy, search
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 
-
 Patience = Annotated[int, Meta(ge=1, le=1_000_000)] | None
 
 
