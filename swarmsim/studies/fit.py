@@ -30,7 +30,7 @@ class Averaged(NamedTuple):
     log_likelihood: float
     chi_square: float
     p: float  # of a chi-square as large or larger
-    farther: Interval  # the share of simulated papers farther from the other runs; the range over SHRINKAGES
+    farther: Interval | None  # the share of simulated papers farther from the other runs; the range over SHRINKAGES
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,13 +42,13 @@ class Fit:
     averaged: tuple[Averaged, ...]  # by RUNS
     likeliest: int  # averaged runs, of 1 to MOST
     not_refuted: tuple[int, ...]  # numbers of averaged runs with a p of 5 % or more
-    correlation: float | None  # of two rows over seeds, on average; None for one row
+    correlation: float | None  # of two rows over seeds, on average; None for one row, or one without spread
     one_set: Interval | None  # log-likelihood of one set of starts for all rows less that of new ones for each
 
 
 def fit(published: Reals, times: Reals) -> Fit:
     """Compare published numbers (p,) with our runs' (seeds, p), all above 0; a row of `times` has one seed."""
-    logs, several = np.log(times), len(published) > 1
+    logs, several = np.log(times), len(published) > 1 and bool(np.ptp(times, axis=0).all())
     found = profile(published, times)
     likeliest = 1 + int(np.argmax([one.log_likelihood for one in found]))
     correlations = np.corrcoef(logs, rowvar=False)[np.triu_indices(len(published), 1)] if several else np.zeros(0)
@@ -95,7 +95,8 @@ def _averaged(published: Reals, times: Reals, runs: int, found: Likelihood) -> A
     errors = floor(times, runs)
     low, middle, high = (float(value) for value in np.quantile(errors, [0.05, 0.5, 0.95]))
     shares = farther(published, times, runs)
-    return Averaged(runs, middle, (low, high), *found, (float(shares.min()), float(shares.max())))
+    span = None if shares is None else (float(shares.min()), float(shares.max()))
+    return Averaged(runs, middle, (low, high), *found, span)
 
 
 def floor(times: Reals, runs: int) -> Reals:
@@ -111,16 +112,20 @@ def floor(times: Reals, runs: int) -> Reals:
     return np.asarray(np.sqrt((np.log(theirs / ours) ** 2).sum(axis=1) / rows))
 
 
-def farther(published: Reals, times: Reals, runs: int) -> Reals:
+def farther(published: Reals, times: Reals, runs: int) -> Reals | None:
     """The share of simulated papers that lie farther from the other seeds than the published one, by SHRINKAGES.
 
     A simulated paper is the mean over `runs` seeds, the same for all its rows; each is left out of the mean and the
     covariance that its distance (Mahalanobis 1936) and the published one are measured by. The covariance is shrunk
-    towards its diagonal, since one of 14 rows from a few tens of seeds is nearly singular.
+    towards its diagonal, since one of 14 rows from a few tens of seeds is nearly singular. None where the
+    seeds that are left have no spread in some row, and for fewer than three seeds: then there is no such distance.
     """
-    generator = np.random.default_rng(0)
-    papers = [_shares(published, times, chosen) for chosen in _chosen(len(times), runs, generator)]
-    return np.asarray(np.mean(papers, axis=0))
+    if len(times) < 3:
+        return None
+    left_out = _chosen(len(times), runs, np.random.default_rng(0))
+    if not all(np.ptp(np.delete(times, chosen, axis=0), axis=0).all() for chosen in left_out):
+        return None
+    return np.asarray(np.mean([_shares(published, times, chosen) for chosen in left_out], axis=0))
 
 
 def _shares(published: Reals, times: Reals, chosen: NDArray[np.int64]) -> list[bool]:
@@ -169,7 +174,8 @@ TITLE: Final = "If each published number is the mean of so many runs"
 MEANING: Final = (
     "The error of a perfect model is the root-mean-square log-ratio of such means of our runs to our own; `p` is that "
     "of the chi-square over all numbers; `farther` is the share of such means, over runs of equal seeds, that lie "
-    "farther from our other runs than the published numbers do, for covariances shrunk by a quarter to the whole."
+    "farther from our other runs than the published numbers do, for covariances shrunk by a quarter to the whole (`-`: "
+    "the other runs of some number are all alike, so nothing lies at a distance from them)."
 )
 HEAD: Final = (
     "averaged runs", "error of a perfect model", "5 to 95 %", "log-likelihood", "chi-square", "p", "farther",
@@ -181,7 +187,8 @@ def lines(found: Fit) -> list[tuple[str, ...]]:
     return [
         (
             str(one.runs), f"{one.floor:.3f}", f"{one.floor_interval[0]:.3f} to {one.floor_interval[1]:.3f}",
-            f"{one.log_likelihood:.1f}", f"{one.chi_square:.1f}", f"{one.p:.2g}", _range(one.farther, ".0%"),
+            f"{one.log_likelihood:.1f}", f"{one.chi_square:.1f}", f"{one.p:.2g}",
+            "-" if one.farther is None else _range(one.farther, ".0%"),
         )
         for one in found.averaged
     ]  # fmt: skip

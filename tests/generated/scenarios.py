@@ -308,6 +308,7 @@ class _Draw:
         exploring = {
             "patience": lambda: self._maybe(dice.randint(1, 9)),
             "grain": lambda: self._maybe(dice.randint(3, 9)),
+            "near": lambda: self._maybe(round(dice.uniform(1.0, 12.0), 2)),
         }
         found = registry.known("strategy").get(use)
         return asked.get(use, {key: exploring[key] for key in exploring if found and key in found.__struct_fields__})

@@ -102,6 +102,18 @@ def test_one_number_has_a_fit_without_starts() -> None:
     assert [line[0] for line in lines(found)] == ["1", "2", "3", "5", "10"]
 
 
+@pytest.mark.parametrize(("apart", "told"), [(1, "-"), (2, "0%")])
+def test_runs_that_are_alike_once_some_are_left_out_are_at_no_distance(apart: int, told: str) -> None:
+    """One of two rows has so many seeds that differ from the rest; left out alone, one of two leaves a spread."""
+    times = np.column_stack([np.linspace(300.0, 400.0, 12), np.full(12, 500.0)])
+    times[:apart, 1] = 600.0
+    found = fit(np.array([900.0, 2000.0]), times)
+    assert [line[-1] for line in lines(found)] == [told, "-", "-", "-", "-"]
+    assert (found.averaged[0].farther is None) == (told == "-")
+    assert farther(np.array([900.0, 2000.0]), times[:2], 1) is None  # one seed that is left has no spread
+    assert "A perfect model would show" in sentences(found)
+
+
 def test_a_shrunk_covariance_keeps_its_diagonal() -> None:
     assert shrunk(np.array([[4.0, 2.0], [2.0, 9.0]]), 0.25).tolist() == [[4.0, 1.5], [1.5, 9.0]]
     assert shrunk(np.array(4.0), 0.5).tolist() == [[4.0]]

@@ -22,6 +22,8 @@ from swarmsim.kernels import decide, occupancy, search
 from swarmsim.operations.mapping.maps import Maps
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 
+Patience = Annotated[int, Meta(ge=1, le=1_000_000)] | None
+
 
 class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot walks to the frontier of its map that is nearest by path length (Yamauchi 1997), by A*."""
@@ -29,7 +31,7 @@ class NearestFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     replan: Literal["on-arrival", "every-iteration"] = "on-arrival"
     ties: Literal["own-order", "row-order"] = "own-order"  # between frontiers equally near
     neighbours: Literal[4, 8] = 8  # of a cell, for paths
-    patience: Annotated[int, Meta(ge=1)] | None = None  # iterations without progress; default: 4 cells' time
+    patience: Patience = None  # iterations without progress; default: 4 cells' time
     idle: Literal["stand", "patrol"] = "stand"  # without a frontier: patrol goes to long unseen places
 
     def build(self, context: BuildContext) -> FrontierStrategy:

@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, frontier_costs, search
-from swarmsim.operations.mapping.exploration.nearest import NearestFrontier, PlannedStrategy
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier, Patience, PlannedStrategy
 from swarmsim.operations.mapping.exploration.rules import NO_WAY, Cells, Weight, shared_out
 from swarmsim.operations.mapping.exploration.strategy import latest_tiles
 from swarmsim.operations.mapping.maps import Maps
@@ -37,8 +37,8 @@ class OracleFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     """
 
     neighbours: Literal[4, 8] = 8  # of a cell, for paths
-    patience: Annotated[int, Meta(ge=1)] | None = None  # iterations without progress; default: 4 cells' time
-    grain: Annotated[int, Meta(ge=1)] = 7  # cells: frontiers are cut at the lines of such a grid
+    patience: Patience = None  # iterations without progress; default: 4 cells' time
+    grain: Annotated[int, Meta(ge=1, le=1_000_000)] = 7  # cells: frontiers are cut at the lines of such a grid
     weight: Weight = 20.0  # cells
     reach: Cells = 15.0  # cells
     stays: Weight = 3.0  # cells that a robot's present goal counts as nearer

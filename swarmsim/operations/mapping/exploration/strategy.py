@@ -16,12 +16,12 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.state import Intents, Senses
 from swarmsim.kernels import decide, frontier_costs, search
-from swarmsim.operations.mapping.exploration.nearest import NearestFrontier, PlannedStrategy
+from swarmsim.operations.mapping.exploration.nearest import NearestFrontier, Patience, PlannedStrategy
 from swarmsim.operations.mapping.maps import Maps, TileItems
 from swarmsim.operations.mapping.sharing.codecs import GoalItems
 from swarmsim.operations.mapping.sharing.policies import tiles_of
 
-Grain = Annotated[int, Meta(ge=1)] | None
+Grain = Annotated[int, Meta(ge=1, le=1_000_000)] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,7 @@ class Exploring(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     replan: Literal["on-arrival", "every-iteration"] = "on-arrival"
     neighbours: Literal[4, 8] = 8  # of a cell, for paths
-    patience: Annotated[int, Meta(ge=1)] | None = None  # iterations without progress; default: 4 cells' time
+    patience: Patience = None  # iterations without progress; default: 4 cells' time
     grain: Grain = 7  # cells: frontiers are cut at the lines of such a grid; None: they are not
 
     @property
