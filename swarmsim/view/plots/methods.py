@@ -50,7 +50,7 @@ def ratios(groups: Mapping[str, Sequence[Ratios]], title: str, unit: str = "") -
         xscale="log",
         xlabel=f"T99 over {unit}" if unit else f"time, times that of {names[0]}",
     )
-    ends = np.array([one.interval for methods in groups.values() for one in methods])
+    ends = np.array([(1.0, 1.0), *(one.interval for methods in groups.values() for one in methods)])
     ticks = [tick for tick in (0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0)
              if ends.min() / 1.3 <= tick <= ends.max() * 1.3]  # fmt: skip
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
