@@ -270,9 +270,8 @@ class MergeSharing:
         if match.accepted():
             place = here.after(match.best.transform).after(there)
             place = place if robot < teller else place.inverse()
-            rounded = Transform(
-                *np.array([place.turn, place.rows, place.columns], np.float32).tolist()
-            )  # as it is told
+            told = np.array([place.turn, place.rows, place.columns], np.float32)
+            rounded = Transform(*told.tolist())
             self._learn(hearer, Link(self._pair(hearer, teller), now, min(match.excess, MOST), rounded))
         elif teller in links.frames:
             held = here.inverse().after(links.frames[teller]).after(there.inverse())
