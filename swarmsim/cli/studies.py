@@ -149,7 +149,7 @@ def _print_peaks(opened: StudyRun, measure: str | None, which: Ends) -> None:
     from swarmsim.studies.peak import sentences
 
     if measure is None:
-        raise InputError(f"--peak {which}: of which measure? expected --measure too, such as --measure path_sum")
+        raise InputError(f"--peak {which}: no measure is named; expected --measure as well, such as --measure path_sum")
     first = opened.plan.study.vary[0].key.rpartition(".")[2] if opened.plan.study.vary else "x"
     for sentence in sentences(opened.peaks(measure, which), measure, first, which):
         print(sentence)

@@ -97,7 +97,7 @@ def intervals(successes: ArrayLike, runs: int, alpha: float) -> NDArray[np.float
 
 
 def _lower(good: NDArray[np.float64], other: NDArray[np.float64], alpha: float) -> NDArray[np.float64]:
-    """The largest bound b of which P > b is shown, by bisection: below s / n evidence falls as the bound rises."""
+    """The largest b for which the runs show P > b. Bisection finds it: below s / n, evidence falls as b rises."""
     low, high = np.zeros_like(good), good / np.maximum(good + other, 1.0)
     for _ in range(HALVINGS):
         middle = (low + high) / 2.0

@@ -320,7 +320,7 @@ def test_the_verbs_of_a_study_print_and_write(done, tmp_path: Path) -> None:
     assert "path_sum is lowest at k = " in " ".join(peak.split())
     unsaid = called("study", "table", study, *at, "--peak", "lowest", cwd=tmp_path)
     assert unsaid.returncode == 2
-    assert "--peak lowest: of which measure?" in unsaid.stderr
+    assert "--peak lowest: no measure is named" in unsaid.stderr
     wrong = called("study", "table", study, *at, "--measure", "paths", cwd=tmp_path)
     assert (wrong.returncode, "'paths' is not a measure" in wrong.stderr) == (2, True)
     exported = called("study", "export", study, *at, "--csv", "runs.csv", "--parquet", "runs.parquet", cwd=tmp_path)

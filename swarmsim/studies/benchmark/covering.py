@@ -95,8 +95,8 @@ def edges_of(places: Places, axis: int) -> LeadingEdges:
 def weights(places: Places, worth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Weights of cells (m,), such that driving one cell covers a weight of at most 1.
 
-    They make the sum of weight times `worth` (m,) large. The programme is a cone programme; it is solved as linear
-    ones, each of which leaves every edge at least as much room as the solution before takes.
+    They make the sum of weight times `worth` (m,) large. This is a cone programme, solved
+    as a series of linear ones. Each linear one leaves every edge at least the room that the last solution takes.
     """
     sides = edges_of(places, 0), edges_of(places, 1)
     matrix = sparse.csc_array(sparse.vstack([one.cells for one in sides]))

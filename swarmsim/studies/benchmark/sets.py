@@ -1,8 +1,8 @@
 """A frozen set of tasks: worlds by digest, swarm sizes, regimes of communication, and the times of a known map's tour.
 
 A set is a folder: `set.toml` says what its tasks are made of, `worlds.csv` has a line for each world, and
-`references.csv` one for each task's reference. Some worlds may be held out: their seeds come from a secret, of which
-the set has a hash alone.
+`references.csv` one for each task's reference. Some worlds may be held out: their seeds come from a secret. The
+set holds only a hash of it.
 """
 
 from __future__ import annotations

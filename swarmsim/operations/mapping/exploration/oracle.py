@@ -49,7 +49,7 @@ class OracleFrontier(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
 
 class OracleStrategy(PlannedStrategy):
-    """A plan of all robots that a robot hears, of which it follows its own part."""
+    """Each robot plans for all robots that it hears, and follows its own part of the plan."""
 
     def __init__(self, parameters: OracleFrontier, context: BuildContext) -> None:
         super().__init__(

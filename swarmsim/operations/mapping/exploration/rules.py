@@ -249,8 +249,9 @@ class SharedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_only
 def shared_out(ways: NDArray[np.float64], weight: float, reach: float) -> NDArray[np.int64]:
     """The piece that each robot gets (n,), given the ways (n, p) of all to all, NO_WAY where there is none.
 
-    A piece costs a robot its way plus weight exp(-way / reach), with the way of the nearest of the others. The sum of
-    what all pay for a piece of their own is least; a robot left over takes the cheapest, whoever else does.
+    A piece costs a robot its way plus weight exp(-way / reach), with the way of the nearest of the others. Each
+    robot gets a piece of its own, so that the sum of costs is least. If there are too few pieces, the robots left over
+    take their cheapest one, even if others have it.
     """
     closeness = np.exp(-ways / reach)
     best = closeness.max(axis=0)

@@ -39,7 +39,7 @@ from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cel
 from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
 CROSS: Final = np.array([[[0, 1, 0], [1, 1, 1], [0, 1, 0]]], np.bool_)  # a cell and those beside it
-EDGE: Final = 5  # cells: the side of the square around an edge of what a robot has sensed, of which it tells nothing
+EDGE: Final = 5  # cells: no robot tells what lies in a square of this side around an edge of what it has sensed
 SURE: Final = 60  # cells of excess beyond which robots do not test a link again
 PATIENCE: Final = 5  # times `again` before robots test a known frame again
 MOVED: Final = 1.0  # cells: how much farther a better estimate of a frame puts what was heard, before it is heard anew
