@@ -10,6 +10,7 @@ from pathlib import Path
 from swarmsim.core.scenario.decoding import read_struct
 from swarmsim.studies.benchmark import sets
 from swarmsim.studies.benchmark.listed import lines_of
+from swarmsim.studies.benchmark.referenced import TOURS
 
 SECRET = "long enough to be a secret"
 TINY = 'rooms = {use = "rooms", width = 3.0, height = 2.4, room = 1.2}'
@@ -20,7 +21,8 @@ WORLDS = {"a": ("public", "nearest", False), "b": ("public", "thin", True), "c":
 def tiny_set(folder: Path) -> Path:
     """Write the set, with the shipped one's regimes, and its secret beside it; gives the folder."""
     shutil.copytree(sets.shipped_set(), folder)
-    (folder / sets.REFERENCES).unlink(missing_ok=True)
+    for name in (sets.REFERENCES, TOURS):
+        (folder / name).unlink()
     text = (folder / sets.SET).read_text().replace("counts = [4, 10, 30]", "counts = [2, 3]")
     text = re.sub(r"k = \d", "k = 1", re.sub(r"rooms = .*", TINY, text))
     text = re.sub(r"(halls|office|maze|cave|obstacles) = .*\n", "", text)

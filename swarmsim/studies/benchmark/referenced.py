@@ -9,6 +9,7 @@ from typing import Final
 import msgspec
 from msgspec import Struct
 
+from swarmsim.core.errors import InputError
 from swarmsim.core.scenario.files import write_whole
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.studies.benchmark.listed import lines_of, read_lines
@@ -55,7 +56,10 @@ def unconfirmed(tasks: TaskSet, names: set[str], progress: Callable[[int, int, i
     told, chosen = [], [line for line in _tours(tasks.folder).values() if line.task in names]
     known = {task.name: task for task in tasks.made}
     for done, line in enumerate(chosen, 1):
-        row = tasks.references[line.task, line.seed]
+        row = tasks.references.get((line.task, line.seed))
+        if row is None or line.task not in known:
+            place = tasks.folder / TOURS
+            raise InputError(f"{place}: {line.task}, seed {line.seed}: no task or reference has this name and seed")
         times, covered, digest = replayed(_built(tasks, known[line.task], line.seed), tuple(line.ways.split(";")))
         found = (times.t50, times.t90, times.t99, times.t100, covered, digest)
         if found != (row.t50, row.t90, row.t99, row.t100, row.covered, row.digest):
