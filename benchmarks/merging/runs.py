@@ -71,7 +71,7 @@ def outcome(kind: str, seed: int, more: dict[str, Any], folder: Path) -> Outcome
     while not run.simulation.over:
         moment = run.simulation.tick([probe])
         sightings.add(moment)
-    finished = moment.measured.values["coverage"] >= 1.0
+    finished = run.simulation.finished
     false, union = false_cells(run, moment.knowledge)
     sensed, seconds = float(sightings.seen[run.explorable].mean()), time.process_time() - began
     return Outcome(probe.summary(), run.simulation.state.iteration, finished, sensed, false, union, seconds)
@@ -113,9 +113,10 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=25, help="of each kind where rooms look alike")
     parser.add_argument("--others", type=int, default=6, help="of each other kind")
     parser.add_argument("--drift", type=float, default=0.0, help="m, standard deviation of odometry's steps")
+    parser.add_argument("--noise", type=float, default=0.0, help="share of beams that end anywhere")
     parser.add_argument("--workers", type=int, default=2)
     arguments = parser.parse_args()
-    more: dict[str, Any] = {}
+    more: dict[str, Any] = {"sensor.outliers": arguments.noise} if arguments.noise else {}
     if arguments.drift:
         more["faults"] = [
             {

@@ -408,7 +408,10 @@ def _stack(channel: Any) -> Any:
 
 
 class _Count:
-    """No more of the domain is covered than robots that lived have sensed, and all of it where nothing is forgotten."""
+    """No more of the domain is covered than robots that lived have sensed, and all of it where nothing is forgotten.
+
+    Maps that nobody can put together do not count as one, and robots that compare them still are not done.
+    """
 
     def __init__(self, run: BuiltRun) -> None:
         scenario, shape = run.scenario, run.arena.lattice.shape
@@ -436,6 +439,13 @@ class _Count:
         if not self._excused:
             assert covered <= sensed + 1e-12, f"{covered:.4%} are covered, and {sensed:.4%} sensed"
         exact = moment.readings.tiles.origins is self._senses.readings.tiles.origins
-        if exact and self._keeps and not self._excused:
+        frames = moment.knowledge.frames
+        together = frames is None or frames.known.all(axis=1).any()
+        if exact and together and self._keeps and not self._excused:
             assert abs(covered - sensed) < 1e-12, f"{covered:.4%} are covered, and {sensed:.4%} sensed"
-        assert moment.measured.finished == (covered >= self._share), "finished, or not, against what is covered"
+        waits = frames is not None and any(
+            frames.places[hearer, teller] > 0 and not frames.known[hearer, teller]
+            for hearer, teller in moment.links.tolist()
+        )
+        done = covered >= self._share and not waits
+        assert moment.measured.finished == done, "finished, or not, against what is covered and frames known"

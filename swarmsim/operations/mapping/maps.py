@@ -49,6 +49,11 @@ class Frames:
     spoilt: NDArray[np.bool_]  # (n,): robots that forget, in this iteration, what they have not ...
     sensed: NDArray[np.bool_]  # (n, rows, columns): ... sensed themselves
 
+    @property
+    def undecided(self) -> NDArray[np.bool_]:
+        """(n, N): robots that have compared their maps, where the first does not know the second's frame."""
+        return np.asarray((self.places > 0) & ~self.known)
+
     def views(self) -> Frames:
         """Views of the same arrays: readers may be kept from writing while the sharing policy still does."""
         return Frames(*(getattr(self, field.name).view() for field in fields(self)))

@@ -260,6 +260,36 @@ def test_robots_that_never_meet_know_what_they_sensed_alone() -> None:
     frames = moments[-1].knowledge.frames
     assert_array_equal(frames.known, np.eye(7, dtype=bool))
     assert all(len(moment.knowledge.accepted) == 0 for moment in moments)
+    assert all(moment.measured.values["coverage"] == moment.measured.robots["covered"].max() for moment in moments)
+
+
+def test_maps_that_are_still_compared_are_not_done() -> None:
+    """All of the share is covered, but two robots that hear each other do not know how their maps fit together."""
+    run = made("robots.count=2", "task.share=0.005", 'stop={iterations=3, when_done="continue"}', scenario="merging")
+    moment, measure = moments_of(run)[-1], run.simulation.parts.task.measure
+    assert moment.measured.finished
+    compared = replace(
+        moment.knowledge.frames, places=np.array([[0, 3], [0, 0]], np.int32), known=np.eye(2, dtype=bool)
+    )
+    knowledge = replace(moment.knowledge, frames=compared)
+    for links, done in (([[0, 1], [1, 0]], False), ([[1, 0]], True), ([], True)):
+        heard = np.array(links, np.int32).reshape(-1, 2)
+        assert measure(replace(moment, knowledge=knowledge, links=heard)).finished is done
+
+
+def test_maps_that_one_robot_can_put_together_count_as_one() -> None:
+    run = made("robots.count=3", 'stop={iterations=20, when_done="continue"}', scenario="merging")
+    moment, measure = moments_of(run)[-1], run.simulation.parts.task.measure
+    counted = []
+    for pairs in ((), ((0, 1),), ((0, 1), (0, 2)), ((0, 1), (1, 2))):
+        known = np.eye(3, dtype=bool)
+        for hearer, other in pairs:
+            known[hearer, other] = True
+        frames = replace(moment.knowledge.frames, known=known)
+        counted.append(measure(replace(moment, knowledge=replace(moment.knowledge, frames=frames))).values["coverage"])
+    alone, two, all_three, chain = counted
+    assert max(moment.measured.robots["covered"]) == alone < two < all_three
+    assert chain < all_three
 
 
 def test_other_policies_have_no_frames_to_measure(room) -> None:

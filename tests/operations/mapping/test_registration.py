@@ -10,6 +10,7 @@ from conftest import ROOT
 from scipy import ndimage
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
+from swarmsim.operations.mapping.sharing.merging import refuted
 from swarmsim.operations.mapping.sharing.places import Match, Place, Transform, at
 from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
@@ -113,14 +114,15 @@ def test_a_transform_turns_counter_clockwise_and_shifts() -> None:
     )
 
 
-def test_what_is_believed_needs_agreement_walls_and_no_rival() -> None:
+def test_what_is_believed_needs_agreement_walls_a_turn_and_no_rival() -> None:
     here = Transform(0.0, 0.0, 0.0)
     rival = Place(here, 400, 9, 40)
-    assert Match(Place(here, 500, 5, 60), (), 40).accepted()
+    assert Match(Place(here, 500, 5, 60), (), 40, 0.01).accepted()
     for bad in (
-        Match(Place(here, 500, 50, 60), (), 40),
-        Match(Place(here, 500, 5, 10), (), 40),
-        Match(Place(here, 500, 5, 60), (rival,), 4),
+        Match(Place(here, 500, 50, 60), (), 40, 0.01),
+        Match(Place(here, 500, 5, 10), (), 40, 0.01),
+        Match(Place(here, 500, 5, 60), (rival,), 4, 0.01),
+        Match(Place(here, 500, 5, 60), (), 40, 0.02),
     ):
         assert not bad.accepted()
 
@@ -199,3 +201,47 @@ def test_one_meeting_where_rooms_are_equal_gives_no_wrong_answer(monkeypatch: py
                 assert pair.error(match.best.transform) <= pairs.WRONG, (kind, seed)
                 right += 1
     assert right >= 3
+
+
+def bent(cells: np.ndarray, most: float) -> np.ndarray:
+    """A map as odometry that drifts draws it: its columns are moved by up to this many cells at both ends."""
+    middle = cells.shape[1] / 2.0
+    away = np.round(most * ((np.arange(cells.shape[1]) - middle) / middle) ** 2).astype(int)
+    return np.stack([np.roll(column, shift) for column, shift in zip(cells.T, away, strict=True)], axis=1)
+
+
+@pytest.mark.parametrize(("noise", "most"), [(0.01, 0.0), (0.0, 4.0), (0.01, 3.0)])
+def test_noise_and_drift_are_borne_where_a_building_tells_and_prove_nothing_where_not(
+    noise: float, most: float
+) -> None:
+    """Noise: the share of wrong cells on each of two maps, 2 % of what they compare. Drift bends one of them."""
+    random = np.random.default_rng(3)
+
+    def spoilt(cells: np.ndarray) -> np.ndarray:
+        wrong = (random.random(cells.shape) < noise) & (cells != UNKNOWN)
+        return np.where(wrong, np.where(cells == FREE, OCCUPIED, FREE), cells).astype(np.uint8)
+
+    wide = np.pad(rooms(), 4, constant_values=UNKNOWN)
+    other, where = turned(spoilt(bent(wide, most)), 0.7)
+    met = np.array([24.0, 32.0])
+    match = register(spoilt(wide), other, met_at((26.0, 30.0), tuple(where(met))))
+    assert match is not None
+    assert match.accepted()
+    assert np.hypot(*(match.best.transform.apply(where(met[None]) + 0.5) - 0.5 - met).T).max() < 1.5
+    assert (match.best.needed > 12) == (noise > 0.0)
+    part = np.pad(ward(slice(12, 49)), 4, constant_values=UNKNOWN)
+    equal = register(spoilt(part), spoilt(bent(part, most)), met_at((9.0, 34.0), (9.0, 29.0)))
+    assert equal is None or not equal.accepted()
+
+
+def test_a_place_held_is_refuted_by_meetings_elsewhere_even_where_maps_do_not_contradict_it() -> None:
+    """The turn may still be open: that is no reason to keep another place."""
+    here, spots = Transform(0.0, 0.0, 0.0), np.array([[5.0, 5.0], [9.0, 5.0]])
+    proved = Match(Place(here, 500, 5, 60), (), 40, 0.05)
+    assert not proved.accepted()
+    assert refuted(proved, Place(Transform(0.0, 15.0, 0.0), 20, 0, 5), spots)
+    assert refuted(proved, Place(Transform(0.4, 0.0, 0.0), 20, 0, 5), spots)
+    assert not refuted(proved, Place(Transform(0.02, 1.0, 0.0), 500, 30, 60), spots)
+    open_still = Match(Place(here, 500, 5, 60), (Place(here, 90, 3, 20),), 4, 0.01)
+    assert not refuted(open_still, Place(Transform(0.0, 15.0, 0.0), 20, 0, 5), spots)
+    assert refuted(open_still, Place(Transform(0.0, 15.0, 0.0), 400, 40, 30), spots)

@@ -14,7 +14,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.state import Done, Knowledge, Measured
 from swarmsim.kernels import occupancy
-from swarmsim.operations.mapping.maps import Maps
+from swarmsim.operations.mapping.maps import Frames, Maps
 from swarmsim.operations.mapping.measures.changes import ChangeMeasures
 from swarmsim.operations.mapping.measures.frames import FrameMeasures
 from swarmsim.operations.mapping.measures.provenance import MapProvenance
@@ -32,7 +32,9 @@ class Coverage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     changes with the building. Robots never learn this measure.
 
     Robots that place others' maps by an estimate may err. Then a cell counts only if a map shows there what some robot
-    has truly seen; `correct` is the share of such cells in the union.
+    has truly seen; `correct` is the share of such cells in the union. Maps that nobody can put together are not one map
+    either, so the union is that of the robots whose frames one robot knows, where it covers most. And the task is not
+    done while robots that hear each other have compared their maps without finding how these fit together.
     """
 
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of the domain
@@ -54,7 +56,7 @@ class CoverageTask:
         self._held = memory.zeros((count, cells), np.bool_)  # which cells each map holds
         self._holders = np.zeros(cells, np.int32)  # how many maps hold each cell
         self._each = np.zeros(count, np.int64)  # cells of the domain in each map ...
-        self._union = 0  # ... and in any
+        self._union = 0  # ... and in any that can be put together
         self._take_up(context.building)
         self._sightings = Sightings(context.lattice)
 
@@ -63,24 +65,27 @@ class CoverageTask:
         if self._version != done.building.version:
             self._count_anew(done.building)
         more: dict[str, float] = {}
+        decided = True
         if done.knowledge.frames is None:
             changes = done.knowledge.changes
             self._union += occupancy.recount(changes, self._held, self._holders, self._domain, self._each)
         else:
-            more["correct"] = self._count_what_is_right(done)
+            more["correct"] = self._count_what_is_right(done, done.knowledge.frames)
+            decided = not done.knowledge.frames.undecided[tuple(done.links.T)].any()
         share = self._union / self._cells
         return Measured(
             {"coverage": share, **more}, {"covered": self._each / self._cells}, min(1.0, share / self._wanted),
-            share >= self._wanted,
+            decided and share >= self._wanted,
         )  # fmt: skip
 
-    def _count_what_is_right(self, done: Done[Maps]) -> float:
-        """Count the cells where maps show what was truly seen there; gives their share of the union."""
+    def _count_what_is_right(self, done: Done[Maps], frames: Frames) -> float:
+        """Count the cells where maps show what was truly seen there; gives their share of the union of all maps."""
         self._sightings.add(done)
         maps = cells_of(done.knowledge)
         right = self._sightings.agree(maps).reshape(len(maps), -1) & self._domain
         self._each[:] = np.count_nonzero(right, axis=1)
-        self._union = int(np.count_nonzero(right.any(axis=0)))
+        groups = np.unique(frames.known, axis=0)  # of robots whose maps one robot can put together
+        self._union = max(int(np.count_nonzero(right[group].any(axis=0))) for group in groups)
         share = self._sightings.share(maps.max(axis=0))  # OCCUPIED where it is on any map
         return 1.0 if share is None else share
 

@@ -44,7 +44,7 @@ class FrameMeasures:
         """How many frames are known, when all were, how many are not exact, undecided, withdrawn or were ever false."""
         if self._last is None:
             return {}
-        known, compared = self._last.known, self._last.places > 0
+        known = self._last.known
         off = self._off[known & ~np.eye(len(known), dtype=np.bool_)]
         return {
             "frames_found": len(off),
@@ -52,7 +52,7 @@ class FrameMeasures:
             "frames_error": float(np.mean(off)) if len(off) else None,
             "frames_worst": float(off.max()) if len(off) else None,
             "frames_joined": self._joined,
-            "frames_undecided": int(np.count_nonzero(compared & ~known)),
+            "frames_undecided": int(np.count_nonzero(self._last.undecided)),
             "frames_withdrawn": int(self._last.withdrawn.sum()),
             "frames_false": int(np.count_nonzero(self._false)),
         }

@@ -86,20 +86,31 @@ class Links:
         self._told.pop(link.pair, None)
         self._follow()
 
+    def seen_from(self, robot: int) -> dict[int, Transform]:
+        """How the frames of other robots lie in that of any one, as far as links lead."""
+        return self._reached(robot)[0]
+
     def _follow(self) -> None:
-        """Find all frames that links lead to: by the fewest links and, among these, the ones with most excess."""
-        self.frames, self._through, edge = {self.robot: Transform(0.0, 0.0, 0.0)}, {}, {self.robot}
+        self.frames, self._through = self._reached(self.robot)
+
+    def _reached(self, robot: int) -> tuple[dict[int, Transform], dict[int, Link]]:
+        """All frames that links lead to, by the fewest links and, among these, the ones with most excess.
+
+        With each frame comes the last link on the way to it.
+        """
+        frames, through, edge = {robot: Transform(0.0, 0.0, 0.0)}, dict[int, Link](), {robot}
         holding = sorted((link for link in self._newest.values() if link.holds), key=_strength, reverse=True)
         while edge:
             reached: set[int] = set()
             for link in holding:
                 for near, far in (link.pair, link.pair[::-1]):
-                    if near in edge and far not in self.frames:
-                        self.frames[far] = self.frames[near].after(link.seen_from(near)[1])
-                        self._through[far] = link
+                    if near in edge and far not in frames:
+                        frames[far] = frames[near].after(link.seen_from(near)[1])
+                        through[far] = link
                         reached.add(far)
             edge = reached
-        del self.frames[self.robot]
+        del frames[robot]
+        return frames, through
 
     def _way(self, other: int) -> Iterator[Link]:
         """The links from a frame back to the robot's own."""

@@ -7,7 +7,7 @@ frame estimate, including its error.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN, Senses
 from swarmsim.operations.mapping.maps import Frames, Maps
+from swarmsim.operations.mapping.sharing.acquaintances import GROWN, Acquaintance, meetings
 from swarmsim.operations.mapping.sharing.codecs import assembled, map_bytes, pieces
 from swarmsim.operations.mapping.sharing.frames import cells_at, cropped, into_own_frame, moved, presented
 from swarmsim.operations.mapping.sharing.gossip import GossipSharing
@@ -31,21 +32,21 @@ from swarmsim.operations.mapping.sharing.introductions import (
     TILE,
     MergeCodec,
     MergeItems,
+    as_told,
     cell_pieces,
 )
 from swarmsim.operations.mapping.sharing.links import Link, Links
-from swarmsim.operations.mapping.sharing.places import AGREEMENT, Cells, Match, Place, Transform, at
+from swarmsim.operations.mapping.sharing.places import AGREEMENT, Cells, Match, Place, Points, Transform, at, elsewhere
 from swarmsim.operations.mapping.sharing.policies import cells_of, enclosing_cells, mark_sensed, tile_shape, tiles_of
 from swarmsim.operations.mapping.sharing.registration import Meetings, register
 
 CROSS: Final = np.array([[[0, 1, 0], [1, 1, 1], [0, 1, 0]]], np.bool_)  # a cell and those beside it
 EDGE: Final = 5  # cells: no robot tells what lies in a square of this side around an edge of what it has sensed
 SURE: Final = 60  # cells of excess beyond which robots do not test a link again
-PATIENCE: Final = 5  # times `again` before robots test a known frame again
+PATIENCE: Final = 5  # times `again` before robots test a known frame again, or compare maps that have hardly grown
 MOVED: Final = 1.0  # cells: how much farther a better estimate of a frame puts what was heard, before it is heard anew
 ELSEWHERE: Final = 5.0  # cells: beyond this it was another place, so the frame as it was is withdrawn
 ENOUGH: Final = 50  # walls on each map, before which it is too early to compare them
-GROWN: Final = 1.2  # by how much two maps together, or the span of meetings, grow before another comparison
 
 
 class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -56,7 +57,8 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     once in `again` iterations, and as it grows. The receiver looks for all rotations and translations that agree with
     all their meetings and with both maps. It takes the other's frame for known once the maps refute every place but one
     (`places`); until then it uses what the other says for nothing else. Meetings and maps are kept, so each new one can
-    refute more. Where rooms are equal, that may never be enough.
+    refute more. Where rooms are equal, that may never be enough. Meetings with robots whose frames are linked to the
+    other's count too. A place is proved only once walls also pin its turn, to a standard error of a degree.
 
     What two robots have found is a link between their frames. Each message tells one link that its sender knows, the
     one told longest ago, and every robot puts frames together from links. A link is known by its pair, so being passed
@@ -80,22 +82,6 @@ class Merge(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return MergeSharing(self, context)
 
 
-@dataclass(slots=True)
-class _Acquaintance:
-    """What one robot remembers of another that it has met."""
-
-    met: list[NDArray[np.float64]]  # places of both, each on its own map, in cells
-    tried: int  # the iteration of the last comparison of their maps ...
-    cells: int = 0  # ... the cells that both knew then, together ...
-    span: float = 0.0  # ... and that of the meetings
-
-    @property
-    def spread(self) -> float:
-        """The span of the meetings, on the map where it is less, in cells."""
-        both = np.array(self.met)
-        return float(min(np.hypot(*np.ptp(both[:, one], axis=0)) for one in (0, 1)))
-
-
 class MergeSharing:
     """Gossip among robots that have found each other's frames."""
 
@@ -106,10 +92,11 @@ class MergeSharing:
         self._ids, self._robots = context.ids.astype(np.int32), np.arange(count, dtype=np.int32)  # and their rows
         pairs = count, context.swarm  # by one robot's row and another's number
         self._parameters, self._lattice = parameters, lattice
+        self._long = PATIENCE * parameters.again  # iterations
         self._starts = [into_own_frame(pose, lattice) for pose in context.starts]  # by number
         self._own = [self._starts[robot] for robot in context.ids.tolist()]
         self._links = [Links(robot) for robot in context.ids.tolist()]
-        self._known: dict[tuple[int, int], _Acquaintance] = {}  # by row and number
+        self._known: dict[tuple[int, int], Acquaintance] = {}  # by row and number
         self._offers = np.zeros(count, np.bool_)  # robots that tell their whole map next
         self._offered_at = np.full(count, -parameters.again, np.int64)  # the iteration in which each told its map ...
         self._offered = np.zeros(count, np.int64)  # ... and how many cells it had
@@ -195,17 +182,15 @@ class MergeSharing:
             hearer, teller = int(inbox.receivers[own[row]]), int(inbox.senders[own[row]])
             if not self._wants(hearer, teller, now):
                 continue
-            never = now - PATIENCE * self._parameters.again
-            other = self._known.setdefault((hearer, teller), _Acquaintance([], never))
-            both = np.stack([here[row], there[row]])
-            if not other.met or np.hypot(*(both - other.met[-1]).T).max() >= 1.0:
-                other.met.append(both)
-                eager[hearer] = True
+            never = now - self._long
+            other = self._known.setdefault((hearer, teller), Acquaintance(never))
+            eager[hearer] |= other.meet(np.stack([here[row], there[row]]))
         for hearer, teller in self._known:
             eager[hearer] |= heard[hearer, teller] and not self.frames.known[hearer, teller]
         sensed = np.count_nonzero(self._sensed, axis=(1, 2))
-        rested = now + 1 - self._offered_at >= self._parameters.again
-        self._offers = eager & rested & (sensed >= GROWN * self._offered)
+        rests = now + 1 - self._offered_at
+        more = (sensed >= GROWN * self._offered) | ((rests >= self._long) & (sensed > self._offered))
+        self._offers = eager & (rests >= self._parameters.again) & more
         self._offered_at[self._offers], self._offered[self._offers] = now + 1, sensed[self._offers]
 
     def _wants(self, hearer: int, teller: int, now: int) -> bool:
@@ -214,7 +199,7 @@ class MergeSharing:
         link, other = self._links[hearer].of(pair), self._known.get((hearer, teller))
         if link is not None and link.excess >= SURE:
             return False
-        rested = other is None or now - other.tried >= PATIENCE * self._parameters.again
+        rested = other is None or now - other.tried >= self._long
         return rested or not self.frames.known[hearer, teller]
 
     def _pair(self, hearer: int, teller: int) -> tuple[int, int]:
@@ -235,31 +220,32 @@ class MergeSharing:
                 continue
             rows: NDArray[np.int64] = part[(inbox.receivers[part] == hearer) & (inbox.senders[part] == teller)]
             told = assembled(inbox.content.values[rows], inbox.content.origins[rows], self._lattice.shape)
-            if self._has_grown(hearer, teller, int(np.count_nonzero(cells[hearer])) + int(np.count_nonzero(told))):
+            met = meetings(
+                hearer, teller, self._known, self._links[hearer], self._starts,
+                self._parameters.within / self._lattice.cell,
+            )  # fmt: skip
+            both = int(np.count_nonzero(cells[hearer])) + int(np.count_nonzero(told))
+            if other.has_grown(both, met.spread, self._least(hearer, teller, now)):
                 other.tried = now
-                self._judge(hearer, teller, cells[hearer], told, now)
+                self._judge(hearer, teller, cells[hearer], told, met, now)
 
-    def _has_grown(self, hearer: int, teller: int, cells: int) -> bool:
-        """Whether there is enough more to compare than at the last time; notes how much there is.
+    def _least(self, hearer: int, teller: int, now: int) -> float:
+        """By how much maps or meetings have to grow before another comparison, hardly at all after a while.
 
         Of two robots the one with the higher number compares less often, since the other will tell it what it finds.
         """
-        other, least = self._known[hearer, teller], GROWN if self._ids[hearer] < teller else GROWN**2
-        if cells < least * other.cells and other.spread < least * other.span:
-            return False
-        other.cells, other.span = cells, other.spread
-        return True
+        if now - self._known[hearer, teller].tried >= self._long:
+            return 1.0
+        return GROWN if self._ids[hearer] < teller else GROWN**2
 
-    def _judge(self, hearer: int, teller: int, own: Cells, told: Cells, now: int) -> None:
+    def _judge(self, hearer: int, teller: int, own: Cells, told: Cells, met: Meetings, now: int) -> None:
         """Link the frames of two robots if their maps prove a place, or withdraw what they refute."""
         if min(np.count_nonzero(one == OCCUPIED) for one in (own, told)) < ENOUGH:
             return
-        met = np.array(self._known[hearer, teller].met)
         fixed, corner = cropped(own)
         moving, first = presented(told, self._starts[teller])
-        spots = self._starts[teller].apply(met[:, 1]) - first
-        within = self._parameters.within / self._lattice.cell
-        match = register(fixed, moving, Meetings(met[:, 0] - corner - 0.5, spots - 0.5, within))
+        met = Meetings(met.fixed - corner - 0.5, met.moving - first - 0.5, met.within)
+        match = register(fixed, moving, met)
         if match is None:
             return
         # From cells of the presented map to those of the robot's own, and between their frames.
@@ -270,12 +256,10 @@ class MergeSharing:
         if match.accepted():
             place = here.after(match.best.transform).after(there)
             place = place if robot < teller else place.inverse()
-            told = np.array([place.turn, place.rows, place.columns], np.float32)
-            rounded = Transform(*told.tolist())
-            self._learn(hearer, Link(self._pair(hearer, teller), now, min(match.excess, MOST), rounded))
+            self._learn(hearer, Link(self._pair(hearer, teller), now, min(match.excess, MOST), as_told(place)))
         elif teller in links.frames:
             held = here.inverse().after(links.frames[teller]).after(there.inverse())
-            if refuted(match, at(fixed, moving, held)):
+            if refuted(match, at(fixed, moving, held), met.moving):
                 self._learn(hearer, links.weakest_towards(teller).withdrawn(now))
 
     def _learn(self, hearer: int, link: Link) -> None:
@@ -295,6 +279,8 @@ class MergeSharing:
             frames.errors[hearer, other] = error.turn, error.rows, error.columns
 
 
-def refuted(match: Match, held: Place) -> bool:
-    """Whether maps that once proved a place now refute it: they contradict there, and more than in the best place."""
+def refuted(match: Match, held: Place, spots: Points) -> bool:
+    """Whether maps and meetings at `spots` (m, 2) refute a place once proved: another one is, or it fits worse."""
+    if match.placed():
+        return elsewhere(match.best.transform, held.transform, spots)
     return held.agreement < AGREEMENT and held.contradictions - match.best.contradictions >= match.best.needed

@@ -20,6 +20,7 @@ EXCESS: Final = 12  # cells: by how many more than the best place any other one 
 NOISE: Final = 0.005  # ... at this share of contradictions in the right place, which is that of perfect sensors
 ASIDE: Final = 3.0  # cells at the meeting spot, beyond which a place is another one ...
 ASKEW: Final = 0.2  # ... and rad of its turn
+PINNED: Final = np.deg2rad(1.0)  # the greatest standard error of a turn that is known well enough
 #: Places by which two transforms are compared, in cells.
 BREADTH: Final = np.array([[40.0, 0.0], [-40.0, 0.0], [0.0, 40.0], [0.0, -40.0]])
 
@@ -62,6 +63,12 @@ def between(one: float, other: float) -> float:
     return float(abs((one - other + np.pi) % (2.0 * np.pi) - np.pi))
 
 
+def elsewhere(one: Transform, other: Transform, spots: Points) -> bool:
+    """Whether two transforms are different places, as seen from where robots met (m, 2)."""
+    aside = np.hypot(*(one.apply(spots) - other.apply(spots)).mean(axis=0))
+    return bool(aside > ASIDE or between(one.turn, other.turn) > ASKEW)
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """One way in which a map may lie on another, and what both maps say of it."""
@@ -95,10 +102,15 @@ class Match:
     best: Place
     rivals: tuple[Place, ...]  # places not refuted, one for each spot and turn, the least contradicted first
     excess: int  # cells that contradict the least contradicted other place beyond those of the best
+    error: float  # rad, the standard error of the best place's turn if each wall errs by a cell
+
+    def placed(self) -> bool:
+        """Whether every other place is refuted, and both maps agree in the best one by enough walls."""
+        return self.best.agreement >= AGREEMENT and self.best.walls >= WALLS and not self.rivals
 
     def accepted(self) -> bool:
-        """Whether the best place is proved: both maps agree there, by enough walls, and every other one is refuted."""
-        return self.best.agreement >= AGREEMENT and self.best.walls >= WALLS and not self.rivals
+        """Whether the best place is proved, and walls pin its turn."""
+        return self.placed() and self.error <= PINNED
 
 
 def judged(fixed: Cells, placed: Cells, transform: Transform) -> Place:

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, ndimage, optimize
+from scipy import fft, ndimage
 
 from swarmsim.core.state import FREE, OCCUPIED, UNKNOWN
 from swarmsim.operations.mapping.sharing.places import (
@@ -28,6 +28,7 @@ from swarmsim.operations.mapping.sharing.places import (
     between,
     judged,
 )  # fmt: skip
+from swarmsim.operations.mapping.sharing.refining import refined
 
 COARSE: Final = np.deg2rad(3.0)  # between the turns that are tried first ...
 FINE: Final = np.deg2rad(0.5)  # ... and between those around the best of them
@@ -36,8 +37,6 @@ WALL: Final = 4.0  # score of a wall on a wall; beside it, half of that
 FLOOR: Final = 0.3  # score of free floor on free floor, away from walls
 CLASH: Final = 20.0  # cost of a wall on free floor, away from walls, since one place cannot be both ...
 ROUNDED: Final = 1.5  # cells by which robots may seem to have been farther apart than they were
-NEAR: Final = 2.0  # cells from a wall, within which another one may be the same ...
-LEVER: Final = 20.0  # ... when a transform is refined; cells that weigh a turn against a shift
 LENIENT: Final = 8.0  # ... but less while turns are coarse, and the ends of a map may lie beside their place
 SKEWED: Final = 4  # turns oblique to the best one at which other places are looked for ...
 AROUND: Final = np.deg2rad(np.arange(-1.5, 1.6, 0.5))  # ... each with these around it
@@ -45,11 +44,16 @@ AROUND: Final = np.deg2rad(np.arange(-1.5, 1.6, 0.5))  # ... each with these aro
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Meetings:
-    """The meetings of two robots: their places, each on its own map."""
+    """The meetings of two robots, or of one and those linked to the other: their places, each on its own map."""
 
     fixed: Points  # (m, 2): row and column, in cells, of the fixed map's robot each time
     moving: Points  # (m, 2): the same for the other, on the other map
-    within: float  # cells, their largest distance
+    within: float | NDArray[np.float64]  # cells, their largest distance, or that of each meeting (m,)
+
+    @property
+    def spread(self) -> float:
+        """How far apart the meetings were, on the map where that is less, in cells."""
+        return float(min(np.hypot(*np.ptp(places, axis=0)) for places in (self.fixed, self.moving)))
 
 
 def register(fixed: Cells, moving: Cells, meetings: Meetings) -> Match | None:
@@ -67,37 +71,10 @@ def register(fixed: Cells, moving: Cells, meetings: Meetings) -> Match | None:
     peaks.sort(key=lambda peak: -peak.score)
     place = judge.place(best)
     others = judge.others(best, [peak.turn for peak in peaks if peak.score > 0.0])
-    settled = replace(place, transform=_settled(place.transform, fixed, moving))
+    transform, unsure = refined(place.transform, fixed, moving)
     least = int(others[:, 6].min()) if len(others) else place.overlap  # the meetings may allow no other place
     rivals = judge.distinct(others[others[:, 6] < place.contradictions + place.needed])
-    return Match(settled, rivals, least - place.contradictions)
-
-
-def _settled(first: Transform, fixed: Cells, moving: Cells) -> Transform:
-    """A transform refined so that walls lie on walls to less than a cell.
-
-    Least squares over the distances of one map's walls to the nearest walls of the other, where these are near, as in
-    iterative closest points (Besl and McKay 1992) with a loss that ignores far ones.
-    """
-    away: Points = ndimage.distance_transform_edt(fixed != OCCUPIED)
-    walls: Points = np.argwhere(moving == OCCUPIED).astype(np.float64) + 0.5
-    walls = walls[ndimage.map_coordinates(away, (first.apply(walls) - 0.5).T, order=1, mode="nearest") <= NEAR]
-    if len(walls) < 3:
-        return first
-    pivot: Points = np.asarray(walls.mean(axis=0), np.float64)
-    ((row, column),) = first.apply(pivot[None])
-
-    def placed(change: NDArray[np.float64]) -> Transform:
-        turn = Transform(first.turn + change[0] / LEVER, 0.0, 0.0)
-        ((rows, columns),) = turn.apply(pivot[None])
-        return Transform(turn.turn, float(row + change[1] - rows), float(column + change[2] - columns))
-
-    def distances(change: NDArray[np.float64]) -> NDArray[np.float64]:
-        at = (placed(change).apply(walls) - 0.5).T
-        return np.asarray(ndimage.map_coordinates(away, at, order=1, mode="nearest"))
-
-    found = optimize.least_squares(distances, np.zeros(3), loss="soft_l1", f_scale=0.5, diff_step=0.05, max_nfev=40)
-    return placed(found.x) if np.abs(found.x).max() <= NEAR else first
+    return Match(replace(place, transform=transform), rivals, least - place.contradictions, unsure)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,8 +142,9 @@ class _Judge:
     def _window(self, turn: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
         """The rows and columns of shifts, and which of them keep the robots within their meeting distance."""
         wanted = self._wanted(turn)
-        reach = self._meetings.within + ROUNDED
-        low, high = np.ceil(wanted.max(axis=0) - reach), np.floor(wanted.min(axis=0) + reach)
+        reach = np.broadcast_to(self._meetings.within, len(wanted)) + ROUNDED
+        low = np.ceil((wanted - reach[:, None]).max(axis=0))
+        high = np.floor((wanted + reach[:, None]).min(axis=0))
         down, right = (np.arange(low[axis], high[axis] + 1.0) for axis in (0, 1))
         apart = np.hypot(down[:, None, None] - wanted[:, 0], right[None, :, None] - wanted[:, 1])
         near: NDArray[np.bool_] = np.asarray((apart <= reach).all(axis=2))
