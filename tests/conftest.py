@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import signal
 import subprocess
+from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from offspring import Offspring
 
 from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
@@ -80,6 +82,13 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with run.recorder(path) as recorder:
         assert run.simulation.run([recorder])
     return path
+
+
+@pytest.fixture(scope="session")
+def offspring() -> Iterator[Offspring]:
+    """Runs commands in processes of their own that start soon."""
+    with Offspring() as started:
+        yield started
 
 
 @dataclass(frozen=True)
