@@ -1,15 +1,19 @@
 from __future__ import annotations
 
 import io
+import pickle
 import signal
 import subprocess
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from offspring import Offspring
 
 from swarmsim.cli import main
 from swarmsim.core.building import Building, Survey
@@ -23,6 +27,10 @@ from swarmsim.core.streams import Streams
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.view.wording import cause_of
 from swarmsim.view.wording import worded as worded_as
+
+if TYPE_CHECKING:
+    from swarmsim.studies.engine import Job
+    from swarmsim.studies.store import Row
 
 ROOT = Path(__file__).parent.parent
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # even a busy one
@@ -80,6 +88,35 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with run.recorder(path) as recorder:
         assert run.simulation.run([recorder])
     return path
+
+
+@contextmanager
+def jobs_here() -> Iterator[None]:
+    """Within the block, runs of studies are done in this process, to which they and their rows go as bytes."""
+    from swarmsim.studies import engine
+
+    def perform(tasks: Sequence[Job]) -> Iterator[Row]:
+        for task in tasks:
+            row = engine.run_job(pickle.loads(pickle.dumps(task)))
+            yield engine.accepted(task, pickle.loads(pickle.dumps(row)))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(engine, "worker_pool", lambda workers, scheduler=None: nullcontext(perform))
+        yield
+
+
+@pytest.fixture(scope="module")
+def no_workers() -> Iterator[None]:
+    """Studies start no processes, which takes seconds; `studies/test_study.py` and others look after those."""
+    with jobs_here():
+        yield
+
+
+@pytest.fixture(scope="session")
+def offspring() -> Iterator[Offspring]:
+    """Runs commands in processes of their own that start soon."""
+    with Offspring() as started:
+        yield started
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Commands in forks of one process with their imports done: each runs as usual, but starts sooner."""
+"""Commands in forks of one process that has its imports and kernels: each runs as usual, but starts sooner."""
 
 from __future__ import annotations
 
@@ -34,9 +34,11 @@ class Offspring:
         self._parent.wait()
         self._parent.stdout.close()
 
-    def ended(self, words: Sequence[str], folder: Path, limit: int | None = None) -> subprocess.CompletedProcess[str]:
-        """The result of a command in a folder, with a limit on the bytes of its files."""
-        self._parent.stdin.write(json.dumps([list(map(str, words)), str(folder), limit]) + "\n")
+    def ended(
+        self, words: Sequence[object], folder: Path, limit: int | None = None, out: Path | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        """The result of a command in a folder, with a limit on the bytes of its files, and the file it prints to."""
+        self._parent.stdin.write(json.dumps([list(map(str, words)), str(folder), limit, out and str(out)]) + "\n")
         self._parent.stdin.flush()
         code, out, err = json.loads(self._parent.stdout.readline())
         return subprocess.CompletedProcess(words, code, out, err)
@@ -66,16 +68,29 @@ def _become(words: list[str], folder: str, limit: int | None, out: int, err: int
         main()
 
 
+def _run_once() -> None:
+    """Let numba load the kernels of most runs."""
+    from swarmsim.core.scenario.file import load
+    from swarmsim.engine.build import build
+
+    room = Path(__file__).parents[1] / "scenarios" / "room.toml"
+    build(load(room, ["stop.iterations=3"]), str(room)).simulation.run()
+
+
 def _serve() -> None:
     for name in IMPORTED:
         __import__(name)
+    _run_once()
     for line in sys.stdin:
-        words, folder, limit = json.loads(line)
+        words, folder, limit, file = json.loads(line)
         (out, out_end), (err, err_end) = os.pipe(), os.pipe()
         child = os.fork()
         if child == 0:
             os.close(out)
             os.close(err)
+            if file is not None:
+                os.close(out_end)
+                out_end = os.open(file, os.O_WRONLY)
             _become(words, folder, limit, out_end, err_end)
             return
         os.close(out_end)

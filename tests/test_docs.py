@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from copy import deepcopy
 from pathlib import Path
 
@@ -12,7 +13,8 @@ import numpy as np
 import pytest
 import tomli_w
 import typer
-from conftest import ROOT
+from conftest import ROOT, called, jobs_here
+from offspring import Offspring
 from typer.core import TyperGroup
 
 from swarmsim.cli import app
@@ -65,20 +67,50 @@ def commands_of(document: str) -> list[str]:
     return [line.partition(" #")[0].strip() for line in lines if line.strip() and not line.startswith("#")]
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/tutorial.md", "docs/looking.md"])
-def test_the_commands_of_a_page_run_in_their_order(copy: Path, tmp_path: Path, document: str) -> None:
+def done(command: str, folder: Path, offspring: Offspring) -> subprocess.CompletedProcess[str]:
+    """What becomes of a page's command; a shell starts those that start processes of their own."""
+    words = shlex.split(command)[1:]
+    if words[0] not in ("study", "reproduce"):
+        return offspring.ended(words, folder)
+    typed = f"{sys.executable} -m {command}"
+    return subprocess.run(typed, shell=True, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def run_in_order(document: str, folder: Path, offspring: Offspring, shortened: Callable[[str], str]) -> None:
     for name in ("scenarios", "worlds"):
-        (tmp_path / name).symlink_to(copy / name)
+        (folder / name).symlink_to(ROOT / name)
     for text in blocks(document, "toml") if document == "docs/tutorial.md" else ():
-        (tmp_path / "tutorial").mkdir(exist_ok=True)
-        (tmp_path / "tutorial" / "deaths.toml").write_text(text)
+        (folder / "tutorial").mkdir(exist_ok=True)
+        (folder / "tutorial" / "deaths.toml").write_text(shortened(text))
     for command in commands_of(document):
-        if not command.startswith("swarmsim"):
-            continue
-        done = subprocess.run(
-            f"{sys.executable} -m {command}", shell=True, cwd=tmp_path, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+        if command.startswith("swarmsim") and (asked := shortened(command)):
+            ended = done(asked, folder, offspring)
+            assert ended.returncode == 0 or (ended.returncode == 1 and EARLY in asked), (
+                f"{command}\n{ended.stdout}{ended.stderr}"
+            )
+
+
+IN_ORDER = ["README.md", "docs/tutorial.md", "docs/looking.md"]
+EARLY = " --set stop.iterations=40"
+
+
+@pytest.mark.parametrize("document", IN_ORDER)
+def test_the_commands_of_a_page_run_in_their_order(tmp_path: Path, offspring: Offspring, document: str) -> None:
+    """Runs end early, a study has fewer seeds, and the paper is left to the next test."""
+
+    def shortened(text: str) -> str:
+        if text.startswith("swarmsim"):
+            return "" if " reproduce " in text else text + (EARLY if text.startswith("swarmsim run ") else "")
+        assert "seeds = 10" in text
+        return text.replace("seeds = 10", "seeds = 3")
+
+    run_in_order(document, tmp_path, offspring, shortened)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("document", IN_ORDER)
+def test_the_commands_of_a_page_run_to_the_letter(tmp_path: Path, offspring: Offspring, document: str) -> None:
+    run_in_order(document, tmp_path, offspring, lambda text: text)
     if document == "README.md":
         assert (tmp_path / "runs" / "room.mp4").exists()
         page = (tmp_path / "runs" / "kit2018" / "report.html").read_text()
@@ -119,7 +151,10 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
 
 
 def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
-    """In a copy of the needed files; for make, only its targets are checked."""
+    """In a copy of the needed files; for make, only its targets are checked.
+
+    Tests that run here anyway are only collected.
+    """
     for name in ("docs", "scenarios", "swarmsim", "template", "tests", "worlds", "pyproject.toml"):
         (tmp_path / name).symlink_to(ROOT / name)
     (tmp_path / ".venv").symlink_to(sys.prefix)
@@ -127,6 +162,8 @@ def test_the_commands_for_contributors_run(tmp_path: Path) -> None:
         if line.startswith("make"):
             continue
         command = f"{sys.executable} -m {line}" if line.startswith("swarmsim") else line
+        if line.startswith(".venv/bin/pytest tests/"):
+            command += " --collect-only"
         done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False)
         unfinished = " run " in line  # a run that ends at its limit
         assert done.returncode == int(unfinished), f"{line}\n{done.stdout}{done.stderr}"
@@ -176,15 +213,18 @@ CODE = [(page, text) for page in PAGES if page not in TOLD for text in blocks(pa
 
 
 @pytest.mark.parametrize(("page", "text"), CODE, ids=[page for page, _ in CODE])
-def test_every_listing_of_python_runs(page: str, text: str, copy: Path, room: Path, tmp_path: Path) -> None:
+def test_every_listing_of_python_runs(
+    page: str, text: str, copy: Path, room: Path, offspring: Offspring, tmp_path: Path
+) -> None:
     for name in ("scenarios", "worlds"):
         (tmp_path / name).symlink_to(copy / name)
     code = text.replace("runs/demo", str(room))
     if "SLURMCluster" in code:  # there is no Slurm here
         compile(code, page, "exec")
         return
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    (tmp_path / "listing.py").write_text(code)
+    ended = offspring.ended([tmp_path / "listing.py"], tmp_path)
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_no_page_has_a_listing_of_another_kind() -> None:
@@ -199,8 +239,7 @@ def test_what_a_page_says_that_a_command_prints_is_what_it_prints(room: Path) ->
     (shown,) = re.findall(
         r"^```\n(each iteration.*?)^```", (ROOT / "docs/networks.md").read_text(), re.DOTALL | re.MULTILINE
     )
-    command = [sys.executable, "-m", "swarmsim", "network", str(room)]
-    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    printed = called("network", room).stdout
     for line in shown.splitlines()[1:]:
         assert re.split(r"  +", line)[0] in printed
 
@@ -210,23 +249,19 @@ def test_every_study_opens(path: Path) -> None:
     assert open_study(path, 1).conditions
 
 
-def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path) -> None:
+def test_the_mind_and_the_task_of_the_page_run_record_film_and_study(copy: Path, offspring: Offspring) -> None:
     listings = blocks("docs/minds.md", "python")
     for listing in listings:
         assert listing.count("\n") <= 25
         (copy / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
     for name, text in zip(("spread", "study", "herding"), blocks("docs/minds.md", "toml"), strict=True):
         (copy / f"{name}.toml").write_text(text)
-    for command in "".join(blocks("docs/minds.md", "sh")).splitlines():
-        arguments = [sys.executable, "-m", *command.split()]
-        done = subprocess.run(arguments, cwd=copy, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    for command in commands_of("docs/minds.md"):
+        ended = done(command, copy, offspring)
+        assert ended.returncode == 0, f"{command}\n{ended.stdout}{ended.stderr}"
     recording = Recording(copy / "runs" / "spread")
     assert recording["smallest_gap"][-1] >= 0.35 > recording["smallest_gap"][0]
     assert (copy / "runs" / "spread.mp4").stat().st_size > 10_000
-
-
-TRIED = "-m pytest -q -p no:cacheprovider test_hall.py"
 
 
 def test_the_paper_of_the_page_is_done_again(copy: Path) -> None:
@@ -236,23 +271,24 @@ def test_the_paper_of_the_page_is_done_again(copy: Path) -> None:
     for listing in listings:
         name, text = listing.split("\n", 1)
         (copy / name.removeprefix("# ")).write_text(text)
-    command = [sys.executable, "-m", "swarmsim", "reproduce", "mine", "--workers", "1"]
-    done = subprocess.run(command, cwd=copy, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "eight robots need less time than two │ holds" in done.stdout
+    with jobs_here():
+        reproduced = called("reproduce", "mine", "--workers", 1, cwd=copy)
+    assert reproduced.returncode == 0, reproduced.stdout + reproduced.stderr
+    assert "eight robots need less time than two │ holds" in reproduced.stdout
     assert "| count=8 | 60 |" in (copy / "runs" / "mine" / "report.md").read_text()
 
 
-def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_path: Path) -> None:
+def test_the_parts_of_the_page_are_recorded_struck_seen_and_learned_from(tmp_path: Path, offspring: Offspring) -> None:
     for listing in blocks("docs/own.md", "python"):
         assert listing.count("\n") <= 30
         (tmp_path / listing.splitlines()[0].removeprefix("# ")).write_text(listing)
     (scenario,) = blocks("docs/own.md", "toml")
     (tmp_path / "hall.toml").write_text(scenario)
-    for command in ["-m " + line for line in commands_of("docs/own.md")] + ["look.py", TRIED]:
-        arguments = [sys.executable, *command.split()]
-        done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{command}\n{done.stdout}{done.stderr}"
+    for words in [*(shlex.split(line)[1:] for line in commands_of("docs/own.md")), ["look.py"]]:
+        ended = offspring.ended(words, tmp_path)
+        assert ended.returncode == 0, f"{words}\n{ended.stdout}{ended.stderr}"
+    tried = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_hall.py"]
+    subprocess.run(tried, cwd=tmp_path, check=True)
     assert (tmp_path / "runs" / "hall.mp4").stat().st_size > 10_000
     recording = Recording(tmp_path / "runs" / "hall")
     seen = recording["nearby_count"]

@@ -48,15 +48,6 @@ def messages_hold(ends, sizes, items):
 
 
 @njit(cache=True)
-def cells_hold(values):
-    """Whether all cells (n, rows, columns) of tiles are 0, 1 or 2."""
-    most = 0
-    for value in values.flat:
-        most = max(most, value)
-    return most <= 2
-
-
-@njit(cache=True)
 def counts_hold(counts, most):
     """Whether all counts (n,) lie between 0 and `most`."""
     for count in counts:

@@ -281,9 +281,3 @@ def within(positions, alive, radius):
                 edges[count, 1] = j
                 count += 1
     return edges[:count]
-
-
-@njit(cache=True)
-def neighbours_within(positions, alive, radius):
-    """Links among live robots at most `radius` apart, in m."""
-    return both_ways(within(positions, alive, radius), len(alive))

@@ -160,9 +160,10 @@ def pool_when_needed(
 
 
 def execute(tasks: Sequence[Job], workers: int, scheduler: str | None = None) -> Iterator[Row]:
-    """Perform all tasks once, as `worker_pool` does."""
-    with worker_pool(workers, scheduler) as perform_all:
-        yield from perform_all(tasks)
+    """Perform all tasks once, as `worker_pool` does; for none, nothing is started."""
+    if tasks:
+        with worker_pool(workers, scheduler) as perform_all:
+            yield from perform_all(tasks)
 
 
 def _performed(client: Client, tasks: Sequence[Job]) -> Iterator[Row]:

@@ -16,6 +16,7 @@ from nbclient import NotebookClient
 import swarmsim as sw
 from swarmsim.recording.reader import Recording
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 ROOM = ROOT / "scenarios" / "room.toml"
 
 
@@ -147,7 +148,8 @@ def test_user_code_is_type_checked(tmp_path: Path) -> None:
         "    c: int = moment.state.iteration\n"
         "sw.run('x.toml', sede=3)\n"
     )
-    command = [sys.executable, "-m", "mypy", "--strict", "--config-file", str(ROOT / "pyproject.toml"), "user.py"]
+    known = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache")]
+    command = [sys.executable, "-m", "mypy", "--strict", *known, "user.py"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     wrong = [line for line in done.stdout.splitlines() if "error" in line and "user.py" in line]
     assert [line.split(":")[1] for line in wrong] == ["4", "7"], done.stdout

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -14,21 +12,12 @@ from typer.testing import CliRunner
 import swarmsim as sw
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError
-from swarmsim.studies.engine import run_job
 from swarmsim.studies.sizing_report import Sizing
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 ROOM = ROOT / "scenarios" / "room.toml"
 #: Three answers from few runs: a wide slack, and a low chance asked for.
 EASY = {"sure": 0.7, "slack": 0.25, "confidence": 0.8}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def no_processes() -> Iterator[None]:
-    """Runs are done here and now: processes take seconds to start."""
-    with pytest.MonkeyPatch.context() as patched:
-        here = nullcontext(lambda jobs: map(run_job, jobs))
-        patched.setattr("swarmsim.api.sizes.pool_when_needed", lambda workers, scheduler: here)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -205,6 +205,7 @@ def test_nothing_below_the_command_line_prints_or_exits() -> None:
         assert not words & {"print", "sys.exit", "exit", "typer.echo"}, path
 
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 PLAN = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 4 4" width="4m" height="4m">
 <g id="walls"><path fill-rule="evenodd" d="M0 0H4V4H0Z M.2 .2V3.8H3.8V.2Z"/></g>
 <g id="spawn"><rect id="floor" x=".5" y=".5" width="3" height="3"/></g></svg>"""

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -309,25 +308,3 @@ def test_a_study_that_is_ended_while_its_workers_start_says_so(tmp_path: Path, e
     )
     told = f"swarmsim: {word}; 0 of 3 runs are kept; the same command goes on from there\n"
     assert (done.stderr, done.returncode) == (told, code)
-
-
-@pytest.mark.parametrize("film", [False, True])
-def test_a_full_disk_is_told_and_what_was_flushed_is_kept(tmp_path: Path, room: Path, film: bool) -> None:
-    def little_room() -> None:
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        most = 30_000 if film else 200_000
-        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
-
-    run = ["run", str(ROOT / "scenarios/basilica.toml"), "--out", str(tmp_path / "run")]
-    verb = ["video", str(room), str(tmp_path / "film.mp4")] if film else run
-    command = [sys.executable, "-m", "swarmsim", *verb]
-    done = subprocess.run(command, preexec_fn=little_room, capture_output=True, text=True, check=False)
-    assert done.returncode == 4, done.stderr
-    assert done.stderr.count("\n") == 1, done.stderr
-    if film:
-        assert re.search(r"film\.mp4: cannot be written \(.+\); no film was kept", done.stderr)
-        assert not (tmp_path / "film.mp4").exists()
-    else:
-        kept = re.search(r"recording\.h5: cannot be written \(File too large\); (\d+) iterations are kept", done.stderr)
-        assert kept
-        assert Recording(tmp_path / "run").iterations == int(kept[1]) > 0

@@ -12,14 +12,20 @@ import click
 import msgspec
 import pytest
 import typer
-from conftest import ROOT
+from conftest import ROOT, called
+from numba.core import event
 
 from swarmsim.cli import app
 from swarmsim.cli.completion import example_names, fault_words, set_keys
+from swarmsim.cli.progress import RunBar
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import shipped
 from swarmsim.core.scenario.file import load
+from swarmsim.core.state import Moment
 from swarmsim.faults.in_words import fault_in_words
+from swarmsim.kernels.checks import counts_hold, links_hold
+
+FIRST_RUN = "the first run on a machine compiles its kernels"
 
 
 def swarmsim(*arguments: object, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:
@@ -125,11 +131,48 @@ def test_the_shell_completes(tmp_path: Path) -> None:
     assert "robots.count=" in done.stdout.split()
 
 
+#: Compiles one kernel, as a verb does.
+COMPILES = """
+import numpy as np
+from swarmsim.cli.progress import compiling, progress_bar
+from swarmsim.kernels.checks import counts_hold
+with progress_bar(False) as progress, compiling(progress):
+    assert counts_hold(np.zeros(1, np.int64), 1)
+"""
+
+
+def test_a_kernel_that_is_compiled_is_told_and_kept_for_the_next_process(tmp_path: Path) -> None:
+    command, more = [sys.executable, "-c", COMPILES], {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    first, second = (
+        subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **more}).stdout
+        for _ in range(2)
+    )
+    assert first.count(FIRST_RUN) == 1
+    assert "compiles" not in second
+
+
+def test_a_run_says_once_that_it_compiles(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here numba tells so of two kernels that are compiled already."""
+    room, sample = ROOT / "scenarios" / "room.toml", RunBar.sample
+
+    def sampling(self: RunBar, moment: Moment) -> None:
+        for kernel in (links_hold, counts_hold) if moment.state.iteration == 0 else ():
+            with event.trigger_event("numba:compile", {"dispatcher": kernel}):
+                pass
+        sample(self, moment)
+
+    run = ("run", room, "--set", "stop.iterations=3")
+    assert "compiles" not in called(*run, cwd=tmp_path).stdout
+    monkeypatch.setattr(RunBar, "sample", sampling)
+    assert called(*run, cwd=tmp_path).stdout.count(FIRST_RUN) == 1
+
+
+@pytest.mark.slow
 def test_the_first_run_says_that_it_compiles_and_later_ones_do_not(tmp_path: Path) -> None:
     room = ROOT / "scenarios" / "room.toml"
     new = tmp_path / "cache"
     first, second = (
         swarmsim("run", room, "--set", "stop.iterations=3", cwd=tmp_path, NUMBA_CACHE_DIR=str(new)) for _ in range(2)
     )
-    assert first.stdout.count("the first run on a machine compiles its kernels") == 1
+    assert first.stdout.count(FIRST_RUN) == 1
     assert "compiles" not in second.stdout

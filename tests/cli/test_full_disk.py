@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -16,6 +17,8 @@ import numpy as np
 import pytest
 from conftest import ROOT, called, made
 from offspring import Offspring
+
+from swarmsim.recording.reader import Recording
 
 Ended = Callable[..., subprocess.CompletedProcess[str]]
 #: What a user writes in Python: the error reaches the caller, and then the interpreter ends as it always does.
@@ -31,6 +34,7 @@ except StorageError as problem:
     sys.exit(4)
 sys.exit(1)  # the limit comes first
 """
+STUDY = f'title = "s"\nscenario = "{ROOT}/scenarios/room.toml"\nseeds = 4\n[set]\n"stop.iterations" = 40\n'
 SIZES = 30  # of a disk, for each verb
 LONG = ["--set", "robots.count=15", "--set", "stop.iterations=400", "--set", "stop.when_done='continue'"]
 SHORT = ["--set", "stop.iterations=20"]
@@ -38,15 +42,12 @@ SHORT = ["--set", "stop.iterations=20"]
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run, a study that is done, one that is not, and a script."""
+    """A run and a script."""
     folder = tmp_path_factory.mktemp("inputs")
     run = made("robots.count=3", "stop.iterations=200", "stop.when_done='continue'")
     (folder / "run").mkdir()
     with run.recorder(folder / "run" / "recording.h5") as recorder:
         run.simulation.run([recorder])
-    text = f'title = "s"\nscenario = "{ROOT}/scenarios/room.toml"\nseeds = 4\n[set]\n"stop.iterations" = 40\n'
-    (folder / "study.toml").write_text(text)
-    assert called("study", "run", "study.toml", "--store", "done.sqlite", "--quiet", cwd=folder).returncode == 0
     (folder / "script.py").write_text(
         SCRIPT.format(
             scenario=str(ROOT / "scenarios/room.toml"),
@@ -102,17 +103,17 @@ def ended(words: list[str], folder: Path, limit: int | None = None) -> subproces
     )
 
 
-def shown(folder: Path, ended: Ended) -> str:
+def shown(folder: Path) -> str:
     """What is wrong with what was kept of a run or a study, if anything."""
     for run in (folder / "out" / "run", folder / "out" / "api"):
         if (run / "recording.h5").exists():
-            done = ended(["show", str(run), "--json"], folder)
+            done = called("show", run, "--json", cwd=folder)
             if done.returncode != 0 or '"status": "under way' in done.stdout:
                 return f"{run.name} cannot be shown: {done.stderr}{done.stdout[:200]}"
     return ""
 
 
-def wrong(done: subprocess.CompletedProcess[str], folder: Path, ended: Ended = ended) -> str:
+def wrong(done: subprocess.CompletedProcess[str], folder: Path) -> str:
     """What is wrong with the end of a command, if anything."""
     if done.returncode not in (0, 1, 4):
         return f"exit code {done.returncode}: {done.stderr[-300:]}"
@@ -120,27 +121,41 @@ def wrong(done: subprocess.CompletedProcess[str], folder: Path, ended: Ended = e
         return f"a traceback: {done.stderr[-300:]}"
     if done.returncode == 4 and done.stderr.count("\n") != 1:
         return f"not one sentence: {done.stderr[-300:]}"
-    return shown(folder, ended)
+    return shown(folder)
+
+
+def test_a_limit_on_files_ends_in_a_sentence(inputs: Path, tmp_path: Path) -> None:
+    """In a process as a user starts it; the next test tries more in forks of one."""
+    (tmp_path / "out").mkdir()
+    done = ended(commands(inputs)["run"], tmp_path, 16_000)
+    assert (done.returncode, wrong(done, tmp_path)) == (4, ""), done.stderr
+    assert "cannot be written (File too large)" in done.stderr
 
 
 @pytest.mark.parametrize(
-    ("verb", "size"),
+    ("verb", "size", "kept"),
     [
-        ("run", 16_000),
-        ("run", 90_000),
-        ("run, film", 18_000),
-        ("Python", 60_000),
-        ("figure", 16_000),
-        ("mp4", 16_000),
-        ("rerun", 16_000),
+        ("run", 90_000, ""),
+        ("run", 200_000, r"recording\.h5: cannot be written \(File too large\); (\d+) iterations are kept"),
+        ("run, film", 18_000, ""),
+        ("Python", 60_000, ""),
+        ("figure", 16_000, ""),
+        ("mp4", 16_000, r"film\.mp4: cannot be written \(File too large\); no film was kept"),
+        ("rerun", 16_000, ""),
     ],
 )
-def test_a_limit_on_files_ends_in_a_sentence(inputs: Path, tmp_path: Path, verb: str, size: int) -> None:
+def test_a_limit_on_files_is_told_with_what_is_kept(
+    inputs: Path, offspring: Offspring, tmp_path: Path, verb: str, size: int, kept: str
+) -> None:
     (tmp_path / "out").mkdir()
-    done = ended(commands(inputs)[verb], tmp_path, size)
-    assert done.returncode == 4, done.stderr
-    assert wrong(done, tmp_path) == ""
+    done = offspring.ended(commands(inputs)[verb], tmp_path, size)
+    assert (done.returncode, wrong(done, tmp_path)) == (4, ""), done.stderr
     assert "cannot be written (File too large)" in done.stderr
+    told = re.search(kept, done.stderr)
+    assert told, done.stderr
+    assert not (tmp_path / "out" / "film.mp4").exists()
+    if told.groups():
+        assert Recording(tmp_path / "out" / "run").iterations == int(told[1]) > 0
 
 
 @contextmanager
@@ -164,10 +179,10 @@ def no_disk(folder: Path, size: int) -> Iterator[None]:
 
 @pytest.mark.skipif(shutil.which("mount") is None or os.geteuid() != 0, reason="a small disk needs root to mount it")
 @pytest.mark.parametrize("size", [64_000, 200_000])
-def test_a_full_disk_ends_in_a_sentence(inputs: Path, tmp_path: Path, size: int) -> None:
+def test_a_full_disk_ends_in_a_sentence(inputs: Path, offspring: Offspring, tmp_path: Path, size: int) -> None:
     (tmp_path / "out").mkdir()
     with small_disk(tmp_path, size):
-        done = ended(commands(inputs)["run"], tmp_path, None)
+        done = offspring.ended(commands(inputs)["run"], tmp_path)
         assert done.returncode == 4, done.stderr
         assert wrong(done, tmp_path) == ""
         assert "No space left on device" in done.stderr
@@ -187,25 +202,26 @@ def sizes(words: list[str], folder: Path, ended: Ended) -> list[int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["limit", "disk"])
-def test_no_size_of_a_disk_ends_in_a_signal(inputs: Path, tmp_path: Path, kind: str) -> None:
+def test_no_size_of_a_disk_ends_in_a_signal(inputs: Path, offspring: Offspring, tmp_path: Path, kind: str) -> None:
     if kind == "disk" and (shutil.which("mount") is None or os.geteuid() != 0):
         pytest.skip("a small disk needs root to mount it")
+    (inputs / "study.toml").write_text(STUDY)
+    assert called("study", "run", "study.toml", "--store", "done.sqlite", "--quiet", cwd=inputs).returncode == 0
     disk = small_disk if kind == "disk" else no_disk
     faults = []
-    with Offspring() as offspring:
-        for verb, words in commands(inputs).items():
-            codes: Counter[int] = Counter()
-            tried = sizes(words, tmp_path / verb, offspring.ended)
-            for size in tried:
-                folder = tmp_path / f"{verb}-{size}"
-                (folder / "out").mkdir(parents=True)
-                with disk(folder, size):
-                    done = offspring.ended(words, folder, None if kind == "disk" else size)
-                    codes[done.returncode] += 1
-                    if fault := wrong(done, folder, offspring.ended):
-                        faults.append(f"{kind} {verb} {size}: {fault}")
-                shutil.rmtree(folder, ignore_errors=True)
-            told = ", ".join(f"{count} x exit code {code}" for code, count in sorted(codes.items()))
-            print(f"{kind:5} {verb:17} {len(tried)} sizes of {tried[0]:6} to {tried[-1]:7} bytes: {told}", flush=True)
+    for verb, words in commands(inputs).items():
+        codes: Counter[int] = Counter()
+        tried = sizes(words, tmp_path / verb, offspring.ended)
+        for size in tried:
+            folder = tmp_path / f"{verb}-{size}"
+            (folder / "out").mkdir(parents=True)
+            with disk(folder, size):
+                done = offspring.ended(words, folder, None if kind == "disk" else size)
+                codes[done.returncode] += 1
+                if fault := wrong(done, folder):
+                    faults.append(f"{kind} {verb} {size}: {fault}")
+            shutil.rmtree(folder, ignore_errors=True)
+        told = ", ".join(f"{count} x exit code {code}" for code, count in sorted(codes.items()))
+        print(f"{kind:5} {verb:17} {len(tried)} sizes of {tried[0]:6} to {tried[-1]:7} bytes: {told}", flush=True)
     print(f"{kind:5} faults: {len(faults)}", *faults, sep="\n")
     assert faults == []

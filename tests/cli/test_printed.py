@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, called
+from offspring import Offspring
 
 from swarmsim.core.errors import StorageError
 
@@ -24,19 +25,15 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def called(*words: object, **how: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "swarmsim", *map(str, words)]
-    return subprocess.run(command, text=True, check=False, timeout=120, stderr=subprocess.PIPE, **how)
-
-
 @pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")
 @pytest.mark.parametrize(
     "words", [("show", "RUN"), ("show", "RUN", "--json"), ("schema",), ("parts",), ("--help",), ("run", "SCENARIO")]
 )
-def test_an_output_that_is_full_is_told_in_a_sentence(run: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_an_output_that_is_full_is_told_in_a_sentence(
+    run: Path, offspring: Offspring, tmp_path: Path, words: tuple[str, ...]
+) -> None:
     places = {"RUN": run, "SCENARIO": ROOM}
-    with FULL.open("w") as full:
-        done = called(*(places.get(word, word) for word in words), stdout=full, cwd=tmp_path)
+    done = offspring.ended([places.get(word, word) for word in words], tmp_path, out=FULL)
     assert (done.returncode, done.stderr) == (
         4, "swarmsim: standard output: cannot be written (No space left on device)\n"
     )  # fmt: skip
@@ -46,7 +43,8 @@ def test_an_output_that_is_full_is_told_in_a_sentence(run: Path, tmp_path: Path,
 def test_a_reader_that_has_seen_enough_ends_a_verb_quietly(run: Path, words: tuple[str, ...]) -> None:
     read, write = os.pipe()
     os.close(read)
-    done = called(*(run if word == "RUN" else word for word in words), stdout=write)
+    command = [sys.executable, "-m", "swarmsim", *(str(run) if word == "RUN" else word for word in words)]
+    done = subprocess.run(command, text=True, check=False, timeout=120, stdout=write, stderr=subprocess.PIPE)
     os.close(write)
     assert (done.returncode, done.stderr) == (141, "")
 

@@ -14,6 +14,7 @@ from typer.main import get_command
 
 from swarmsim.cli import app, main
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 #: Verbs that open windows, run for minutes or look after the installation.
 LEFT_OUT = {"view", "reproduce", "doctor"}
 ODD = (

@@ -19,6 +19,7 @@ from swarmsim.recording.reader import Recording
 from swarmsim.world import rosmap
 from swarmsim.world.source import floor_plan
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 ROOT = Path(__file__).parents[2]
 ROOM = str(ROOT / "worlds" / "room.svg")
 

@@ -177,6 +177,7 @@ def test_a_run_is_another_once_its_code_has_changed(study: Path, tmp_path: Path)
     assert not identities() & before
 
 
+@pytest.mark.usefixtures("no_workers")
 def test_the_verbs_of_a_study_need_leave_to_run_code(study: Path, tmp_path: Path) -> None:
     assert swarmsim("study", "run", study, "--quiet", cwd=tmp_path).returncode == 2
     done = swarmsim("study", "run", study, "--allow-code", "--workers", 1, "--quiet", cwd=tmp_path)

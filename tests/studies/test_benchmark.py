@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from conftest import ROOT, called
+from conftest import ROOT, called, jobs_here
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from tiny_set import tiny_set
@@ -39,10 +39,11 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "mine").mkdir()
     (place / "mine" / "curious.py").write_text(RULE)
     (place / "mine" / "curious.toml").write_text(METHOD)
-    done = called(
-        "benchmark", "explore", "mine/curious.toml", "--out", "entry", "--tasks", "tiny", "--secret", "tiny/secret.txt",
-        "--workers", 1, "--allow-code", cwd=place,
-    )  # fmt: skip
+    with jobs_here():
+        done = called(
+            "benchmark", "explore", "mine/curious.toml", "--out", "entry", "--tasks", "tiny",
+            "--secret", "tiny/secret.txt", "--workers", 1, "--allow-code", cwd=place,
+        )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "6 runs in" in done.stdout
     shutil.rmtree(place / "mine")

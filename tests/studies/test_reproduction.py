@@ -86,6 +86,16 @@ def test_runs_as_published_hold_every_claim_of_the_reference_paper(tmp_path: Pat
     assert "the margin was chosen after its bare sign was seen to be open" in found.claims[1].test
 
 
+def test_the_report_of_the_reference_paper_has_five_figures_of_each_reading(tmp_path: Path) -> None:
+    found = done(KIT, tmp_path / "runs.sqlite", lambda condition: 500.0, seeds=2)
+    paper_report.write(found, tmp_path / "out")
+    page = (tmp_path / "out" / paper_report.FILES[1]).read_text()
+    assert "20-15-10-5 units" in page
+    sources = re.findall(r'src="([^"]+)"', page)
+    assert len(sources) == 10
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+
+
 def test_runs_that_take_the_same_whatever_is_done_hold_no_claim_of_an_effect(tmp_path: Path) -> None:
     (found,) = done(KIT, tmp_path / "runs.sqlite", lambda condition: 500.0, ["letter"], seeds=20)
     assert verdicts(found)[:4] == ["undecided", "does not hold", "does not hold", "undecided"]

@@ -18,6 +18,7 @@ from swarmsim.studies.selection import Answer, Goal, TooFewError, best, race
 from swarmsim.studies.store import Row, Store
 from swarmsim.studies.survival import Endings
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 STUDY = f"""
 title = "A race"
 scenario = "{ROOT}/scenarios/room.toml"

@@ -13,6 +13,7 @@ from swarmsim.core.scenario.file import load
 from swarmsim.studies import worst
 from swarmsim.studies.store import Row
 
+pytestmark = pytest.mark.usefixtures("no_workers")
 SCENARIO = load(ROOT / "scenarios" / "basilica.toml")  # 15 robots
 SOUND = 200
 

@@ -7,7 +7,6 @@ import hashlib
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -90,6 +89,7 @@ def test_the_verb_writes_pages_and_refuses_what_it_cannot_show(recording: Record
     assert sorted(path.name for path in tmp_path.iterdir() if path.suffix == ".html") == ["page.html"]
 
 
+@pytest.mark.usefixtures("no_workers")
 def test_a_study_has_a_page_with_tables_pictures_and_links(tmp_path: Path) -> None:
     study = tmp_path / "study.toml"
     study.write_text(
@@ -97,9 +97,7 @@ def test_a_study_has_a_page_with_tables_pictures_and_links(tmp_path: Path) -> No
         '[[vary]]\nkey = "network.topology.k"\nvalues = [1, 2]\n'
     )
     for verb in (["study", "run", "study.toml", "--quiet"], ["report", "study.toml", "-o", "study.html"]):
-        done = subprocess.run(
-            [sys.executable, "-m", "swarmsim", *verb], capture_output=True, text=True, check=False, cwd=tmp_path
-        )
+        done = called(*verb, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     page = (tmp_path / "study.html").read_text()
     links = re.findall(r'href="([^"]+)"', page)

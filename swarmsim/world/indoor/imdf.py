@@ -17,8 +17,6 @@ from swarmsim.world.indoor.drawings import drawn
 from swarmsim.world.indoor.features import Feature
 from swarmsim.world.shapes import Drawing
 
-SUFFIXES: Final = (".zip", ".imdf")
-
 _FILES: Final = ("unit", "opening", "level", "fixture", "kiosk")  # files of a venue for a floor plan
 _BROKEN: Final = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, ValueError, RuntimeError, NotImplementedError

@@ -22,8 +22,6 @@ from swarmsim.world.markup import Node, parsed
 from swarmsim.world.problems import Problems
 from swarmsim.world.shapes import Drawing
 
-SUFFIXES: Final = (".osm",)
-
 _EXPECTED: Final = "a map of OpenStreetMap (.osm) with indoor tags"
 _MULTI: Final = ("multipolygon", "boundary")
 _Nodes = dict[str | None, NDArray[np.float64]]  # longitude and latitude by id
