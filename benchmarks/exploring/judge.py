@@ -39,15 +39,22 @@ METHODS = {  # strategy, sharing, and whether all hear all
 }
 
 
+def keys_of(kind: str, seed: int, robots: int, limit: int = LIMIT) -> list[str]:
+    """What a task sets, beside who hears whom."""
+    return [
+        f"world={{generate={KINDS[kind]}, seed={seed}}}",
+        f"robots.count={robots}",
+        f"stop.iterations={limit}",
+    ]
+
+
 def times(kind: str, seed: int, robots: int, regime: str, method: str) -> tuple[list[int], float]:
     """The iterations to each of SHARES, and the bytes that a robot told in an iteration."""
     strategy, sharing, everything = METHODS[method]
     keys = [
-        f"world={{generate={KINDS[kind]}, seed={seed}}}",
-        f"robots.count={robots}",
+        *keys_of(kind, seed, robots),
         f'mind.strategy={{use="{strategy}"}}',
         f'mind.computation.sharing={{use="{sharing}"}}',
-        f"stop.iterations={LIMIT}",
         *(('network.topology={use="full"}',) if everything else REGIMES[regime]),
     ]
     simulation = build(load(SCENARIO, keys), str(SCENARIO)).simulation
