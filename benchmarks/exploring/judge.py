@@ -34,6 +34,11 @@ REGIMES = {
 METHODS = {  # strategy, sharing, and whether all hear all
     "dispersed": ("dispersed-frontier", "gossip", False),
     "shared": ("shared-frontier", "gossip", False),
+    "learned": (
+        'shared-frontier", weight=22.9, reach=13.1, stays=2.15, revenue=2.93, replan="every-iteration',
+        "gossip",
+        False,
+    ),
     "assigned": ('assigned-frontier", replan="every-iteration', "gossip", False),
     "oracle": ("oracle-frontier", "tile-and-goal", True),
 }
@@ -70,7 +75,7 @@ def times(kind: str, seed: int, robots: int, regime: str, method: str) -> tuple[
 def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("regime", choices=REGIMES)
-    asked.add_argument("--rule", choices=("shared", "assigned"), default="shared")
+    asked.add_argument("--rule", choices=("shared", "learned", "assigned"), default="shared")
     asked.add_argument("--first", type=int, default=20000)
     asked.add_argument("--rounds", type=int, default=6)
     args = asked.parse_args()
