@@ -160,6 +160,16 @@ def test_dispersed_goes_where_others_are_not() -> None:
     assert DispersedFrontier().choose(candidates([[5, 12], [FAR, FAR]])) == 0
 
 
+def test_dispersed_heeds_those_nearest_to_a_piece() -> None:
+    """Beside the second piece are ten robots at 30 cells, beside the first one at 20: who is nearest decides alone."""
+    crowd = [[5, 6], [20, FAR], *[[FAR, 30]] * 10]
+    assert DispersedFrontier(weight=10.0, reach=10.0).choose(candidates(crowd)) == 0
+    assert DispersedFrontier(weight=100.0, reach=10.0, heeds=1).choose(candidates(crowd)) == 1
+    for heeds in (99, None):
+        assert DispersedFrontier(weight=100.0, reach=10.0, heeds=heeds).choose(candidates(crowd)) == 0
+    assert DispersedFrontier(heeds=1).choose(candidates([[5, 12]])) == 0  # nobody is heard
+
+
 def test_pieces_are_shared_out_at_the_least_price_of_all() -> None:
     """Alone both would take the first; the one that gives way is the one that loses less by it."""
     ways = np.array([[3.0, 4.0, 50.0], [2.0, 30.0, 50.0]])
@@ -178,6 +188,14 @@ def test_shared_takes_its_part_of_the_plan_and_keeps_its_mind() -> None:
     assert rule.choose(candidates([[3, FAR], [1, FAR]])) == 0  # there is no other piece for it
     assert rule.choose(candidates([[5, 7]])) == 0
     assert rule.choose(candidates([[5, 7]], present=1)) == 1
+
+
+def test_shared_pays_for_the_view() -> None:
+    """Two cells farther, but with 0.3 more of the view unknown: worth it from a revenue of 2 / 0.3 = 6.7 on."""
+    two = candidates([[5, 7]], unknown=[0.2, 0.5])
+    assert [SharedFrontier(revenue=revenue).choose(two) for revenue in (None, 6.0, 7.0)] == [0, 0, 1]
+    both = candidates([[5, 7, 8], [1, 9, 30]], unknown=[0.2, 0.2, 0.9])  # the first is the other's anyway
+    assert [SharedFrontier(weight=0.0, revenue=revenue).choose(both) for revenue in (0.0, 10.0)] == [1, 2]
 
 
 @pytest.mark.parametrize("use", ["market", "reserved-frontier", "oracle-frontier"])
