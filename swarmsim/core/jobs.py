@@ -1,0 +1,80 @@
+"""Jobs: heavy computations that a swarm shares, piece by piece.
+
+A job is a rule for pieces. What a piece is after a step is a function of what it and the pieces around it were before,
+and of nothing else; so it is the same whoever computes it, when, and how often. The runtime decides who does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.lattice import Lattice
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """A fixed part of a domain, with the cells around it that its steps read."""
+
+    number: int
+    cells: NDArray[np.int32]  # (c, 2): row, column; by row, then column
+    halo: NDArray[np.int32]  # (h, 2): cells of other pieces that a step reads, by row, then column
+    owners: NDArray[np.int32]  # (h,): the pieces that these cells belong to
+    rim: NDArray[np.int64]  # (r,): indices of its own cells that other pieces' halos hold, which it shows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Domain:
+    """Cells to compute on."""
+
+    lattice: Lattice
+    free: NDArray[np.bool_]  # (rows, columns)
+
+
+class PieceJob(Protocol):
+    """A job in pieces: one instance serves all robots and keeps no state, so equal arguments give equal bits."""
+
+    @property
+    def halo(self) -> int:
+        """How many cells beyond its own a step of a piece reads; 0 for independent pieces."""
+        ...
+
+    @property
+    def level(self) -> int:
+        """Steps of a level; states are copied to other robots at its start."""
+        ...
+
+    @property
+    def steps(self) -> int:
+        """Steps in all, a whole number of levels."""
+        ...
+
+    def pieces(self, domain: Domain) -> Sequence[Piece]:
+        """The pieces, numbered from 0."""
+        ...
+
+    def start(self, piece: Piece, sensed: Values) -> Values:
+        """The state, an array of any shape, before step 0; `sensed` (c,) is what its first holder alone knows."""
+        ...
+
+    def shows(self, piece: Piece, state: Values, step: int) -> Values:
+        """The values (r, ...) of its rim that other pieces' step `step` reads."""
+        ...
+
+    def step(self, piece: Piece, state: Values, around: Values, step: int) -> Values:
+        """The state after a step, from the values (h, ...) of its halo."""
+        ...
+
+    def work(self, piece: Piece) -> float:
+        """Floating-point operations of a step."""
+        ...
+
+    def answer(self, piece: Piece, state: Values) -> Values:
+        """The values (c,) of its cells, for tasks and films."""
+        ...
