@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Literal, Protocol
 
 import numpy as np
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
@@ -78,3 +79,24 @@ class PieceJob(Protocol):
     def answer(self, piece: Piece, state: Values) -> Values:
         """The values (c,) of its cells, for tasks and films."""
         ...
+
+
+class Shared(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Keys of every job in pieces: how a swarm shares it.
+
+    A piece is computed by whoever computed it last, its holder. `copies` other robots, or all that hear of them, keep
+    each piece's state from the start of a level. Once a piece has been silent for `patience` iterations, and one more
+    for each nearer robot with a copy, a robot with a copy goes on with it, and copies are made anew.
+
+    With `fence = "data"` a step waits for what it reads, however long, so the answer is the same on every network.
+    With `fence = "clock"` a step is done in each exchange, with the newest values there are.
+
+    A message has at most `budget` bytes of the job, if that is given, and numbers of `value` bytes.
+    """
+
+    name: Annotated[str, Meta(pattern="^([a-z][a-z0-9_]*)?$")] = ""  # in recordings; default: the part's
+    copies: Annotated[int, Meta(ge=0)] | Literal["all"] = 2
+    patience: Annotated[int, Meta(ge=1)] = 12  # iterations
+    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    fence: Literal["data", "clock"] = "data"
+    value: Literal[4, 8] = 8  # bytes
