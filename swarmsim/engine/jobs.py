@@ -27,6 +27,7 @@ def bundled(
     With a clock, third-party ones are guarded, or all if `strict`. Raises InputError for jobs that cannot be done.
     """
     if not scenario.jobs:
+        _check_without(scenario)
         return computation, None
     jobs: dict[str, AnyJob] = {}
     for number, part in enumerate(scenario.jobs):
@@ -38,6 +39,17 @@ def bundled(
         computation = held("computation", computation, context, clock, not registry.is_ours(computation))
     bundle = Bundle(computation, jobs)
     return bundle, bundle
+
+
+def _check_without(scenario: Scenario) -> None:
+    """Raise InputError for what a scenario without jobs has no use for."""
+    if scenario.task.declares("needs_jobs", False):
+        raise InputError(f"task.use: {scenario.task.use!r} measures jobs, and there are none; expected [[jobs]]")
+    if scenario.network.exchanges > 1:
+        raise InputError(
+            f"network.rounds: {scenario.network.exchanges} exchanges in an iteration, all but the first for jobs, and "
+            "there are none; expected [[jobs]], or 1"
+        )
 
 
 def _name_of(use: str) -> str:

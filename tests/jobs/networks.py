@@ -79,6 +79,7 @@ class Swarm:
     topology: Callable[[int, np.ndarray], np.ndarray] | str = "full"  # of iteration and alive (n,): heard (n, n)
     deaths: Mapping[int, list[int]] = field(default_factory=dict)  # robots that die, by iteration
     comes: Mapping[int, list[int]] = field(default_factory=dict)  # robots that come later, by iteration
+    strike: Callable[[int, Swarm], list[int]] = lambda now, swarm: []  # robots that die before an iteration
     rounds: int = 1
     seed: int = 5
     limit: int = 400
@@ -113,6 +114,7 @@ class Swarm:
         for now in range(self.limit):
             self.alive[self.comes.get(now, [])] = True
             self.alive[self.deaths.get(now, [])] = False
+            self.alive[self.strike(now, self)] = False
             links, still = self.links(now), np.zeros((self.robots, 3))
             senses = Senses(now, self.places, still, self.alive.copy(), Readings())
             for number in range(self.rounds):
@@ -129,6 +131,15 @@ class Swarm:
                 self.ended = now + 1
                 break
         return self
+
+    def holders(self, piece: int) -> list[int]:
+        """The living robots that compute a piece."""
+        return [robot for robot in np.flatnonzero(self.alive).tolist() if self.parcel.step[robot, piece] >= 0]
+
+    def keepers(self, piece: int) -> list[int]:
+        """The living robots that keep a copy of a piece that they do not compute."""
+        mine = (self.parcel.kept[:, piece] >= 0) & (self.parcel.step[:, piece] < 0) & self.alive
+        return np.flatnonzero(mine).tolist()
 
     @property
     def exact(self) -> bool:
