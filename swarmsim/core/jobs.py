@@ -8,15 +8,54 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.messages import Broadcast, C, Codec, Inbox
+from swarmsim.core.state import Knowledge, Senses
 
 Values = NDArray[np.float64]
+
+
+class Job(Protocol[C]):
+    """What a swarm computes beside its robots' minds, over the same network.
+
+    It may be built for some of the swarm's robots, with a row for each; see `BuildContext`. A class with the verbs of
+    `PieceJob` is one too: pieces, start, shows, step, work, answer.
+    """
+
+    @property
+    def codec(self) -> Codec[C]:
+        """Its part of messages on the wire; available from the start."""
+        ...
+
+    def say(self, senses: Senses) -> Broadcast[C]:
+        """Every robot's part in one exchange; a network may have several in an iteration."""
+        ...
+
+    def hear(self, senses: Senses, inbox: Inbox[C]) -> Knowledge:
+        """Every robot's part of the answer after an exchange, as read-only views.
+
+        Row i depends only on row i of the senses and on what row i received. `inbox.sent` counts exchanges. A robot
+        whose mind takes nothing in at present counts as dead in these senses.
+        """
+        ...
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """Erase all that these rows (r,) have of it."""
+        ...
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """Copy what the row `source` has of it to these rows (r,)."""
+        ...
+
+
+#: Any job; whether its messages are those that it unpacks is its own affair.
+AnyJob = Job[Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
