@@ -159,10 +159,10 @@ def relaxations(rho: float, sweeps: int) -> NDArray[np.float64]:
 
 
 class _Sweeping:
-    """Sweeps on one piece. A state is the fields (c, k) between steps in time.
+    """Sweeps on one piece. A state (2, e, k) has the right side and the iterate of the cells that it solves.
 
-    Within one it is (2, e, k) for the e cells that it solves, its own and the overlap: the right side, and the iterate;
-    for Chebyshev (3, e, k), the iterate before as well.
+    These e cells are its own and the overlap. Chebyshev's (3, e, k) has the iterate before as well. Between steps in
+    time, all but the iterate of its own cells is 0.
     """
 
     def __init__(
@@ -190,13 +190,15 @@ class _Sweeping:
             self.work += work
 
     def start(self, fields: Values) -> Values:
-        return fields
+        found = np.zeros((2 if self._weights is None else 3, len(self._solved), fields.shape[1]))
+        found[1, self._mine] = fields
+        return found
 
     def shows(self, state: Values, step: int) -> Values:
         return self.fields(state)[self._patch.rim]
 
     def fields(self, state: Values) -> Values:
-        return state if state.ndim == 2 else np.asarray(state[1, self._mine])
+        return np.asarray(state[1, self._mine])
 
     def swept(self, right: Values, seen: Values) -> Values:
         """The solution (e, k) for a right side (e, k) and the values (s, k) of all cells seen."""
@@ -215,7 +217,7 @@ class _Sweeping:
         if self._weights is not None:
             after = self._weights[sweep] * (after - before) + before
         if sweep == self._sweeps - 1:
-            return np.asarray(after[self._mine])
+            return self.start(after[self._mine])
         return np.stack([right, after] if self._weights is None else [right, after, now])
 
 

@@ -112,4 +112,4 @@ def nearest_cells(domain: Domain) -> NDArray[np.int64]:
 def _clipped(lattice: Lattice, points: NDArray[np.float64]) -> NDArray[np.int64]:
     """The cells (k, 2) at points (k, 2): row, column; of those outside the nearest ones."""
     found = np.floor((points - (lattice.x0, lattice.y0)) / lattice.cell)[:, ::-1]
-    return np.clip(np.nan_to_num(found), 0, np.array(lattice.shape) - 1).astype(np.int64)
+    return np.asarray(np.clip(np.nan_to_num(found), 0, np.array(lattice.shape) - 1).astype(np.int64))
