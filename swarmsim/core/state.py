@@ -111,6 +111,12 @@ class Told:
     sent: int = 0  # bytes that robots said, each message once
     heard: int = 0  # bytes that robots heard
 
+    def record(self) -> Record:
+        """The job's own data, and its bytes."""
+        found = self.knowledge.record()
+        bytes_of = {f"{self.name}_bytes_sent": self.sent, f"{self.name}_bytes_heard": self.heard}
+        return Record({**found.rows, **bytes_of}, found.lists, found.of_robots)
+
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
@@ -246,7 +252,7 @@ class Elapsed(ABC, Generic[K_co]):
     believed: NDArray[np.float64] | None = None  # (n, 3): estimated poses; None: the true ones
     people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m; None: there are none
     jobs: tuple[Told, ...] = ()
-    traffic: Traffic | None = None  # None: a message on each link
+    traffic: Traffic | None = None  # None: a message on each link, of unknown size
 
 
 @dataclass(frozen=True, slots=True, eq=False)

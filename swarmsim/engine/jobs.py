@@ -11,6 +11,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import AnyJob, PieceJob, Shared
 from swarmsim.core.parts import AnyComputation
 from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
@@ -27,6 +28,7 @@ def bundled(
     With a clock, third-party ones are guarded, or all if `strict`. Raises InputError for jobs that cannot be done.
     """
     if not scenario.jobs:
+        _check_without(scenario)
         return computation, None
     jobs: dict[str, AnyJob] = {}
     for number, part in enumerate(scenario.jobs):
@@ -38,6 +40,17 @@ def bundled(
         computation = held("computation", computation, context, clock, not registry.is_ours(computation))
     bundle = Bundle(computation, jobs)
     return bundle, bundle
+
+
+def _check_without(scenario: Scenario) -> None:
+    """Raise InputError for what a scenario without jobs has no use for."""
+    if scenario.task.declares("needs_jobs", False):
+        raise InputError(f"task.use: {scenario.task.use!r} measures jobs, and there are none; expected [[jobs]]")
+    if scenario.network.exchanges > 1:
+        raise InputError(
+            f"network.rounds: {scenario.network.exchanges} exchanges in an iteration, all but the first for jobs, and "
+            "there are none; expected [[jobs]], or 1"
+        )
 
 
 def _name_of(use: str) -> str:
@@ -52,7 +65,8 @@ def _job(part: Part[AnyJob], name: str, context: BuildContext, place: str, clock
         asked = part.parameters
         keys = {key: getattr(asked, key) for key in Shared.__struct_fields__ if hasattr(asked, key)}
         try:
-            found = Lockstep(found, Shared(**{**keys, "name": name}), context)  # type: ignore[arg-type]
+            shared = convert({**keys, "name": name}, Shared)
+            found = Lockstep(found, shared, context)  # type: ignore[arg-type]
         except InputError as problem:
             raise problem.inside(place) from problem
     job: AnyJob = found  # type: ignore[assignment]

@@ -74,6 +74,7 @@ class Cost:
         steps, waited, taken, redone, work = np.sum([one.counts.sum(axis=0) for one in parcels], axis=0).tolist()
         return {
             "pieces_lost": int(self._last.measured.values["pieces_lost"]),
+            "robots_deaf": sum(self._deaf(one) for one in parcels),
             "pieces_taken_over": int(taken),
             "steps_computed": int(steps),
             "steps_redone": int(redone),
@@ -82,3 +83,8 @@ class Cost:
             "job_bytes_sent": self._sent,
             "job_bytes_heard": self._heard,
         }
+
+    def _deaf(self, parcel: Parcel) -> int:
+        """How many living robots have heard nobody for longer than the patience."""
+        alive = self._last.state.alive if self._last is not None else np.zeros(0, np.bool_)
+        return int(np.count_nonzero(parcel.silent[alive] > parcel.plan.keys.patience))

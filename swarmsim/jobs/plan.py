@@ -79,7 +79,8 @@ class Plan:
 
     def stepped(self, piece: int, state: Values, around: Values, step: int) -> Values:
         """The state after a step. Raises ValueError for another shape, InputError for what is not finite."""
-        found = self.job.step(self.pieces[piece], state, around, step)
+        with np.errstate(over="ignore", invalid="ignore"):  # told below
+            found = self.job.step(self.pieces[piece], state, around, step)
         found = self._held(found, self.state[piece], f"step: piece {piece} at step {step}")
         if not np.isfinite(found).all():
             raise InputError(

@@ -25,7 +25,7 @@ class Router:
 
     Each value says how many hops its teller is from each piece that needs it. Who hears it passes it on if it is nearer
     to one of them, and otherwise only if the need lasts. A value is said until all readers' claims are past it, after
-    pauses that double.
+    pauses that grow by half.
     """
 
     def __init__(self, plan: Plan, me: int, rounds: int) -> None:
@@ -60,7 +60,7 @@ class Router:
         """Note that a value has been said."""
         pause = self._due.get((item.piece, item.step), (0, FIRST))[1]
         longest = self._plan.keys.patience * self._rounds
-        self._due[item.piece, item.step] = clock + pause, min(2 * pause, max(longest, FIRST))
+        self._due[item.piece, item.step] = clock + pause, min(pause + (pause + 1) // 2, max(longest, FIRST))
 
     def forget(self, before: int) -> None:
         """Forget values older than a step."""

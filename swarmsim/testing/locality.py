@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.bundle import Bundle, whole
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
-from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
+from swarmsim.core.parts import AnyComputation, AnyStrategy, Exchanges, Parts
 from swarmsim.core.scenario import registry
-from swarmsim.core.state import Intents, Knowledge, Senses
+from swarmsim.core.state import Intents, Knowledge, Senses, Told
 from swarmsim.engine import minds
 from swarmsim.engine.build import BuiltRun
+from swarmsim.engine.jobs import bundled
 from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.testing.broken import BrokenError, breaking
 from swarmsim.testing.runs import ITERATIONS, limited, opened
@@ -32,6 +34,7 @@ class Heard:
     decides: tuple[Senses, Inbox[MessageBatch]]  # when it decided
     said: Broadcast[MessageBatch]
     intents: Intents
+    more: Sequence[tuple[Senses, Broadcast[MessageBatch], Inbox[MessageBatch]]] = ()  # further exchanges, of jobs
 
 
 class Witness(ComputationDelegate):
@@ -46,6 +49,8 @@ class Witness(ComputationDelegate):
         self._changes: list[tuple[NDArray[np.int64], int | None]] = []
         self._spoken: list[tuple[Senses, Broadcast[MessageBatch]]] = []
         self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
+        #: The further exchanges of this iteration.
+        self.more: list[tuple[Senses, Broadcast[MessageBatch], Inbox[MessageBatch]]] = []
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         said = self._inner.say(senses)
@@ -60,8 +65,9 @@ class Witness(ComputationDelegate):
     def decided(self, senses: Senses, inbox: Inbox[MessageBatch], intents: Intents) -> None:
         """The end of an iteration."""
         speaks, said = self._spoken[-1]
-        self.heard.append(Heard(self._changes, speaks, self._given[-1], (_copied(senses), inbox), said, intents))
-        self._changes = []
+        decides = (_copied(senses), inbox)
+        self.heard.append(Heard(self._changes, speaks, self._given[-1], decides, said, intents, self.more))
+        self._changes, self.more = [], []
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         self._changes.append((robots.copy(), None))
@@ -71,6 +77,29 @@ class Witness(ComputationDelegate):
         """The robots that get another one's knowledge."""
         self._changes.append((robots.copy(), source))
         self._inner.copy_from(robots, source)
+
+
+class WitnessedJobs:
+    """Notes the further exchanges of jobs."""
+
+    def __init__(self, inner: Exchanges, witness: Witness) -> None:
+        self._inner, self._witness = inner, witness
+        self._said: Broadcast[MessageBatch] | None = None
+
+    @property
+    def told(self) -> tuple[Told, ...]:
+        """What the jobs have found."""
+        return self._inner.told
+
+    def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
+        self._said = self._inner.say_more(senses)
+        return self._said
+
+    def hear_more(self, senses: Senses, inbox: Inbox[MessageBatch]) -> None:
+        """Note the exchange, and pass it on."""
+        if self._said is not None:
+            self._witness.more.append((_copied(senses), self._said, inbox))
+        self._inner.hear_more(senses, inbox)
 
 
 class WitnessedStrategy:
@@ -104,7 +133,8 @@ def _followed(scenario: Path | str, overrides: Sequence[str], iterations: int, a
 
     def watch(parts: Parts) -> Parts:
         witnesses.append(Witness(parts.computation, parts.strategy))
-        return replace(parts, computation=witnesses[0], strategy=witnesses[0].strategy)
+        jobs = None if parts.jobs is None else WitnessedJobs(parts.jobs, witnesses[0])
+        return replace(parts, computation=witnesses[0], strategy=witnesses[0].strategy, jobs=jobs)
 
     run = opened(scenario, limited(overrides, iterations), False, allow_code, watch)
     run.simulation.run()
@@ -135,7 +165,8 @@ Mind = tuple[AnyComputation, AnyStrategy]
 
 def _mind(run: BuiltRun, context: BuildContext) -> Mind:
     """A new mind, as built for a run."""
-    return minds.together(minds.built_for(run.scenario, context), run.scenario)
+    computation, strategy = minds.together(minds.built_for(run.scenario, context), run.scenario)
+    return bundled(computation, run.scenario, context)[0], strategy
 
 
 def _repeated(
@@ -143,12 +174,18 @@ def _repeated(
     speaks: Senses,
     hears: tuple[Senses, Inbox[MessageBatch]],
     decides: tuple[Senses, Inbox[MessageBatch]],
+    more: Sequence[tuple[Senses, Inbox[MessageBatch]]],
     where: str,
-) -> tuple[Broadcast[MessageBatch], Intents]:
+) -> tuple[list[Broadcast[MessageBatch]], Intents]:
+    """What is said in each exchange, and decided."""
     computation, strategy = mind
     with breaking("computation", where):
-        said = computation.say(speaks)
+        said = [computation.say(speaks)]
         known = computation.hear(*hears)
+    for senses, inbox in more if isinstance(computation, Bundle) else ():
+        with breaking("job", where):
+            said.append(computation.say_more(senses))
+            computation.hear_more(senses, inbox)
     with breaking("strategy", where):
         return said, strategy.step(*decides, known)
 
@@ -197,15 +234,17 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
         hears, decides = (
             (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
         )
-        said, intents = _repeated(mind, speaks, hears, decides, f"{scenario}, iteration {speaks.iteration}, {when}")
+        more = [(_chosen(senses, ids), _received(inbox, ids, count)) for senses, _, inbox in heard.more]
+        where = f"{scenario}, iteration {speaks.iteration}, {when}"
+        said, intents = _repeated(mind, speaks, hears, decides, more, where)
         for row in np.flatnonzero(speaks.alive & followed).tolist():
             robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
-            _check_said(said, row, heard.said, robot, f"{where}: {{}} {when}")
-            if heard.said.sizes[robot] > 0:
-                packed = codec.pack(robot, now, said.of(row))
-                first = swarm.codec.pack(robot, now, heard.said.of(robot))
-                if packed != first:
+            for mine, first in zip(said, (heard.said, *(one for _, one, _ in heard.more)), strict=True):
+                _check_said(mine, row, first, robot, f"{where}: {{}} {when}")
+                if first.sizes[robot] > 0 and codec.pack(robot, now, whole(mine, row)) != swarm.codec.pack(
+                    robot, now, whole(first, robot)
+                ):
                     raise BrokenError(f"{where}: sends other bytes {when}", "computation")
             if decides[0].alive[row] and _done(intents, row) != _done(heard.intents, robot):
                 raise BrokenError(f"{where}: does something else {when}", "strategy")
@@ -218,8 +257,8 @@ def _check_said(
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     if here != there:
         raise BrokenError(wrong.format(f"says {here} bytes, not {there},"), "computation")
-    content, whole = mine.of(row), first.of(robot)
-    names, columns = type(whole).__match_args__, (content.arrays(), whole.arrays())
+    content, theirs = whole(mine, row), whole(first, robot)
+    names, columns = type(theirs).__match_args__, (content.arrays(), theirs.arrays())
     if type(content).__match_args__ != names or len(columns[0]) != len(columns[1]):
         raise BrokenError(wrong.format("says other columns"), "computation")
     for number, (one, other) in enumerate(zip(*columns, strict=True)):
@@ -232,7 +271,8 @@ def _received(inbox: Inbox[MessageBatch], ids: NDArray[np.int64], count: int) ->
     """The inbox of these robots (rows,), in row order."""
     row = np.full(count, -1, np.int32)
     row[ids] = np.arange(len(ids))
-    moved = replace(inbox, receivers=row[inbox.receivers])
+    beside = tuple(_received(one, ids, count) for one in inbox.beside)
+    moved = replace(inbox, receivers=row[inbox.receivers], beside=beside)
     order = np.lexsort((moved.sent, moved.senders, moved.receivers))
     return moved.take(order[moved.receivers[order] >= 0])
 
@@ -251,16 +291,23 @@ def check_locality(
             mind = _mind(run, run.context)
         for heard in swarm.heard:
             hears, decides = (
-                (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))
-                for senses, inbox in (heard.hears, heard.decides)
+                (_scrambled(senses, robot), _only(inbox, robot)) for senses, inbox in (heard.hears, heard.decides)
             )
+            more = [(_scrambled(senses, robot), _only(inbox, robot)) for senses, _, inbox in heard.more]
             where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
             when = "when others sense and hear something else"
-            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, f"{where}, {when}")
-            if heard.speaks.alive[robot]:
-                _check_said(said, robot, heard.said, robot, f"{where}: {{}} {when}")
+            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, more, f"{where}, {when}")
+            for mine, first in zip(said, (heard.said, *(one for _, one, _ in heard.more)), strict=True):
+                if heard.speaks.alive[robot]:
+                    _check_said(mine, robot, first, robot, f"{where}: {{}} {when}")
             if heard.decides[0].alive[robot] and _done(intents, robot) != _done(heard.intents, robot):
                 raise BrokenError(f"{where}: does something else {when}", "strategy")
+
+
+def _only(inbox: Inbox[MessageBatch], robot: int) -> Inbox[MessageBatch]:
+    """What one robot heard."""
+    beside = tuple(_only(one, robot) for one in inbox.beside)
+    return replace(inbox.take(np.flatnonzero(inbox.receivers == robot)), beside=beside)
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
