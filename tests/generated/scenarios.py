@@ -289,7 +289,8 @@ class _Draw:
             },
             "model": {
                 **noise, "model": self._equation, "method": lambda: self._maybe({"use": "block-jacobi"}),
-                "dt": lambda: self._maybe(dice.choice((0.25, 2.0))), "sources": lambda: self._maybe(self._emitters(), 0.2),
+                "dt": lambda: self._maybe(dice.choice((0.25, 2.0))),
+                "sources": lambda: self._maybe(self._emitters(), 0.2),
                 "start": lambda: self._maybe({"use": "formula", "formula": "exp(-hypot(x, y))"}),
             },
             "solve": {

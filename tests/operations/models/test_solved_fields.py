@@ -130,7 +130,13 @@ def test_robots_sample_it_as_any_field() -> None:
     """What they think of it comes from samples: twice the same, and other than without the source."""
     found = []
     for keys in ((), (), ("field.sources=[]",)):
-        run = made(*SCENARIO, "field.model.diffusivity=1.0", "stop.iterations=12", *keys, scenario="operations/field")
+        run = made(
+            *SCENARIO,
+            "field.model.diffusivity=1.0",
+            "stop={iterations=12, when_done='continue'}",
+            *keys,
+            scenario="operations/field",
+        )
         last = moments_of(run)[-1]
         found.append(last.knowledge.record().rows["weights"].copy())
         truth = run.context.scalar_field.value(11.0, last.state.pose[:, :2])
