@@ -68,6 +68,8 @@ class BuildContext:
     building: Building
     starts: NDArray[np.float64]  # (N, 3): poses of all robots at the start, by number
     scalar_field: Field | None = None  # to measure besides walls
+    rounds: int = 1  # exchanges of messages in an iteration
+    broadcasts: bool = False  # whether a message is charged once, however many robots hear it
     number: int = 0  # a fault's place among the scenario's, or a sensor's among its robot's
     actuators: Channels = NOTHING  # of actuators, for all parts but actuators, which are built first
     channels: Channels = NOTHING  # of sensors, for all parts built after them

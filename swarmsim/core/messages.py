@@ -5,8 +5,8 @@ from __future__ import annotations
 import struct
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar, Final, Generic, Protocol, Self, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Final, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ class MessageBatch(ABC):
 
     __match_args__: ClassVar[tuple[str, ...]] = ()  # the field names, kept here by dataclasses
 
+    #: Whether `arrays` has other lengths than a row for each item.
+    RAGGED: ClassVar[bool] = False
     #: The columns that tell an item's source and route, not its content.
     PROVENANCE: ClassVar[tuple[str, ...]] = ()
     #: The one of these that holds the source robot's number, if any.
@@ -59,6 +61,7 @@ class Broadcast(Generic[C_co]):
     ends: NDArray[np.int64]  # (n,): robot i sends the items ends[i - 1] to ends[i]
     sizes: NDArray[np.int32]  # (n,): bytes of each robot's message, header included
     one_each: bool = False  # whether item i is robot i's whole message: faster to look up
+    beside: tuple[Broadcast[Any], ...] = ()  # each job's part of the same messages, which `sizes` includes
 
     @staticmethod
     def each(content: C, size: int) -> Broadcast[C]:
@@ -95,15 +98,21 @@ class Inbox(Generic[C_co]):
     oldest: int = 0  # no message still under way was sent before this iteration
     #: Messages of other kinds, from groups with other computations, by the kind's name.
     others: Mapping[str, Inbox[MessageBatch]] = field(default_factory=dict)
+    beside: tuple[Inbox[Any], ...] = ()  # each job's part of all messages heard, whatever items were taken
+    bytes: int = 0  # of a job's part
 
     def take(self, rows: NDArray[np.generic]) -> Inbox[C_co]:
         """Some of the items; messages of other kinds stay."""
         columns = (self.receivers[rows], self.senders[rows], self.sent[rows], self.content.take(rows))
-        return Inbox(*columns, self.oldest, self.others)
+        return Inbox(*columns, self.oldest, self.others, self.beside, self.bytes)
+
+    def dates(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+        """Receivers, senders, and iterations sent."""
+        return self.receivers, self.senders, self.sent
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns: receivers, senders, iterations sent, and the content's."""
-        return self.receivers, self.senders, self.sent, *self.content.arrays()
+        return *self.dates(), *self.content.arrays()
 
     def __len__(self) -> int:
         return len(self.receivers)
@@ -164,29 +173,47 @@ class MessageBuffer(Generic[C]):
 
     def open(self, iteration: int, delivery: Delivery) -> Inbox[C]:
         """The content of the packets heard in this iteration; content that no packet under way refers to is dropped."""
-        heard = delivery.heard
-        sent = heard[:, 2]
-        if len(heard) == 0 or sent.min() == iteration:
-            inbox = self._of(iteration, heard, delivery.oldest)
-        else:
-            parts = [self._of(int(t), heard[sent == t], delivery.oldest) for t in np.unique(sent)]
-            columns = [np.concatenate(column) for column in zip(*(part.arrays()[:3] for part in parts), strict=True)]
-            content = type(parts[0].content).joined([part.content for part in parts])
-            unsorted = Inbox(columns[0], columns[1], columns[2], content, delivery.oldest)
-            inbox = unsorted.take(np.lexsort(columns[::-1]))
+        inbox = self._opened(iteration, delivery)
+        if jobs := len(next(iter(self._said.values())).beside):
+            beside = [self._opened(iteration, delivery, job) for job in range(jobs)]
+            weights = [self._weight(delivery.heard, job) for job in range(jobs)]
+            parts = (replace(one, bytes=weight) for one, weight in zip(beside, weights, strict=True))
+            inbox = replace(inbox, beside=tuple(parts))
         for t in [t for t in self._said if t < min(delivery.oldest, iteration)]:
             del self._said[t]
         return inbox
 
-    def _of(self, iteration: int, heard: Packets, oldest: int) -> Inbox[C]:
-        """The content of packets (m, 4) of one iteration, message by message."""
-        said = self._said[iteration]
-        receivers, senders, sent = heard[:, 0], heard[:, 1], heard[:, 2]
-        rows: NDArray[np.generic] = senders
-        if not said.one_each:
-            starts = said.starts()
-            counts = (said.ends - starts)[senders]
-            first = np.repeat(starts[senders] - np.cumsum(counts) + counts, counts)
-            receivers, senders, sent = (np.repeat(column, counts) for column in (receivers, senders, sent))
-            rows = first + np.arange(len(receivers))
-        return Inbox(receivers, senders, sent, said.content.take(rows), oldest)
+    def _weight(self, heard: Packets, job: int) -> int:
+        """The bytes of a job's parts of packets (m, 4)."""
+        return sum(
+            int(self._said[t].beside[job].sizes[heard[heard[:, 2] == t, 1]].sum()) for t in set(heard[:, 2].tolist())
+        )
+
+    def _part(self, iteration: int, job: int | None) -> Broadcast[Any]:
+        """The messages of an iteration, or a job's part of them."""
+        return self._said[iteration] if job is None else self._said[iteration].beside[job]
+
+    def _opened(self, iteration: int, delivery: Delivery, job: int | None = None) -> Inbox[Any]:
+        """The packets heard, or a job's part of them."""
+        heard = delivery.heard
+        sent = heard[:, 2]
+        if len(heard) == 0 or sent.min() == iteration:
+            return _of(self._part(iteration, job), heard, delivery.oldest)
+        parts = [_of(self._part(int(t), job), heard[sent == t], delivery.oldest) for t in np.unique(sent)]
+        columns = [np.concatenate(column) for column in zip(*(one.dates() for one in parts), strict=True)]
+        content = type(parts[0].content).joined([one.content for one in parts])
+        unsorted = Inbox(columns[0], columns[1], columns[2], content, delivery.oldest)
+        return unsorted.take(np.lexsort(columns[::-1]))
+
+
+def _of(said: Broadcast[C], heard: Packets, oldest: int) -> Inbox[C]:
+    """The content of packets (m, 4) of one iteration, message by message."""
+    receivers, senders, sent = heard[:, 0], heard[:, 1], heard[:, 2]
+    rows: NDArray[np.generic] = senders
+    if not said.one_each:
+        starts = said.starts()
+        counts = (said.ends - starts)[senders]
+        first = np.repeat(starts[senders] - np.cumsum(counts) + counts, counts)
+        receivers, senders, sent = (np.repeat(column, counts) for column in (receivers, senders, sent))
+        rows = first + np.arange(len(receivers))
+    return Inbox(receivers, senders, sent, said.content.take(rows), oldest)

@@ -19,7 +19,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, C, Codec, Delivery, Inbox, MessageBatch
 from swarmsim.core.probes import ProbeTable
 from swarmsim.core.readings import Channels, Readings
-from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State
+from swarmsim.core.state import Done, Intents, JobReport, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s; or the columns of another kinematics
@@ -321,6 +321,23 @@ class Schedule:
         return due
 
 
+class Exchanges(Protocol):
+    """Jobs beside a computation, in the further exchanges of an iteration."""
+
+    @property
+    def told(self) -> tuple[JobReport, ...]:
+        """What the jobs have found, and what that took, in the present iteration."""
+        ...
+
+    def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
+        """All robots' messages in a further exchange."""
+        ...
+
+    def hear_more(self, senses: Senses, inbox: Inbox[MessageBatch]) -> None:
+        """All robots take in what they heard in it."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Parts:
     """The parts of a swarm, one per seam, and the building."""
@@ -339,6 +356,7 @@ class Parts:
     schedule: Schedule
     lattice: Lattice  # of tiles and maps
     gauges: tuple[Gauge, ...] = ()  # readable by probes
+    jobs: Exchanges | None = None  # beside the computation
 
 
 class Fault(Protocol):

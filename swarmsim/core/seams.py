@@ -28,6 +28,7 @@ from swarmsim.core.code import distributions
 from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.drawing import Layer, Shown
 from swarmsim.core.errors import InputError
+from swarmsim.core.jobs import PieceJob, SwarmJob
 from swarmsim.core.kinematics import Kinematics
 
 GROUP: Final = "seam"  # of entry points: swarmsim.seam
@@ -48,7 +49,8 @@ class Seam:
     of_groups: bool = False  # whether a group may have its own, at the same place in its table
     given: type = BuildContext  # the argument of its parts' `build`
     function: OfFunction | None = None  # makes a part of a function
-    mind: OfMind | None = None  # makes a part of a class of one robot's mind
+    mind: OfMind | None = None  # makes a part of a class of one robot's mind, or of a job's class
+    also: type | None = None  # another Protocol that a part may have instead
 
     @property
     def at(self) -> str:
@@ -65,9 +67,15 @@ class Seam:
         """The methods and properties of its Protocol, in order."""
         return verbs_of(self.protocol)
 
+    def protocol_of(self, part: object) -> type:
+        """Its Protocol, or the other one if the part has more of that."""
+        others = () if self.also is None else (self.also,)
+        known: tuple[type, ...] = (self.protocol, *others)
+        return min(known, key=lambda one: len(lacking(one, part)))
+
     def missing(self, part: object) -> list[str]:
         """The verbs that a part lacks."""
-        return lacking(self.protocol, part)
+        return lacking(self.protocol_of(part), part)
 
 
 #: The seams with a place in a scenario, in listing order.
@@ -87,6 +95,9 @@ PLACED: Final = {
         Seam(
             "strategy", ("mind", "strategy"), parts.Strategy, "nearest-frontier", of_groups=True,
             function=FunctionStrategy, mind=MindStrategy,
+        ),
+        Seam(
+            "job", ("jobs",), SwarmJob, many=True, also=PieceJob, mind=lambda found, make, context: make(),
         ),
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
         Seam("channel", ("network", "channel"), parts.NetworkChannel, "perfect"),

@@ -102,6 +102,30 @@ class Knowledge(ABC):
         return Trusting()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class JobReport:
+    """What a job has found after an iteration, and what that took."""
+
+    name: str
+    knowledge: Knowledge
+    sent: int = 0  # bytes that robots said, each message once
+    heard: int = 0  # bytes that robots heard
+
+    def record(self) -> Record:
+        """The job's own data, and its bytes."""
+        found = self.knowledge.record()
+        bytes_of = {f"{self.name}_bytes_sent": self.sent, f"{self.name}_bytes_heard": self.heard}
+        return Record({**found.rows, **bytes_of}, found.lists, found.of_robots)
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """What robots said in an iteration."""
+
+    offered: int  # messages, one for each link on which something was said
+    sent: int  # bytes, each robot's message once, however many hear it
+
+
 K_co = TypeVar("K_co", bound=Knowledge, covariant=True)
 
 
@@ -227,6 +251,8 @@ class Elapsed(ABC, Generic[K_co]):
     intents: Intents
     believed: NDArray[np.float64] | None = None  # (n, 3): estimated poses; None: the true ones
     people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m; None: there are none
+    jobs: tuple[JobReport, ...] = ()
+    traffic: Traffic | None = None  # None: a message on each link, of unknown size
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,7 @@ from swarmsim.core.own import not_ending
 from swarmsim.core.parts import Observer, Parts, Schedule
 from swarmsim.core.probes import Row
 from swarmsim.core.scenario import budget, registry
-from swarmsim.core.scenario.file import HALVES, Scenario, all_parts, minds_of
+from swarmsim.core.scenario.file import HALVES, Network, Scenario, all_parts, minds_of
 from swarmsim.core.scenario.identity import Code, code_of
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.core.streams import Streams
@@ -30,6 +30,7 @@ from swarmsim.engine import fitting, minds
 from swarmsim.engine.equipment import actuators, drives, sensors
 from swarmsim.engine.foreign import blamed, foreign, installed, make
 from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
+from swarmsim.engine.jobs import bundled
 from swarmsim.engine.placement import start_poses
 from swarmsim.engine.probing import watching
 from swarmsim.engine.simulation import Simulation
@@ -146,7 +147,14 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
     beams, length = max(beams_of(one, context.lattice.cell)[:2] for _, one in case.sensors)
     budget.begin(budget.running(context.swarm, scenario.limit, beams, length))
     simulation = Simulation(
-        parts, scenario.period, scenario.limit, stop.when_done, lambda problem: blamed(problem, files), name, clock
+        parts,
+        scenario.period,
+        scenario.limit,
+        stop.when_done,
+        lambda problem: blamed(problem, files),
+        name,
+        clock,
+        scenario.network.exchanges,
     )
     return BuiltRun(
         scenario, world, ground.arena, start, simulation, context, ground.reachable, ground.roomy,
@@ -167,7 +175,8 @@ def _context(scenario: Scenario, case: Case) -> BuildContext:
     building = Building(survey(()), survey, bounds=arena.plan.page, lattice=arena.lattice)
     streams = Streams(scenario.seed)
     start = start_poses(robots, arena.lattice, streams, building.entrance, arena.name)
-    return BuildContext.of(robots, arena.lattice, scenario.period, streams, building, start)
+    context = BuildContext.of(robots, arena.lattice, scenario.period, streams, building, start)
+    return replace(context, rounds=scenario.network.exchanges)
 
 
 def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock) -> tuple[Parts, BuildContext]:
@@ -186,6 +195,7 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
     context = replace(context, channels=sensor.channels, kinematics=drives(scenario, context, strict, clock))
     found = minds.built_for(scenario, context)
     computation, strategy = minds.together(found, scenario, clock, strict)
+    computation, jobs = bundled(computation, scenario, context, clock, strict)
     bodies = make(scenario.physics, context)
     parts = Parts(
         actuator=actuator,
@@ -194,18 +204,25 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
         computation=computation,
         strategy=strategy,
         topology=make(network.topology, context),
-        channel=make(network.channel, context),
+        channel=make(network.channel, _on_air(network, context)),
         motion=make(scenario.motion, context),
         bodies=bodies,
         task=make(scenario.task, context),
         building=context.building,
         schedule=Schedule(bodies.state()),
         lattice=context.lattice,
+        jobs=jobs,
     )
     fitting.check(parts, found, scenario.task)
     theirs = {one.seam for one in all_parts(scenario) if foreign(one)}
     inside = {"sensor", "actuator", *(HALVES if len(found) > 1 else ())}  # their inner parts are guarded
+    inside |= {"computation"} if jobs is not None else set()
     return guarded(parts, context, {*(HELD if strict else theirs)} - inside, theirs, clock), context
+
+
+def _on_air(network: Network, context: BuildContext) -> BuildContext:
+    """The context of a channel, whose iterations are exchanges."""
+    return replace(context, period=context.period / context.rounds, broadcasts=network.charged == "sent")
 
 
 def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> Parts:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Collection, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.bundle import whole
 from swarmsim.core.declarations import wrong_channels
 from swarmsim.core.errors import nearest
-from swarmsim.core.messages import Broadcast, C, Codec, Delivery, MessageBatch
+from swarmsim.core.messages import Broadcast, Codec, Delivery, MessageBatch
 from swarmsim.core.own import brief
 from swarmsim.core.parts import Curve
 from swarmsim.core.readings import Channel, Channels, Column, Readings
@@ -167,7 +169,7 @@ def said(found: object, senses: Senses) -> str | None:
     if wrong is not None:
         return wrong
     lengths = {len(column) for column in found.content.arrays()}
-    if len(lengths) > 1:
+    if len(lengths) > 1 and not found.content.RAGGED:
         return f"content: columns of {' and '.join(map(str, sorted(lengths)))} items; expected one length"
     if checks.messages_hold(found.ends, found.sizes, items):
         return None
@@ -297,10 +299,10 @@ def summary(found: object, taken: Collection[str]) -> str | None:
     return None
 
 
-def message_sizes(said: Broadcast[C], codec: Codec[C], iteration: int) -> str | None:
+def message_sizes(said: Broadcast[Any], codec: Codec[Any], iteration: int) -> str | None:
     """Whether every message has its announced size, and survives packing and unpacking unchanged."""
     for robot, size in enumerate(said.sizes.tolist()):
-        items = said.of(robot)
+        items = whole(said, robot)
         if len(items) == 0 and size == 0:
             continue
         packed = codec.pack(robot, iteration, items)

@@ -10,6 +10,7 @@ from dataclasses import fields
 from typing import Any, Final, TypeVar
 
 from swarmsim.core.adapters.minds import OwnMinds
+from swarmsim.core.capabilities import verbs_of
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.lending import lent
@@ -56,8 +57,9 @@ def make(part: Part[P], context: BuildContext, place: str = "") -> P:
 
 def _check_arguments(seam: str, part: object, what: str) -> None:
     """Raise InputError, with the right `def` line, for a verb with wrong parameters."""
-    for verb in SEAMS[seam].verbs:
-        asked = inspect.getattr_static(SEAMS[seam].protocol, verb, None)
+    protocol = SEAMS[seam].protocol_of(part)
+    for verb in verbs_of(protocol):
+        asked = inspect.getattr_static(protocol, verb, None)
         if not inspect.isfunction(asked):
             continue
         expected = list(inspect.signature(asked).parameters)

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from swarmsim.core.context import BuildContext
+from swarmsim.core.jobs import AnyJob
 from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.messages import Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyTask, Curve
@@ -39,6 +40,17 @@ def _of_computation(part: AnyComputation, context: BuildContext) -> Checks:
         "reset": lambda found, robots: auditor.reset(robots),
         "copy_from": lambda found, robots, source: auditor.copy_from(robots, source),
     }
+
+
+def _of_job(part: AnyJob, context: BuildContext) -> Checks:
+    form, count = _Form("job"), len(context.ids)
+
+    def heard(found: object, senses: Senses, inbox: Inbox[MessageBatch]) -> str | None:
+        if not isinstance(found, Knowledge):
+            return f"hear: {type(found).__name__}; expected Knowledge"
+        return contracts.knowledge(found, type(found)) or form.check(found.record(), count)
+
+    return {"say": contracts.said, "hear": heard, "reset": nothing, "copy_from": nothing}
 
 
 def _of_task(part: AnyTask, context: BuildContext) -> Checks:
@@ -106,6 +118,7 @@ CHECKS: Final[Mapping[str, Callable[[Any, BuildContext], Checks]]] = {
     },
     "localisation": lambda part, context: {"locate": contracts.located},
     "computation": _of_computation,
+    "job": _of_job,
     "strategy": lambda part, context: {
         "step": lambda found, senses, inbox, known: contracts.intents(found, senses, context.actuators)
     },

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError, PartError
 from swarmsim.core.events import Ended, Event
-from swarmsim.core.messages import Delivery, Inbox, MessageBatch, MessageBuffer
+from swarmsim.core.messages import Delivery, Inbox, MessageBatch
 from swarmsim.core.own import is_failure
 from swarmsim.core.parts import Motion, Observer, Parts, Tick, Tracking, WheelSpeeds
 from swarmsim.core.readings import Readings
 from swarmsim.core.state import Done, Intents, Knowledge, Moment, Senses, State
+from swarmsim.engine.exchange import Exchange
 from swarmsim.engine.guard import Clock
 
 
@@ -59,11 +60,13 @@ class Simulation:
         blamed: Callable[[BaseException], str | None] = lambda problem: None,
         name: str = "",
         clock: Clock | None = None,
+        rounds: int = 1,
     ) -> None:
         """The run ends unfinished after `limit` iterations of `period` s each.
 
         A run that continues `when_done` ends at the limit, but finished. `blamed` finds the third-party part that
         raised an exception, if any. `name` is the scenario's file, for messages. The `clock` is that of the guards.
+        `rounds` is the number of exchanges of messages in an iteration, all but the first for jobs alone.
         """
         self.parts = parts
         self.state = parts.bodies.state()
@@ -73,7 +76,7 @@ class Simulation:
         self._blamed = blamed
         self.name = name
         self.clock = clock or Clock()
-        self._post: MessageBuffer[MessageBatch] = MessageBuffer()
+        self._exchange = Exchange(rounds)
         self._now = Tick(0, self.state, self.state, 0.0)
         self._decided: Intents | None = None
         self._acted = Readings.filled(parts.actuator.channels, {}, self.state.alive)
@@ -140,11 +143,12 @@ class Simulation:
         readings = sensed.put(state.pose, pose, parts.lattice)
         senses = Senses(state.iteration, pose, state.velocity, state.alive, readings, self._decided)
         said = parts.computation.say(senses)
-        self._post.post(state.iteration, said)
         links = parts.topology.links(state)
-        delivery = parts.channel.deliver(state, links, said.sizes)
-        inbox = self._post.open(state.iteration, delivery)
-        return Perceived(state, events, links, delivery, senses, inbox, parts.computation.hear(senses, inbox))
+        inbox = self._exchange.first(parts.channel, state, links, said)
+        knowledge = parts.computation.hear(senses, inbox)
+        self._exchange.rest(parts.channel, state, links, senses, parts.jobs)
+        delivery, own = self._exchange.delivery, replace(inbox, beside=()) if inbox.beside else inbox
+        return Perceived(state, events, links, delivery, senses, own, knowledge)
 
     def _act(self, perceived: Perceived, intents: Intents, observers: Sequence[Observer]) -> Moment[Knowledge]:
         parts, state, senses = self.parts, perceived.state, perceived.senses
@@ -158,7 +162,7 @@ class Simulation:
         self.state = parts.bodies.drive(motion, self._period)
         all_of_it = (
             parts.building, senses.readings, perceived.links, perceived.delivery, perceived.inbox, perceived.knowledge,
-            intents, senses.pose, people,
+            intents, senses.pose, people, parts.jobs.told if parts.jobs else (), self._exchange.traffic,
         )  # fmt: skip
         measured = parts.task.measure(Done(state, perceived.events, *all_of_it))
         if measured.finished and not self.finished:

@@ -77,7 +77,8 @@ class LatentChannel:
 class Bandwidth(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Each robot sends at a limited rate (bytes/s), each message separately to each receiver, first in first out.
 
-    Unsent messages wait. Idle time is not saved up.
+    With `network.charged = "sent"` a message is sent once for all receivers. Unsent messages wait. Idle time is not
+    saved up.
     """
 
     bytes_per_second: Annotated[float, Meta(gt=0.0)]  # bytes that a sender can send in a second
@@ -88,10 +89,14 @@ class Bandwidth(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only
     def delays(self) -> bool:
         return True
 
+    def longest(self, period: float) -> float:
+        """The bytes of the longest message that gets through before it expires, in iterations of `period` s."""
+        return np.inf if self.expiry is None else self.bytes_per_second * period * (self.expiry + 1)
+
     def build(self, context: BuildContext) -> QueueingChannel:
         robots = context.swarm
         income = np.full(robots, self.bytes_per_second * context.period)
-        queues = TransmitQueues(robots, self.queue, self.expiry)
+        queues = TransmitQueues(robots, self.queue, self.expiry, context.broadcasts)
         return QueueingChannel(self.below(context), queues, lambda iteration: income)
 
 
@@ -112,6 +117,11 @@ class Tdma(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True
     def delays(self) -> bool:
         return True
 
+    def longest(self, period: float) -> float:
+        """The bytes of the longest message that gets through before it expires."""
+        turns = int(self.expiry / (self.slots * self.slot) * (1.0 + SLACK)) + 1
+        return np.inf if self.bytes is None else self.bytes * turns
+
     def build(self, context: BuildContext) -> QueueingChannel:
         robots, period = context.swarm, context.period
         frame, opening = self.slots * self.slot, np.arange(robots) % self.slots * self.slot
@@ -121,7 +131,8 @@ class Tdma(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True
             before, after = (np.ceil((t * period - opening) / frame - SLACK) for t in (iteration, iteration + 1))
             return np.where(after > before, capacity * np.maximum(after - before, 1.0), 0.0)
 
-        queues = TransmitQueues(robots, None, int(self.expiry / period * (1.0 + SLACK)))
+        expiry = int(self.expiry / period * (1.0 + SLACK))
+        queues = TransmitQueues(robots, None, expiry, context.broadcasts)
         return QueueingChannel(self.below(context), queues, income)
 
 
@@ -150,8 +161,12 @@ class TransmitQueues:
     "queue full" if too many wait, and as "receiver dead" if the receiver has died.
     """
 
-    def __init__(self, robots: int, limit: int | None, expiry: int | None) -> None:
-        """At most `limit` messages wait from one iteration to the next, and none longer than `expiry` iterations."""
+    def __init__(self, robots: int, limit: int | None, expiry: int | None, broadcasts: bool = False) -> None:
+        """At most `limit` messages wait from one iteration to the next, and none longer than `expiry` iterations.
+
+        One that `broadcasts` sends a message once for all its receivers.
+        """
+        self._broadcasts = broadcasts
         self._limit = limit
         self._expiry = expiry
         self._waiting = np.empty((0, 4), np.int32)  # by sender, then in the order in which they came
@@ -166,9 +181,10 @@ class TransmitQueues:
             all_ = but_lost(all_, "expired", all_.heard[:, 2] < state.iteration - self._expiry)
         waiting, senders = all_.heard, all_.heard[:, 1]
         self._credit += income
-        fits = _running(waiting[:, 3], senders) <= self._credit[senders] * (1.0 + SLACK)
+        costs = self._costs(waiting)
+        fits = _running(costs, senders) <= self._credit[senders] * (1.0 + SLACK)
         sent, waiting = waiting[fits], waiting[~fits]
-        self._credit -= np.bincount(sent[:, 1], sent[:, 3], len(self._credit))
+        self._credit -= np.bincount(sent[:, 1], costs[fits], len(self._credit))
         rest = Delivery(waiting, all_.lost, all_.oldest)
         if self._limit is not None:
             place = _running(np.ones(len(waiting), np.int64), waiting[:, 1])
@@ -176,6 +192,14 @@ class TransmitQueues:
         self._waiting = rest.heard
         self._credit[np.bincount(self._waiting[:, 1], minlength=len(self._credit)) == 0] = 0.0
         return _received(state, sent, rest, self._waiting)
+
+    def _costs(self, waiting: Packets) -> NDArray[np.int32]:
+        """The bytes that each waiting message (m, 4) takes to send."""
+        if not self._broadcasts:
+            return waiting[:, 3]
+        again = np.zeros(len(waiting), np.bool_)  # the same message for another receiver
+        again[1:] = (waiting[1:, 1] == waiting[:-1, 1]) & (waiting[1:, 2] == waiting[:-1, 2])
+        return np.where(again, 0, waiting[:, 3]).astype(np.int32)
 
 
 def _running(amounts: NDArray[np.integer], groups: NDArray[np.int32]) -> NDArray[np.int64]:

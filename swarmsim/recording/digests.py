@@ -48,7 +48,7 @@ def _digested(moment: Moment[Knowledge]) -> tuple[tuple[NDArray[np.generic], ...
         moment.readings.arrays(),
         (moment.links,),
         moment.inbox.arrays(),
-        moment.knowledge.arrays(),
+        (*moment.knowledge.arrays(), *(array for one in moment.jobs for array in one.knowledge.arrays())),
         (moment.building.lattice.cells_within(intents.goals),),  # as cells, the original form of goals
         (intents.counts, intents.waypoints, *(() if intents.twists is None else (intents.twists,))),
         moment.measured.arrays(),

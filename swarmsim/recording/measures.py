@@ -57,6 +57,7 @@ class RunMeasures:
         self._values: list[float] = []  # of the curve
         self._finished = False
         self._links = self._messages = self._bytes = self._lost = 0
+        self._sent: int | None = None  # bytes; told for runs with jobs
 
     def sample(self, moment: Moment[Knowledge]) -> None:
         """Note one iteration."""
@@ -67,7 +68,9 @@ class RunMeasures:
         self._last = state
         self._values.append(moment.measured.values[self._curve.name])
         self._finished = any(isinstance(event, Ended) and event.finished for event in moment.events)
-        self._links += len(moment.links)
+        self._links += len(moment.links) if moment.traffic is None else moment.traffic.offered
+        if moment.jobs and moment.traffic is not None:
+            self._sent = (self._sent or 0) + moment.traffic.sent
         self._messages += len(moment.delivery.heard)
         self._bytes += int(moment.delivery.heard[:, 3].sum())
         self._lost += sum(len(letters) for _, letters in moment.delivery.lost)
@@ -90,6 +93,7 @@ class RunMeasures:
             "jain_path": jain(self._path),
             "messages": self._messages,
             "bytes": self._bytes,
+            **({} if self._sent is None else {"bytes_sent": self._sent}),
             "delivered_share": share_of(self._messages, self._links),
             "lost": self._lost,
         }

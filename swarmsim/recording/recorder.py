@@ -260,13 +260,14 @@ def _records(moment: Moment[Knowledge]) -> tuple[tuple[str, Record], ...]:
     return (
         ("the actuators", Record(moment.state.actuators.rows())), ("the readings", Record(moment.readings.rows())),
         ("the knowledge", moment.knowledge.record()), ("the intents", moment.intents.record()),
-        ("the task", moment.measured.record()),
+        ("the task", moment.measured.record()), *((f"the job {one.name!r}", one.record()) for one in moment.jobs),
     )  # fmt: skip
 
 
 def _lists(moment: Moment[Knowledge]) -> dict[str, NDArray[np.generic]]:
     """The data with any number of rows, by table name."""
-    return {"links": moment.links, **moment.knowledge.record().lists}
+    of_jobs = {name: rows for one in moment.jobs for name, rows in one.record().lists.items()}
+    return {"links": moment.links, **moment.knowledge.record().lists, **of_jobs}
 
 
 def _new_ways(moment: Moment[Knowledge]) -> list[tuple[int, int, NDArray[np.float64]]]:

@@ -13,6 +13,7 @@ Each check raises BrokenError, an AssertionError that says what was broken, or I
 
 from swarmsim.testing.broken import BrokenError
 from swarmsim.testing.every import check_contracts, parametrize_with_checks
+from swarmsim.testing.jobs import check_job
 from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
 from swarmsim.testing.runs import ITERATIONS, check_alone, check_determinism, check_silence, check_strictly
 
@@ -22,6 +23,7 @@ __all__ = [
     "check_alone",
     "check_contracts",
     "check_determinism",
+    "check_job",
     "check_locality",
     "check_one_robot",
     "check_permutation",

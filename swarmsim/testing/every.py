@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Check = Callable[[Path | str, Sequence[str], int, bool], None]
 
 _RUNNING: Final = tuple(seam for seam in PLACED if seam != "generator")
-_MIND: Final = ("computation", "strategy")
+_MIND: Final = ("computation", "strategy", "job")
 #: Every check by name, with the seams whose parts it tells apart; empty for the whole run.
 CHECKS: Final[dict[str, tuple[Check, Sequence[str]]]] = {
     "contracts": (check_strictly, _RUNNING),

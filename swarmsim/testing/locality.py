@@ -3,91 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.bundle import Bundle, whole
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.scenario import registry
-from swarmsim.core.state import Intents, Knowledge, Senses
+from swarmsim.core.state import Intents, Senses
 from swarmsim.engine import minds
 from swarmsim.engine.build import BuiltRun
-from swarmsim.faults.delegate import ComputationDelegate
+from swarmsim.engine.jobs import bundled
 from swarmsim.testing.broken import BrokenError, breaking
 from swarmsim.testing.runs import ITERATIONS, limited, opened
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Heard:
-    """A mind's inputs and outputs in one iteration."""
-
-    changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: resets, and copies from a source
-    speaks: Senses  # when it sent
-    hears: tuple[Senses, Inbox[MessageBatch]]  # when it received
-    decides: tuple[Senses, Inbox[MessageBatch]]  # when it decided
-    said: Broadcast[MessageBatch]
-    intents: Intents
-
-
-class Witness(ComputationDelegate):
-    """Notes the inputs of a computation and of the strategy beside it."""
-
-    def __init__(self, inner: AnyComputation, strategy: AnyStrategy) -> None:
-        super().__init__(inner)
-        #: Everything so far, in order.
-        self.heard: list[Heard] = []
-        #: The strategy, also noted.
-        self.strategy = WitnessedStrategy(strategy, self)
-        self._changes: list[tuple[NDArray[np.int64], int | None]] = []
-        self._spoken: list[tuple[Senses, Broadcast[MessageBatch]]] = []
-        self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
-
-    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        said = self._inner.say(senses)
-        kept = replace(said, content=said.content.take(np.arange(len(said.content))))
-        self._spoken.append((_copied(senses), kept))
-        return said
-
-    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        self._given.append((_copied(senses), inbox))
-        return self._inner.hear(senses, inbox)
-
-    def decided(self, senses: Senses, inbox: Inbox[MessageBatch], intents: Intents) -> None:
-        """The end of an iteration."""
-        speaks, said = self._spoken[-1]
-        self.heard.append(Heard(self._changes, speaks, self._given[-1], (_copied(senses), inbox), said, intents))
-        self._changes = []
-
-    def reset(self, robots: NDArray[np.int64]) -> None:
-        self._changes.append((robots.copy(), None))
-        self._inner.reset(robots)
-
-    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """The robots that get another one's knowledge."""
-        self._changes.append((robots.copy(), source))
-        self._inner.copy_from(robots, source)
-
-
-class WitnessedStrategy:
-    """Notes a strategy's inputs and decisions."""
-
-    def __init__(self, inner: AnyStrategy, witness: Witness) -> None:
-        self._inner, self._witness = inner, witness
-
-    @property
-    def requires_knowledge(self) -> type[Knowledge]:
-        """The knowledge that the inner strategy reads."""
-        return self._inner.requires_knowledge
-
-    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        intents = self._inner.step(senses, inbox, knowledge)
-        self._witness.decided(senses, inbox, intents)
-        return intents
+from swarmsim.testing.witness import Heard, Witness, WitnessedJobs, chosen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,30 +38,12 @@ def _followed(scenario: Path | str, overrides: Sequence[str], iterations: int, a
 
     def watch(parts: Parts) -> Parts:
         witnesses.append(Witness(parts.computation, parts.strategy))
-        return replace(parts, computation=witnesses[0], strategy=witnesses[0].strategy)
+        jobs = None if parts.jobs is None else WitnessedJobs(parts.jobs, witnesses[0])
+        return replace(parts, computation=witnesses[0], strategy=witnesses[0].strategy, jobs=jobs)
 
     run = opened(scenario, limited(overrides, iterations), False, allow_code, watch)
     run.simulation.run()
     return Followed(run, witnesses[0].heard, witnesses[0].codec)
-
-
-def _copied(senses: Senses) -> Senses:
-    return _chosen(senses, np.arange(len(senses.alive)))
-
-
-def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
-    """The same with the rows of arrays in this order."""
-    decided = senses.decided
-    if decided is not None:
-        columns = {one.name: getattr(decided, one.name) for one in fields(decided) if one.name != "commands"}
-        decided = replace(
-            decided, commands={name: column[rows] for name, column in decided.commands.items()},
-            **{name: column[rows] for name, column in columns.items() if column is not None},
-        )  # fmt: skip
-    return replace(
-        senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
-        readings=senses.readings.take(rows), decided=decided,
-    )  # fmt: skip
 
 
 Mind = tuple[AnyComputation, AnyStrategy]
@@ -135,7 +51,8 @@ Mind = tuple[AnyComputation, AnyStrategy]
 
 def _mind(run: BuiltRun, context: BuildContext) -> Mind:
     """A new mind, as built for a run."""
-    return minds.together(minds.built_for(run.scenario, context), run.scenario)
+    computation, strategy = minds.together(minds.built_for(run.scenario, context), run.scenario)
+    return bundled(computation, run.scenario, context)[0], strategy
 
 
 def _repeated(
@@ -143,12 +60,19 @@ def _repeated(
     speaks: Senses,
     hears: tuple[Senses, Inbox[MessageBatch]],
     decides: tuple[Senses, Inbox[MessageBatch]],
+    more: Sequence[tuple[Senses, Inbox[MessageBatch]]],
     where: str,
-) -> tuple[Broadcast[MessageBatch], Intents]:
+) -> tuple[list[Broadcast[MessageBatch]], Intents]:
+    """What is said in each exchange, and decided."""
     computation, strategy = mind
     with breaking("computation", where):
-        said = computation.say(speaks)
+        said = [computation.say(speaks)]
         known = computation.hear(*hears)
+    for senses, inbox in more:
+        assert isinstance(computation, Bundle)  # nobody else has further exchanges
+        with breaking("job", where):
+            said.append(computation.say_more(senses))
+            computation.hear_more(senses, inbox)
     with breaking("strategy", where):
         return said, strategy.step(*decides, known)
 
@@ -193,19 +117,21 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
                 mind[0].copy_from(mine, int(np.flatnonzero(ids == source)[0]))
             else:  # the source's knowledge is not available here
                 followed[mine] = False
-        speaks = _chosen(heard.speaks, ids)
+        speaks = chosen(heard.speaks, ids)
         hears, decides = (
-            (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
+            (chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
         )
-        said, intents = _repeated(mind, speaks, hears, decides, f"{scenario}, iteration {speaks.iteration}, {when}")
+        more = [(chosen(senses, ids), _received(inbox, ids, count)) for senses, _, inbox in heard.more]
+        where = f"{scenario}, iteration {speaks.iteration}, {when}"
+        said, intents = _repeated(mind, speaks, hears, decides, more, where)
         for row in np.flatnonzero(speaks.alive & followed).tolist():
             robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
-            _check_said(said, row, heard.said, robot, f"{where}: {{}} {when}")
-            if heard.said.sizes[robot] > 0:
-                packed = codec.pack(robot, now, said.of(row))
-                first = swarm.codec.pack(robot, now, heard.said.of(robot))
-                if packed != first:
+            for here, there in zip(said, [heard.said, *(one for _, one, _ in heard.more)], strict=True):
+                _check_said(here, row, there, robot, f"{where}: {{}} {when}")
+                if there.sizes[robot] > 0 and codec.pack(robot, now, whole(here, row)) != swarm.codec.pack(
+                    robot, now, whole(there, robot)
+                ):
                     raise BrokenError(f"{where}: sends other bytes {when}", "computation")
             if decides[0].alive[row] and _done(intents, row) != _done(heard.intents, robot):
                 raise BrokenError(f"{where}: does something else {when}", "strategy")
@@ -218,8 +144,8 @@ def _check_said(
     here, there = (int(said.sizes[i]) for said, i in ((mine, row), (first, robot)))
     if here != there:
         raise BrokenError(wrong.format(f"says {here} bytes, not {there},"), "computation")
-    content, whole = mine.of(row), first.of(robot)
-    names, columns = type(whole).__match_args__, (content.arrays(), whole.arrays())
+    content, theirs = whole(mine, row), whole(first, robot)
+    names, columns = type(theirs).__match_args__, (content.arrays(), theirs.arrays())
     if type(content).__match_args__ != names or len(columns[0]) != len(columns[1]):
         raise BrokenError(wrong.format("says other columns"), "computation")
     for number, (one, other) in enumerate(zip(*columns, strict=True)):
@@ -232,7 +158,8 @@ def _received(inbox: Inbox[MessageBatch], ids: NDArray[np.int64], count: int) ->
     """The inbox of these robots (rows,), in row order."""
     row = np.full(count, -1, np.int32)
     row[ids] = np.arange(len(ids))
-    moved = replace(inbox, receivers=row[inbox.receivers])
+    beside = tuple(_received(one, ids, count) for one in inbox.beside)
+    moved = replace(inbox, receivers=row[inbox.receivers], beside=beside)
     order = np.lexsort((moved.sent, moved.senders, moved.receivers))
     return moved.take(order[moved.receivers[order] >= 0])
 
@@ -251,16 +178,23 @@ def check_locality(
             mind = _mind(run, run.context)
         for heard in swarm.heard:
             hears, decides = (
-                (_scrambled(senses, robot), inbox.take(np.flatnonzero(inbox.receivers == robot)))
-                for senses, inbox in (heard.hears, heard.decides)
+                (_scrambled(senses, robot), _only(inbox, robot)) for senses, inbox in (heard.hears, heard.decides)
             )
+            more = [(_scrambled(senses, robot), _only(inbox, robot)) for senses, _, inbox in heard.more]
             where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
             when = "when others sense and hear something else"
-            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, f"{where}, {when}")
-            if heard.speaks.alive[robot]:
-                _check_said(said, robot, heard.said, robot, f"{where}: {{}} {when}")
+            said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, more, f"{where}, {when}")
+            for mine, first in zip(said, [heard.said, *(one for _, one, _ in heard.more)], strict=True):
+                if heard.speaks.alive[robot]:
+                    _check_said(mine, robot, first, robot, f"{where}: {{}} {when}")
             if heard.decides[0].alive[robot] and _done(intents, robot) != _done(heard.intents, robot):
                 raise BrokenError(f"{where}: does something else {when}", "strategy")
+
+
+def _only(inbox: Inbox[MessageBatch], robot: int) -> Inbox[MessageBatch]:
+    """What one robot heard."""
+    beside = tuple(_only(one, robot) for one in inbox.beside)
+    return replace(inbox.take(np.flatnonzero(inbox.receivers == robot)), beside=beside)
 
 
 def _done(intents: Intents, robot: int) -> tuple[Any, ...]:
@@ -277,7 +211,7 @@ def _scrambled(senses: Senses, robot: int) -> Senses:
     count = len(senses.alive)
     rows = np.roll(np.arange(count), 1)
     rows[robot] = robot
-    other = _chosen(senses, rows)
+    other = chosen(senses, rows)
     turned = other.pose.copy()
     turned[np.arange(count) != robot, 2] += 1.0
     return replace(other, pose=turned)

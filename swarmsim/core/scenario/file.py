@@ -20,6 +20,7 @@ from swarmsim.core.crew import Length
 from swarmsim.core.drawing import Layer
 from swarmsim.core.durations import iterations_in
 from swarmsim.core.errors import InputError
+from swarmsim.core.jobs import AnyJob
 from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import (
     Actuator,
@@ -135,6 +136,15 @@ class Network(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     topology: Part[Topology]
     channel: Part[NetworkChannel] = Part("channel")
+    #: Exchanges of messages in an iteration; all but the first for jobs alone.
+    rounds: Annotated[int, Meta(ge=1, le=1000, extra_json_schema={"default": 1})] | UnsetType = UNSET
+    #: Whether a radio's bandwidth is charged for each robot that hears a message, or once for all, as in a broadcast.
+    charged: Annotated[Literal["heard", "sent"], Meta(extra_json_schema={"default": "heard"})] | UnsetType = UNSET
+
+    @property
+    def exchanges(self) -> int:
+        """The exchanges of messages in an iteration."""
+        return 1 if self.rounds is UNSET else self.rounds
 
 
 class Mind(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -177,6 +187,7 @@ class Scenario(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     localisation: Part[Localisation] = Part("localisation")
     network: Network
     mind: Mind = Mind()
+    jobs: tuple[Part[AnyJob], ...] = ()  # computed beside the minds
     motion: Part[Motion] = Part("motion")
     kinematics: Part[Kinematics] = Part("kinematics")
     task: Part[AnyTask] = Part("task")
@@ -206,7 +217,7 @@ HALVES: Final = ("computation", "strategy")  # of a mind
 
 #: Keys left out of texts where they are empty or have the value implied by older scenarios.
 LATER: Final[Mapping[str, object]] = {
-    "actuators": (), "layers": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
+    "actuators": (), "jobs": (), "layers": (), "probes": (), "sensors": (), "kinematics": {"use": "differential"},
 }  # fmt: skip
 #: Keys of older scenarios, with their replacements.
 MOVED: Final = {

@@ -1,0 +1,163 @@
+"""A computation and the jobs beside it, whose messages share one envelope."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.jobs import AnyJob
+from swarmsim.core.messages import HEADER, Broadcast, Codec, Inbox, MessageBatch
+from swarmsim.core.parts import AnyComputation
+from swarmsim.core.state import JobReport, Knowledge, Senses
+
+#: The length of each part in an envelope.
+LENGTH: Final = struct.Struct(">I")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Envelope(MessageBatch):
+    """One robot's message: its computation's part, then each job's."""
+
+    parts: tuple[MessageBatch, ...]
+
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+        """How many items each part has, then their columns."""
+        counts = np.array([len(one) for one in self.parts])
+        return counts, *(column for one in self.parts if len(one) for column in one.arrays())
+
+    def take(self, rows: NDArray[np.generic]) -> Self:
+        """Not possible: it is one message. Raises TypeError."""
+        raise TypeError("an envelope is one message; expected one of its parts")
+
+    def __len__(self) -> int:
+        return sum(len(one) for one in self.parts)
+
+
+class EnvelopeCodec:
+    """The sender and the exchange; then each part, packed by its own codec, after its length. Empty parts have none."""
+
+    def __init__(self, codecs: Sequence[Codec[MessageBatch]]) -> None:
+        self._codecs = codecs
+
+    def pack(self, sender: int, iteration: int, items: Envelope) -> bytes:
+        """One message."""
+        packed = [
+            codec.pack(sender, iteration, one) if len(one) else b""
+            for codec, one in zip(self._codecs, items.parts, strict=True)
+        ]
+        return HEADER.pack(sender, iteration) + b"".join(LENGTH.pack(len(one)) + one for one in packed)
+
+    def unpack(self, data: bytes) -> tuple[int, int, Envelope]:
+        """Its sender, exchange and parts; an empty one has no columns. Raises ValueError for a wrong length."""
+        sender, iteration = HEADER.unpack_from(data)
+        at, parts = HEADER.size, list[MessageBatch]()
+        for codec in self._codecs:
+            (length,) = LENGTH.unpack_from(data, at)
+            at += LENGTH.size + length
+            if at > len(data):
+                raise ValueError(f"an envelope of {len(data)} bytes with parts up to {at}")
+            parts.append(codec.unpack(data[at - length : at])[2] if length else Nothing())
+        return sender, iteration, Envelope(tuple(parts))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Nothing(MessageBatch):
+    """An empty part of an envelope."""
+
+    def __len__(self) -> int:
+        return 0
+
+
+class Bundle:
+    """A computation that shares its messages with jobs.
+
+    In the first exchange of an iteration it stands for the computation; further exchanges are for the jobs alone.
+    What robots know is the computation's; what the jobs have found is in `told`.
+    """
+
+    def __init__(self, computation: AnyComputation, jobs: Mapping[str, AnyJob]) -> None:
+        self._computation: Final = computation
+        self._jobs: Final = dict(jobs)
+        #: What the jobs have found, and what that took, in the present iteration.
+        self.told: tuple[JobReport, ...] = ()
+        self._said: Broadcast[MessageBatch] | None = None
+        self._sent, self._heard = ([0] * len(jobs) for _ in range(2))  # bytes of each job in the present iteration
+        self._takes_in = np.zeros(0, np.bool_)  # (n,): which robots take anything in
+
+    @property
+    def knowledge_type(self) -> type[Knowledge]:
+        """The computation's."""
+        return self._computation.knowledge_type
+
+    @property
+    def codec(self) -> EnvelopeCodec:
+        """The envelope's."""
+        return EnvelopeCodec([self._computation.codec, *(job.codec for job in self._jobs.values())])
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the computation has
+        """Other attributes of the computation."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._computation, name)
+
+    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
+        """The computation's messages, with the jobs' beside them."""
+        self._said = said = self._computation.say(senses)
+        self._sent, self._heard = ([0] * len(self._jobs) for _ in range(2))
+        return self._with_jobs(said, senses)
+
+    def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
+        """The jobs' messages in a further exchange."""
+        if self._said is None:
+            raise RuntimeError("a further exchange before the first one")
+        count, content = len(self._said.ends), self._said.content
+        empty = Broadcast(content.take(np.zeros(0, np.int64)), np.zeros(count, np.int64), np.zeros(count, np.int32))
+        return self._with_jobs(empty, senses)
+
+    def _with_jobs(self, said: Broadcast[MessageBatch], senses: Senses) -> Broadcast[MessageBatch]:
+        beside = tuple(job.say(senses) for job in self._jobs.values())
+        for number, one in enumerate(beside):
+            self._sent[number] += int(one.sizes[senses.alive].sum())
+        sizes = said.sizes + sum(one.sizes for one in beside)
+        envelope = HEADER.size + LENGTH.size * (1 + len(beside))
+        return replace(said, sizes=np.where(sizes > 0, sizes + envelope, 0).astype(np.int32), beside=beside)
+
+    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
+        """What robots know after the first exchange; the jobs take in their parts of what was heard."""
+        known = self._computation.hear(senses, inbox)
+        self._takes_in = senses.alive
+        self.hear_more(senses, inbox)
+        return known
+
+    def hear_more(self, senses: Senses, inbox: Inbox[MessageBatch]) -> None:
+        """The jobs take in their parts of what was heard."""
+        awake = replace(senses, alive=senses.alive & self._takes_in)
+        found = []
+        for number, (name, job) in enumerate(self._jobs.items()):
+            part = inbox.beside[number]
+            self._heard[number] += part.bytes
+            found.append(JobReport(name, job.hear(awake, part), self._sent[number], self._heard[number]))
+        self.told = tuple(found)
+
+    def reset(self, robots: NDArray[np.int64]) -> None:
+        """Erase what robots (r,) know, and their parts of the jobs."""
+        self._computation.reset(robots)
+        for job in self._jobs.values():
+            job.reset(robots)
+
+    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
+        """Copy another robot's knowledge, and its parts of the jobs, to robots (r,)."""
+        self._computation.copy_from(robots, source)
+        for job in self._jobs.values():
+            job.copy_from(robots, source)
+
+
+def whole(said: Broadcast[MessageBatch], robot: int) -> MessageBatch:
+    """One robot's whole message: an envelope if there are jobs, else the items of its computation."""
+    own = said.of(robot)
+    return Envelope((own, *(one.of(robot) for one in said.beside))) if said.beside else own

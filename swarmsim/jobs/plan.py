@@ -1,0 +1,100 @@
+"""What all robots know of a job in pieces before it begins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.context import BuildContext
+from swarmsim.core.errors import InputError
+from swarmsim.core.jobs import Piece, PieceJob, Shared, Values
+from swarmsim.jobs.alone import on_air
+from swarmsim.jobs.pieces import Joint, given, joined, joints
+
+Shape = tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JobPlan:
+    """A job's rule, its pieces, and how they are shared."""
+
+    job: PieceJob
+    keys: Shared
+    robots: int  # of the whole swarm
+    pieces: tuple[Piece, ...]
+    joints: tuple[tuple[Joint, ...], ...]  # of each piece
+    readers: tuple[tuple[int, ...], ...]  # of each piece: the pieces that read what it shows
+    shown: tuple[Shape, ...]  # of what each piece shows
+    state: tuple[Shape, ...]  # of each piece's state
+    centres: NDArray[np.float64]  # (p, 2): x, y in m
+    reach: NDArray[np.float64]  # (p,): m, about the side of each piece
+    cell: float  # m
+
+    @classmethod
+    def of(cls, job: PieceJob, keys: Shared, context: BuildContext) -> Self:
+        """The plan of a run. Raises InputError for a job that cannot be done."""
+        level, steps = int(job.level), int(job.steps)
+        if level < 1 or steps < 1 or steps % level:
+            raise InputError(f"steps: {steps} in levels of {level}; expected a whole number of levels, at least one")
+        domain = given(context)
+        pieces = tuple(job.pieces(domain))
+        if not 1 <= len(pieces) <= 1 << 16:
+            raise InputError(f"pieces: {len(pieces)}; expected 1 to {1 << 16}")
+        its = tuple(joints(pieces))
+        readers = tuple(
+            tuple(one.number for one in pieces if any(joint.piece == other.number for joint in its[one.number]))
+            for other in pieces
+        )
+        states = [job.start(one, np.zeros(len(one.cells))) for one in pieces]
+        shown = tuple(job.shows(one, state, 0).shape for one, state in zip(pieces, states, strict=True))
+        cell = domain.lattice.cell
+        centres = np.array([domain.lattice.centres(one.cells).mean(axis=0) for one in pieces])
+        reach = np.array([cell * math.sqrt(len(one.cells)) for one in pieces])
+        return cls(
+            job, keys, context.swarm, pieces, its, readers, shown, tuple(one.shape for one in states), centres, reach,
+            cell,
+        )  # fmt: skip
+
+    @property
+    def steps(self) -> int:
+        """Steps in all."""
+        return self.job.steps
+
+    def level_of(self, step: int) -> int:
+        """The step at which the level of a step begins."""
+        return step // self.job.level * self.job.level
+
+    def first_holder(self, piece: int) -> int:
+        """The robot that has a piece at the start."""
+        return piece % self.robots
+
+    def shows(self, piece: int, state: Values, step: int) -> Values:
+        """What a piece shows, as it is on the air. Raises ValueError for another shape than at the start."""
+        found = on_air(self.job.shows(self.pieces[piece], state, step), self.keys.value)
+        return self._held(found, self.shown[piece], f"shows: piece {piece} at step {step}")
+
+    def stepped(self, piece: int, state: Values, around: Values, step: int) -> Values:
+        """The state after a step. Raises ValueError for another shape, InputError for what is not finite."""
+        with np.errstate(over="ignore", invalid="ignore"):  # told below
+            found = self.job.step(self.pieces[piece], state, around, step)
+        found = self._held(found, self.state[piece], f"step: piece {piece} at step {step}")
+        if not np.isfinite(found).all():
+            raise InputError(
+                f"jobs: {self.keys.name!r} is not finite in piece {piece} after step {step}; expected a stable step"
+            )
+        return found
+
+    def around(self, piece: int, shown: list[Values]) -> Values:
+        """What a piece reads, from what the pieces of its joints show."""
+        return joined(self.pieces[piece], self.joints[piece], shown)
+
+    @staticmethod
+    def _held(found: Values, shape: Shape, where: str) -> Values:
+        if found.shape != shape:
+            raise ValueError(f"{where} gives shape {found.shape}; expected {shape}, as at the start")
+        found.setflags(write=False)
+        return found
