@@ -166,14 +166,6 @@ def unguarded(model, domain: Domain, start: np.ndarray, dt: float, times: int) -
     return job.answer(job.cut[0], state)
 
 
-def test_what_diverges_ends_by_name() -> None:
-    board = 1.0 - 2.0 * (np.indices((20, 20)).sum(axis=0) % 2).ravel()
-    with pytest.raises(InputError, match=r"model: piece 0 holds -?(inf|nan) after step \d+; expected .*do not diverge"):
-        unguarded(Diffusion(), floor(20, 20), board, 1.0, 400)
-    with pytest.raises(InputError, match="model: piece 0 holds nan at the start; expected a start that is known"):
-        solved(Diffusion(), Explicit(), floor(4, 4), np.full(16, np.nan), 0.1, 1)
-
-
 REFUSED = [
     (Diffusion(walls="fixed"), Explicit(), 0.1, "value: required key is missing; fixed walls need the value"),
     (Diffusion(value=1.0), Explicit(), 0.1, 'value: 1 with walls that nothing passes; expected walls = "fixed"'),
