@@ -112,7 +112,7 @@ def test_a_wave_is_solved_by_the_method_that_is_named() -> None:
 
 def test_what_diverges_ends_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where nobody looks at the limit of a step."""
-    monkeypatch.setattr(Problem, "is_stable", lambda *given: None)
+    monkeypatch.setattr(Problem, "check_step", lambda *given: None)
     truth = field(
         method=Part("method", {"use": "explicit"}), dt=1.0, start=Part("field", {"use": "formula", "formula": "x"})
     )
