@@ -32,7 +32,8 @@ class Exchange:
         self, channel: NetworkChannel, state: State, links: Links, said: Broadcast[MessageBatch]
     ) -> Inbox[MessageBatch]:
         """What arrives in the first exchange of an iteration."""
-        self.traffic, inbox = Traffic(0, 0), self._carried(channel, state, 0, links, said)
+        self.traffic = Traffic(0, 0)
+        inbox = self._carried(channel, state, 0, links, said)
         if self._rounds == 1:
             return inbox
         found = [*self._late, inbox]

@@ -11,6 +11,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import AnyJob, PieceJob, Shared
 from swarmsim.core.parts import AnyComputation
 from swarmsim.core.scenario import registry
+from swarmsim.core.scenario.decoding import convert
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
@@ -64,7 +65,8 @@ def _job(part: Part[AnyJob], name: str, context: BuildContext, place: str, clock
         asked = part.parameters
         keys = {key: getattr(asked, key) for key in Shared.__struct_fields__ if hasattr(asked, key)}
         try:
-            found = Lockstep(found, Shared(**{**keys, "name": name}), context)  # type: ignore[arg-type]
+            shared = convert({**keys, "name": name}, Shared)
+            found = Lockstep(found, shared, context)  # type: ignore[arg-type]
         except InputError as problem:
             raise problem.inside(place) from problem
     job: AnyJob = found  # type: ignore[assignment]

@@ -62,7 +62,7 @@ def _domain():
 
 
 def test_loss_and_distance_cost_iterations() -> None:
-    ended = [Swarm(topology="ring", channel={"use": "bernoulli", "loss": loss}).run().ended for loss in (0.0, 0.3, 0.6)]
+    ended = [Swarm(topology="ring", channel={"use": "bernoulli", "loss": loss}).run().ended for loss in (0.0, 0.2, 0.4)]
     assert 20 < ended[0] < ended[1] < ended[2]
     assert Swarm().run().ended == 20  # a step an exchange where everybody hears everybody
     assert Swarm(rounds=5).run().ended == 4
@@ -228,9 +228,7 @@ def test_robots_apart_agree_though_each_is_told_its_own_cells_alone_and_hears_by
     for now in range(20):
         senses = Senses(now, still, still, np.ones(1, bool), Readings())
         said = [mind.say(senses) for mind in minds]
-        told = [
-            mind.codec.pack(robot, now, one.of(0)) for robot, (mind, one) in enumerate(zip(minds, said, strict=True))
-        ]
+        told = [minds[robot].codec.pack(robot, now, one.of(0)) for robot, one in enumerate(said)]
         assert [len(one) for one in told] == [int(one.sizes[0]) for one in said]
         for robot, mind in enumerate(minds):
             heard = [mind.codec.unpack(one)[2] for sender, one in enumerate(told) if sender != robot]
@@ -260,18 +258,18 @@ def _still(count: int, now: int) -> Senses:
 
 
 def test_every_message_keeps_to_its_budget_and_a_budget_too_small_is_refused() -> None:
-    class Watched(Lockstep):
-        sizes: list[int] = []
+    sizes: list[int] = []
 
+    class Watched(Lockstep):
         def say(self, senses):
             said = super().say(senses)
-            self.sizes.append(int(said.sizes.max()))
+            sizes.append(int(said.sizes.max()))
             return said
 
     swarm = Swarm(keys={"budget": 600})
     swarm.runtime = Watched(swarm.job, swarm.runtime._plan.keys, swarm.context)
     assert swarm.run().exact
-    assert max(Watched.sizes) <= 600
+    assert 500 < max(sizes) <= 600
     with pytest.raises(
         InputError, match=r"budget: 100 bytes a message; .*what piece \d says \d+; expected \d+ or more"
     ):
