@@ -41,7 +41,7 @@ class Telling:
         self.alive = np.ones(self.robots, bool)
         self.alive[[robot for robots in self.comes.values() for robot in robots]] = False
         self.ended: int | None = None
-        self.sent = 0
+        self.sent = self.largest = 0
 
     def links(self) -> np.ndarray:
         living = np.flatnonzero(self.alive)
@@ -66,6 +66,7 @@ class Telling:
                 clock = now * self.rounds + number
                 said = self.job.say(senses)
                 self.check_sizes(said, clock)
+                self.largest = max(self.largest, int(said.sizes.max()))
                 post.post(clock, said)
                 state = State(clock, still, still, still[:, :2], self.alive.copy())
                 delivery = channel.deliver(state, links, said.sizes)

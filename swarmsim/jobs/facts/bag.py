@@ -101,7 +101,7 @@ class Independent:
         return {}
 
 
-def bag(work: Work, keys: Carried, context: BuildContext) -> Tellers[Worker]:
+def bag(work: Work, keys: Carried, context: BuildContext) -> Tellers[Hand]:
     """The job of doing all items of a bag. Raises InputError for a bag that no swarm can do."""
     items, size = work.items, work.length * NUMBER.itemsize
     if not 1 <= items < 1 << 32:
@@ -110,11 +110,11 @@ def bag(work: Work, keys: Carried, context: BuildContext) -> Tellers[Worker]:
         raise InputError(f"items: results of {size} bytes; expected 1 to {LONGEST // NUMBER.itemsize} numbers")
     check_budget(keys.budget, [size], "a result")
     return Tellers(
-        context, lambda robot: Worker(work, keys, context, robot), Tally(work, keys.name, len(context.ids)), type(work)
+        context, lambda robot: Hand(work, keys, context, robot), Tally(work, keys.name, len(context.ids)), type(work)
     )
 
 
-class Worker:
+class Hand:
     """One robot: what it works at, and the claims and results that it knows."""
 
     def __init__(self, work: Work, keys: Carried, context: BuildContext, me: int) -> None:
@@ -228,8 +228,8 @@ class Results(Standing):
         """How many items were done, done more than once, or by another robot than their own, by dead robots too."""
         done = self.did.sum(axis=0)
         return {
-            "done": float(np.count_nonzero(done)), "again": float(np.maximum(done - 1, 0).sum()),
-            "stolen": float(self.stolen.sum()),
+            "items_done": float(np.count_nonzero(done)), "items_again": float(np.maximum(done - 1, 0).sum()),
+            "items_stolen": float(self.stolen.sum()),
         }  # fmt: skip
 
     def found(self, alive: NDArray[np.bool_]) -> NDArray[np.float64] | None:
@@ -252,7 +252,7 @@ class Tally:
         self._work, self._name = work, name
         self._did, self._stolen = np.zeros((rows, work.items), np.int32), np.zeros(rows, np.int32)
 
-    def __call__(self, parts: Sequence[Worker], now: int) -> Results:
+    def __call__(self, parts: Sequence[Hand], now: int) -> Results:
         known, results = np.zeros(self._did.shape, np.bool_), [part.results() for part in parts]
         for row, part in enumerate(parts):
             known[row, list(results[row])] = True

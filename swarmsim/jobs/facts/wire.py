@@ -81,7 +81,9 @@ class Facts(MessageBatch):
 
     def rows(self) -> list[Fact]:
         """The facts."""
-        return [Fact._make((*numbers, value)) for numbers, value in zip(self.numbers.tolist(), self.values, strict=True)]
+        return [
+            Fact._make((*numbers, value)) for numbers, value in zip(self.numbers.tolist(), self.values, strict=True)
+        ]
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """The numbers, the lengths of the values, and these one after another."""

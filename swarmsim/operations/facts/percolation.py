@@ -13,7 +13,7 @@ from scipy import ndimage
 from swarmsim.core.context import BuildContext
 from swarmsim.core.jobs import Values
 from swarmsim.core.streams import Streams
-from swarmsim.jobs.facts.bag import Carried, Worker, bag
+from swarmsim.jobs.facts.bag import Carried, Hand, bag
 from swarmsim.jobs.facts.tellers import Tellers
 from swarmsim.operations.facts.stigmergy import Name
 
@@ -35,7 +35,7 @@ class Percolation(Carried, frozen=True, forbid_unknown_fields=True, kw_only=True
     side: Annotated[int, Meta(ge=2, le=1000)] = 32
     open: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5927
 
-    def build(self, context: BuildContext) -> Tellers[Worker]:
+    def build(self, context: BuildContext) -> Tellers[Hand]:
         """The job. Raises InputError for a budget without room for a result."""
         keys = Carried(name=self.name or "percolation", rate=self.rate, patience=self.patience, budget=self.budget)
         return bag(Spanning(self, context.streams), keys, context)

@@ -241,7 +241,7 @@ class Stocks(Standing):
         """Items made and refused, how many of them are held by whom, and the fullest robot's bytes."""
         holders = self._holders(alive)
         return {
-            "items": float(np.count_nonzero(self.made)), "refused": float(np.count_nonzero(self.refused)),
+            "items": float(np.count_nonzero(self.made)), "items_refused": float(np.count_nonzero(self.refused)),
             "kept_share": self.share(alive), "holders": float(holders.mean()) if len(holders) else 0.0,
             "used_bytes": float(self.used[alive].sum()), "used_bytes_most": float(self.used[alive].max(initial=0)),
         }  # fmt: skip
