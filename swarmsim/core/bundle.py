@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.jobs import AnyJob
 from swarmsim.core.messages import HEADER, Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation
-from swarmsim.core.state import Knowledge, Senses, Told
+from swarmsim.core.state import JobReport, Knowledge, Senses
 
 #: The length of each part in an envelope.
 LENGTH: Final = struct.Struct(">I")
@@ -84,7 +84,7 @@ class Bundle:
         self._computation: Final = computation
         self._jobs: Final = dict(jobs)
         #: What the jobs have found, and what that took, in the present iteration.
-        self.told: tuple[Told, ...] = ()
+        self.told: tuple[JobReport, ...] = ()
         self._said: Broadcast[MessageBatch] | None = None
         self._sent, self._heard = ([0] * len(jobs) for _ in range(2))  # bytes of each job in the present iteration
         self._takes_in = np.zeros(0, np.bool_)  # (n,): which robots take anything in
@@ -141,7 +141,7 @@ class Bundle:
         for number, (name, job) in enumerate(self._jobs.items()):
             part = inbox.beside[number]
             self._heard[number] += part.bytes
-            found.append(Told(name, job.hear(awake, part), self._sent[number], self._heard[number]))
+            found.append(JobReport(name, job.hear(awake, part), self._sent[number], self._heard[number]))
         self.told = tuple(found)
 
     def reset(self, robots: NDArray[np.int64]) -> None:

@@ -21,7 +21,7 @@ from swarmsim.core.state import Knowledge, Senses
 Values = NDArray[np.float64]
 
 
-class Job(Protocol[C]):
+class SwarmJob(Protocol[C]):
     """What a swarm computes beside its robots' minds, over the same network.
 
     It may be built for some of the swarm's robots, with a row for each; see `BuildContext`. A class with the verbs of
@@ -55,7 +55,7 @@ class Job(Protocol[C]):
 
 
 #: Any job; whether its messages are those that it unpacks is its own affair.
-AnyJob = Job[Any]
+AnyJob = SwarmJob[Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,7 @@ from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, C, Codec, Delivery, Inbox, MessageBatch
 from swarmsim.core.probes import ProbeTable
 from swarmsim.core.readings import Channels, Readings
-from swarmsim.core.state import Done, Intents, K_co, Knowledge, Measured, Moment, Senses, State, Told
+from swarmsim.core.state import Done, Intents, JobReport, K_co, Knowledge, Measured, Moment, Senses, State
 
 Links = NDArray[np.int32]  # (m, 2): receiver, sender; sorted by receiver, then sender
 WheelSpeeds = NDArray[np.float64]  # (n, 2): left, right, m/s; or the columns of another kinematics
@@ -325,7 +325,7 @@ class Exchanges(Protocol):
     """Jobs beside a computation, in the further exchanges of an iteration."""
 
     @property
-    def told(self) -> tuple[Told, ...]:
+    def told(self) -> tuple[JobReport, ...]:
         """What the jobs have found, and what that took, in the present iteration."""
         ...
 

@@ -28,7 +28,7 @@ from swarmsim.core.code import distributions
 from swarmsim.core.context import BuildContext, Field, WorldContext
 from swarmsim.core.drawing import Layer, Shown
 from swarmsim.core.errors import InputError
-from swarmsim.core.jobs import Job, PieceJob
+from swarmsim.core.jobs import PieceJob, SwarmJob
 from swarmsim.core.kinematics import Kinematics
 
 GROUP: Final = "seam"  # of entry points: swarmsim.seam
@@ -97,7 +97,7 @@ PLACED: Final = {
             function=FunctionStrategy, mind=MindStrategy,
         ),
         Seam(
-            "job", ("jobs",), Job, many=True, also=PieceJob, mind=lambda found, make, context: make(),
+            "job", ("jobs",), SwarmJob, many=True, also=PieceJob, mind=lambda found, make, context: make(),
         ),
         Seam("topology", ("network", "topology"), parts.Topology, required=True, function=FunctionTopology),
         Seam("channel", ("network", "channel"), parts.NetworkChannel, "perfect"),

@@ -103,7 +103,7 @@ class Knowledge(ABC):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class JobReport:
     """What a job has found after an iteration, and what that took."""
 
     name: str
@@ -251,7 +251,7 @@ class Elapsed(ABC, Generic[K_co]):
     intents: Intents
     believed: NDArray[np.float64] | None = None  # (n, 3): estimated poses; None: the true ones
     people: NDArray[np.float64] | None = None  # (p, 3): x, y, radius in m; None: there are none
-    jobs: tuple[Told, ...] = ()
+    jobs: tuple[JobReport, ...] = ()
     traffic: Traffic | None = None  # None: a message on each link, of unknown size
 
 

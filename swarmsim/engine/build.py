@@ -22,7 +22,7 @@ from swarmsim.core.own import not_ending
 from swarmsim.core.parts import Observer, Parts, Schedule
 from swarmsim.core.probes import Row
 from swarmsim.core.scenario import budget, registry
-from swarmsim.core.scenario.file import HALVES, Scenario, all_parts, minds_of
+from swarmsim.core.scenario.file import HALVES, Network, Scenario, all_parts, minds_of
 from swarmsim.core.scenario.identity import Code, code_of
 from swarmsim.core.state import Knowledge, Moment
 from swarmsim.core.streams import Streams
@@ -203,10 +203,7 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
         computation=computation,
         strategy=strategy,
         topology=make(network.topology, context),
-        channel=make(
-            network.channel,
-            replace(context, period=context.period / context.rounds, broadcasts=network.charged == "sent"),
-        ),
+        channel=make(network.channel, _on_air(network, context)),
         motion=make(scenario.motion, context),
         bodies=bodies,
         task=make(scenario.task, context),
@@ -220,6 +217,11 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
     inside = {"sensor", "actuator", *(HALVES if len(found) > 1 else ())}  # their inner parts are guarded
     inside |= {"computation"} if jobs is not None else set()
     return guarded(parts, context, {*(HELD if strict else theirs)} - inside, theirs, clock), context
+
+
+def _on_air(network: Network, context: BuildContext) -> BuildContext:
+    """The context of a channel, whose iterations are exchanges."""
+    return replace(context, period=context.period / context.rounds, broadcasts=network.charged == "sent")
 
 
 def _with_faults(scenario: Scenario, context: BuildContext, parts: Parts, clock: Clock) -> Parts:

@@ -9,7 +9,7 @@ AFAR = 254  #: hops to a robot that has not been heard of
 
 
 @dataclass(slots=True)
-class Entry:
+class News:
     """The newest news of one robot and piece."""
 
     step: int
@@ -20,12 +20,12 @@ class Entry:
     said: tuple[int, int] = (-1, -(1 << 40))  # step and beat when it was last passed on
 
 
-class Claims:
+class Hearsay:
     """What one robot has heard, by piece and robot. Who has not been heard of for `patience` iterations is silent."""
 
     def __init__(self, patience: int) -> None:
         self._patience = patience
-        self._entries: dict[int, dict[int, Entry]] = {}
+        self._entries: dict[int, dict[int, News]] = {}
         self._last: dict[int, int] = {}  # iteration of the last news, by piece
 
     def note(self, piece: int, who: int, step: int, beat: int, hops: int, far: int, now: int) -> None:
@@ -35,7 +35,7 @@ class Claims:
             return
         seen = now if known is None or beat > known.beat else known.seen
         said = (-1, -(1 << 40)) if known is None else known.said
-        self._entries[piece][who] = Entry(step, beat, hops, far, seen, said)
+        self._entries[piece][who] = News(step, beat, hops, far, seen, said)
         self._last[piece] = max(self._last.get(piece, 0), seen)
 
     def wake(self, now: int) -> None:
@@ -49,13 +49,13 @@ class Claims:
         """Forget a robot's claim."""
         self._entries.get(piece, {}).pop(who, None)
 
-    def of(self, piece: int, now: int) -> Iterator[tuple[int, Entry]]:
+    def of(self, piece: int, now: int) -> Iterator[tuple[int, News]]:
         """The robots that are not silent about a piece."""
         for who, entry in self._entries.get(piece, {}).items():
             if now - entry.seen <= self._patience:
                 yield who, entry
 
-    def fresh(self, now: int) -> Iterator[tuple[int, int, Entry]]:
+    def fresh(self, now: int) -> Iterator[tuple[int, int, News]]:
         """All pieces and robots that are not silent about them."""
         for piece in self._entries:
             for who, entry in self.of(piece, now):
@@ -69,7 +69,7 @@ class Claims:
         """For how many iterations there has been no news of a piece."""
         return now - self._last.get(piece, 0)
 
-    def due(self, now: int, every: int) -> Iterator[tuple[int, int, Entry]]:
+    def due(self, now: int, every: int) -> Iterator[tuple[int, int, News]]:
         """What is to be passed on: steps that have changed, and signs of life `every` so many exchanges."""
         for piece, who, entry in self.fresh(now):
             if entry.step != entry.said[0] or entry.beat - entry.said[1] >= every:

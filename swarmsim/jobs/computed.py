@@ -50,10 +50,10 @@ class ComputedTask:
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
         """A new observer of what the jobs took."""
-        return (Cost(),)
+        return (JobCost(),)
 
 
-class Cost:
+class JobCost:
     """What all jobs in pieces took, at the end of a run."""
 
     def __init__(self) -> None:

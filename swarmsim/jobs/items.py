@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.jobs import Values
 from swarmsim.core.messages import HEADER, MessageBatch
-from swarmsim.jobs.plan import Plan
+from swarmsim.jobs.plan import JobPlan
 
 #: The kinds of items: who computes a piece, who keeps a copy of it, what it shows to others, and its state.
 CLAIM, KEEP, SHOW, STATE = range(4)
@@ -88,7 +88,7 @@ class Items(MessageBatch):
 class ItemCodec:
     """The header, then item after item, each in its kind's form; then a number for each value, big-endian."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: JobPlan) -> None:
         self._plan = plan
         self._shown = np.dtype(f">f{plan.keys.value}")
 

@@ -19,7 +19,7 @@ Shape = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class JobPlan:
     """A job's rule, its pieces, and how they are shared."""
 
     job: PieceJob

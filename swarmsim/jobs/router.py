@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.jobs.claims import AFAR, Claims, Entry
+from swarmsim.jobs.claims import AFAR, Hearsay, News
 from swarmsim.jobs.items import SHOW, Item
 from swarmsim.jobs.log import Log
-from swarmsim.jobs.plan import Plan
+from swarmsim.jobs.plan import JobPlan
 
 SATED: Final = 255  #: of a reader that has no need of the value, as far as is known
 FIRST: Final = 2  # exchanges until a value is said again: until a claim can have told that it arrived
@@ -28,7 +28,7 @@ class Router:
     pauses that grow by half.
     """
 
-    def __init__(self, plan: Plan, me: int, rounds: int) -> None:
+    def __init__(self, plan: JobPlan, me: int, rounds: int) -> None:
         self._plan, self._me, self._rounds = plan, me, rounds
         self._due: dict[Key, tuple[int, int]] = {}  # the exchange, and the pause after it
 
@@ -36,7 +36,7 @@ class Router:
         """Pass on a value of one's own."""
         self._due[piece, step] = clock, FIRST
 
-    def heard(self, item: Item, claims: Claims, now: int, clock: int) -> None:
+    def heard(self, item: Item, claims: Hearsay, now: int, clock: int) -> None:
         """Pass on a new value at once if this robot is nearer to a reader than its teller, else later."""
         nearer = any(
             hops != SATED and any(entry.hops < hops for entry in self._needing(claims, reader, item.step, now))
@@ -44,10 +44,10 @@ class Router:
         )
         self._due[item.piece, item.step] = clock if nearer else clock + DETOUR * self._rounds, FIRST
 
-    def _needing(self, claims: Claims, reader: int, step: int, now: int) -> Iterator[Entry]:
+    def _needing(self, claims: Hearsay, reader: int, step: int, now: int) -> Iterator[News]:
         return (entry for who, entry in claims.of(reader, now) if who != self._me and entry.step <= step)
 
-    def items(self, log: Log, claims: Claims, now: int, clock: int) -> list[Item]:
+    def items(self, log: Log, claims: Hearsay, now: int, clock: int) -> list[Item]:
         """The values that are due, those of the earliest steps first."""
         found = []
         for (piece, step), aims in sorted(self._needed(log, claims, now).items(), key=lambda one: one[0][::-1]):
@@ -66,7 +66,7 @@ class Router:
         """Forget values older than a step."""
         self._due = {key: due for key, due in self._due.items() if key[1] >= before}
 
-    def _needed(self, log: Log, claims: Claims, now: int) -> dict[Key, NDArray[np.uint8]]:
+    def _needed(self, log: Log, claims: Hearsay, now: int) -> dict[Key, NDArray[np.uint8]]:
         """The known values that other robots' pieces need now or next, with the hops to each reader."""
         found: dict[Key, NDArray[np.uint8]] = {}
         for reader, who, entry in claims.fresh(now):

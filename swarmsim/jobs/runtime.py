@@ -19,8 +19,8 @@ from swarmsim.core.jobs import PieceJob, Shared, Values
 from swarmsim.core.messages import HEADER, Broadcast, Inbox
 from swarmsim.core.state import Knowledge, Record, Senses
 from swarmsim.jobs.items import CLAIM, FORMS, KEEP, SHOW, STATE, Item, ItemCodec, Items
-from swarmsim.jobs.member import Member
-from swarmsim.jobs.plan import Plan
+from swarmsim.jobs.peer import Peer
+from swarmsim.jobs.plan import JobPlan
 
 UNKNOWN = -1  #: the step of a piece that a robot does not have
 
@@ -29,7 +29,7 @@ UNKNOWN = -1  #: the step of a piece that a robot does not have
 class Parcel(Knowledge):
     """What robots have of a job in pieces; all arrays are read-only."""
 
-    plan: Plan
+    plan: JobPlan
     states: tuple[dict[int, tuple[int, Values]], ...]  # of each robot: the step and state of each piece it computes
     ended: tuple[dict[int, Values], ...]  # of each robot: last states, of pieces computed or kept
     step: NDArray[np.int32]  # (n, p): the step of each piece that the robot computes; UNKNOWN for others
@@ -76,34 +76,34 @@ class Parcel(Knowledge):
 
 
 class Lockstep:
-    """A job in pieces, for some robots or all: the members of a network that share it."""
+    """A job in pieces, for some robots or all: the peers of a network that share it."""
 
     def __init__(self, job: PieceJob, keys: Shared, context: BuildContext) -> None:
         """Raises InputError for a job that cannot be done."""
         #: The class named in messages about broken contracts.
         self.written_by = type(job)
-        self._plan, self._context = Plan.of(job, keys, context), context
+        self._plan, self._context = JobPlan.of(job, keys, context), context
         self._rounds = context.rounds
         #: The form of its messages.
         self.codec = ItemCodec(self._plan)
         _check_budget(self._plan, self.codec)
-        self._members = [self._new(robot) for robot in context.ids.tolist()]
+        self._peers = [self._new(robot) for robot in context.ids.tolist()]
         self._begun, self._awake = np.zeros((2, len(context.ids)), np.bool_)
         self._clock = -1
         self._iteration = -1
 
-    def _new(self, robot: int) -> Member:
-        return Member(self._plan, robot, self._rounds)
+    def _new(self, robot: int) -> Peer:
+        return Peer(self._plan, robot, self._rounds)
 
     def say(self, senses: Senses) -> Broadcast[Items]:
         """Every robot's part in one exchange."""
         self._tick(senses)
-        found, sizes = list[list[Item]](), np.zeros(len(self._members), np.int32)
-        for row, member in enumerate(self._members):
+        found, sizes = list[list[Item]](), np.zeros(len(self._peers), np.int32)
+        for row, peer in enumerate(self._peers):
             items = []
             if senses.alive[row]:
                 self._rouse(row, senses.iteration)
-                items = member.say(senses.iteration, self._clock, senses.pose[row, :2], self.codec)
+                items = peer.say(senses.iteration, self._clock, senses.pose[row, :2], self.codec)
             self._awake[row] = senses.alive[row]
             sizes[row] = HEADER.size + sum(map(self.codec.size, items)) if items else 0
             found.append(items)
@@ -118,13 +118,13 @@ class Lockstep:
 
     def _rouse(self, row: int, now: int) -> None:
         """A robot that was not there begins with the states that it alone knows, or finds all others silent so far."""
-        member, robot = self._members[row], int(self._context.ids[row])
+        peer, robot = self._peers[row], int(self._context.ids[row])
         if not self._awake[row]:
-            member.wake(now)
+            peer.wake(now)
         if not self._begun[row]:
             self._begun[row] = True
             pieces = range(robot, len(self._plan.pieces), self._plan.robots)
-            member.begin(((piece, self._start(piece)) for piece in pieces), self._clock)
+            peer.begin(((piece, self._start(piece)) for piece in pieces), self._clock)
 
     def _start(self, piece: int) -> Values:
         """A piece's state before its first step."""
@@ -137,43 +137,43 @@ class Lockstep:
     def hear(self, senses: Senses, inbox: Inbox[Items]) -> Parcel:
         """Every robot's part of the answer after an exchange."""
         items = inbox.content.rows()
-        ends = np.searchsorted(inbox.receivers, np.arange(len(self._members) + 1))
-        for row, member in enumerate(self._members):
+        ends = np.searchsorted(inbox.receivers, np.arange(len(self._peers) + 1))
+        for row, peer in enumerate(self._peers):
             if senses.alive[row] and self._begun[row]:
                 mine = items[ends[row] : ends[row + 1]]
-                member.hear(mine, senses.iteration, self._clock, senses.pose[row, :2])
+                peer.hear(mine, senses.iteration, self._clock, senses.pose[row, :2])
         return self._parcel(senses.iteration)
 
     def _parcel(self, now: int) -> Parcel:
-        members, shape = self._members, (len(self._members), len(self._plan.pieces))
+        peers, shape = self._peers, (len(self._peers), len(self._plan.pieces))
         step, kept = np.full((2, *shape), UNKNOWN, np.int32)
-        for row, member in enumerate(members):
-            for piece, thread in member.threads.items():
+        for row, peer in enumerate(peers):
+            for piece, thread in peer.worker.threads.items():
                 step[row, piece] = thread.step
-            for piece in member.copies.pieces():
-                kept[row, piece] = member.copies.newest(piece)
-        silent = np.array([member.silent(now) for member in members], np.int32)
-        counts = np.array([astuple(member.counts) for member in members], np.float64).reshape(-1, 5)
+            for piece in peer.worker.copies.pieces():
+                kept[row, piece] = peer.worker.copies.newest(piece)
+        silent = np.array([peer.silent(now) for peer in peers], np.int32)
+        counts = np.array([astuple(peer.worker.counts) for peer in peers], np.float64).reshape(-1, 5)
         for array in (step, kept, silent, counts):
             array.setflags(write=False)
         states = tuple(
-            {piece: (thread.step, thread.state) for piece, thread in member.threads.items()} for member in members
+            {piece: (thread.step, thread.state) for piece, thread in peer.worker.threads.items()} for peer in peers
         )
-        return Parcel(self._plan, states, tuple(member.ended() for member in members), step, kept, silent, counts)
+        return Parcel(self._plan, states, tuple(peer.ended() for peer in peers), step, kept, silent, counts)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Erase all that these rows (r,) have of the job; states that they alone knew are lost with it."""
         for row in robots.tolist():
-            self._members[row] = self._new(int(self._context.ids[row]))
+            self._peers[row] = self._new(int(self._context.ids[row]))
             self._awake[row] = False
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
         """Give these rows (r,) the values and copies that the row `source` has, but none of its pieces."""
         for row in robots.tolist():
-            self._members[row].learn(self._members[source])
+            self._peers[row].learn(self._peers[source])
 
 
-def _check_budget(plan: Plan, codec: ItemCodec) -> None:
+def _check_budget(plan: JobPlan, codec: ItemCodec) -> None:
     """Raise InputError for a budget in which the largest item finds no place beside the signs of life."""
     if plan.keys.budget is None:
         return

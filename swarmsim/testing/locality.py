@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,110 +13,15 @@ from numpy.typing import NDArray
 from swarmsim.core.bundle import Bundle, whole
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
-from swarmsim.core.parts import AnyComputation, AnyStrategy, Exchanges, Parts
+from swarmsim.core.parts import AnyComputation, AnyStrategy, Parts
 from swarmsim.core.scenario import registry
-from swarmsim.core.state import Intents, Knowledge, Senses, Told
+from swarmsim.core.state import Intents, Senses
 from swarmsim.engine import minds
 from swarmsim.engine.build import BuiltRun
 from swarmsim.engine.jobs import bundled
-from swarmsim.faults.delegate import ComputationDelegate
 from swarmsim.testing.broken import BrokenError, breaking
 from swarmsim.testing.runs import ITERATIONS, limited, opened
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Heard:
-    """A mind's inputs and outputs in one iteration."""
-
-    changes: Sequence[tuple[NDArray[np.int64], int | None]]  # before it: resets, and copies from a source
-    speaks: Senses  # when it sent
-    hears: tuple[Senses, Inbox[MessageBatch]]  # when it received
-    decides: tuple[Senses, Inbox[MessageBatch]]  # when it decided
-    said: Broadcast[MessageBatch]
-    intents: Intents
-    more: Sequence[tuple[Senses, Broadcast[MessageBatch], Inbox[MessageBatch]]] = ()  # further exchanges, of jobs
-
-
-class Witness(ComputationDelegate):
-    """Notes the inputs of a computation and of the strategy beside it."""
-
-    def __init__(self, inner: AnyComputation, strategy: AnyStrategy) -> None:
-        super().__init__(inner)
-        #: Everything so far, in order.
-        self.heard: list[Heard] = []
-        #: The strategy, also noted.
-        self.strategy = WitnessedStrategy(strategy, self)
-        self._changes: list[tuple[NDArray[np.int64], int | None]] = []
-        self._spoken: list[tuple[Senses, Broadcast[MessageBatch]]] = []
-        self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
-        #: The further exchanges of this iteration.
-        self.more: list[tuple[Senses, Broadcast[MessageBatch], Inbox[MessageBatch]]] = []
-
-    def say(self, senses: Senses) -> Broadcast[MessageBatch]:
-        said = self._inner.say(senses)
-        kept = replace(said, content=said.content.take(np.arange(len(said.content))))
-        self._spoken.append((_copied(senses), kept))
-        return said
-
-    def hear(self, senses: Senses, inbox: Inbox[MessageBatch]) -> Knowledge:
-        self._given.append((_copied(senses), inbox))
-        return self._inner.hear(senses, inbox)
-
-    def decided(self, senses: Senses, inbox: Inbox[MessageBatch], intents: Intents) -> None:
-        """The end of an iteration."""
-        speaks, said = self._spoken[-1]
-        decides = (_copied(senses), inbox)
-        self.heard.append(Heard(self._changes, speaks, self._given[-1], decides, said, intents, self.more))
-        self._changes, self.more = [], []
-
-    def reset(self, robots: NDArray[np.int64]) -> None:
-        self._changes.append((robots.copy(), None))
-        self._inner.reset(robots)
-
-    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """The robots that get another one's knowledge."""
-        self._changes.append((robots.copy(), source))
-        self._inner.copy_from(robots, source)
-
-
-class WitnessedJobs:
-    """Notes the further exchanges of jobs."""
-
-    def __init__(self, inner: Exchanges, witness: Witness) -> None:
-        self._inner, self._witness = inner, witness
-        self._said: Broadcast[MessageBatch] | None = None
-
-    @property
-    def told(self) -> tuple[Told, ...]:
-        """What the jobs have found."""
-        return self._inner.told
-
-    def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
-        self._said = self._inner.say_more(senses)
-        return self._said
-
-    def hear_more(self, senses: Senses, inbox: Inbox[MessageBatch]) -> None:
-        """Note the exchange, and pass it on."""
-        if self._said is not None:
-            self._witness.more.append((_copied(senses), self._said, inbox))
-        self._inner.hear_more(senses, inbox)
-
-
-class WitnessedStrategy:
-    """Notes a strategy's inputs and decisions."""
-
-    def __init__(self, inner: AnyStrategy, witness: Witness) -> None:
-        self._inner, self._witness = inner, witness
-
-    @property
-    def requires_knowledge(self) -> type[Knowledge]:
-        """The knowledge that the inner strategy reads."""
-        return self._inner.requires_knowledge
-
-    def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
-        intents = self._inner.step(senses, inbox, knowledge)
-        self._witness.decided(senses, inbox, intents)
-        return intents
+from swarmsim.testing.witness import Heard, Witness, WitnessedJobs, chosen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,25 +46,6 @@ def _followed(scenario: Path | str, overrides: Sequence[str], iterations: int, a
     return Followed(run, witnesses[0].heard, witnesses[0].codec)
 
 
-def _copied(senses: Senses) -> Senses:
-    return _chosen(senses, np.arange(len(senses.alive)))
-
-
-def _chosen(senses: Senses, rows: NDArray[np.int64]) -> Senses:
-    """The same with the rows of arrays in this order."""
-    decided = senses.decided
-    if decided is not None:
-        columns = {one.name: getattr(decided, one.name) for one in fields(decided) if one.name != "commands"}
-        decided = replace(
-            decided, commands={name: column[rows] for name, column in decided.commands.items()},
-            **{name: column[rows] for name, column in columns.items() if column is not None},
-        )  # fmt: skip
-    return replace(
-        senses, pose=senses.pose[rows], velocity=senses.velocity[rows], alive=senses.alive[rows],
-        readings=senses.readings.take(rows), decided=decided,
-    )  # fmt: skip
-
-
 Mind = tuple[AnyComputation, AnyStrategy]
 
 
@@ -182,7 +68,8 @@ def _repeated(
     with breaking("computation", where):
         said = [computation.say(speaks)]
         known = computation.hear(*hears)
-    for senses, inbox in more if isinstance(computation, Bundle) else ():
+    for senses, inbox in more:
+        assert isinstance(computation, Bundle)  # nobody else has further exchanges
         with breaking("job", where):
             said.append(computation.say_more(senses))
             computation.hear_more(senses, inbox)
@@ -230,20 +117,20 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
                 mind[0].copy_from(mine, int(np.flatnonzero(ids == source)[0]))
             else:  # the source's knowledge is not available here
                 followed[mine] = False
-        speaks = _chosen(heard.speaks, ids)
+        speaks = chosen(heard.speaks, ids)
         hears, decides = (
-            (_chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
+            (chosen(senses, ids), _received(inbox, ids, count)) for senses, inbox in (heard.hears, heard.decides)
         )
-        more = [(_chosen(senses, ids), _received(inbox, ids, count)) for senses, _, inbox in heard.more]
+        more = [(chosen(senses, ids), _received(inbox, ids, count)) for senses, _, inbox in heard.more]
         where = f"{scenario}, iteration {speaks.iteration}, {when}"
         said, intents = _repeated(mind, speaks, hears, decides, more, where)
         for row in np.flatnonzero(speaks.alive & followed).tolist():
             robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
-            for mine, first in zip(said, (heard.said, *(one for _, one, _ in heard.more)), strict=True):
-                _check_said(mine, row, first, robot, f"{where}: {{}} {when}")
-                if first.sizes[robot] > 0 and codec.pack(robot, now, whole(mine, row)) != swarm.codec.pack(
-                    robot, now, whole(first, robot)
+            for here, there in zip(said, [heard.said, *(one for _, one, _ in heard.more)], strict=True):
+                _check_said(here, row, there, robot, f"{where}: {{}} {when}")
+                if there.sizes[robot] > 0 and codec.pack(robot, now, whole(here, row)) != swarm.codec.pack(
+                    robot, now, whole(there, robot)
                 ):
                     raise BrokenError(f"{where}: sends other bytes {when}", "computation")
             if decides[0].alive[row] and _done(intents, row) != _done(heard.intents, robot):
@@ -297,7 +184,7 @@ def check_locality(
             where = f"{scenario}, iteration {heard.speaks.iteration}, robot {robot}"
             when = "when others sense and hear something else"
             said, intents = _repeated(mind, _scrambled(heard.speaks, robot), hears, decides, more, f"{where}, {when}")
-            for mine, first in zip(said, (heard.said, *(one for _, one, _ in heard.more)), strict=True):
+            for mine, first in zip(said, [heard.said, *(one for _, one, _ in heard.more)], strict=True):
                 if heard.speaks.alive[robot]:
                     _check_said(mine, robot, first, robot, f"{where}: {{}} {when}")
             if heard.decides[0].alive[robot] and _done(intents, robot) != _done(heard.intents, robot):
@@ -324,7 +211,7 @@ def _scrambled(senses: Senses, robot: int) -> Senses:
     count = len(senses.alive)
     rows = np.roll(np.arange(count), 1)
     rows[robot] = robot
-    other = _chosen(senses, rows)
+    other = chosen(senses, rows)
     turned = other.pose.copy()
     turned[np.arange(count) != robot, 2] += 1.0
     return replace(other, pose=turned)

@@ -353,6 +353,7 @@ class _Ledger:
 
     def __init__(self, run: BuiltRun, says: _Says) -> None:
         self._says, self._under_way = says, set[tuple[int, int, int, int]]()
+        self._alone = not run.scenario.jobs  # what stands beside them in letters, minds are not shown
         self._layers = list(_stack(run.scenario.network.channel.table))
         late = any(fault.declares("failure", "") == "delay" for fault in run.scenario.faults)
         self._at_once = {layer["use"] for layer in self._layers} <= AT_ONCE and not late
@@ -382,7 +383,8 @@ class _Ledger:
         assert state.alive[delivery.heard[:, 0]].all(), "the dead hear"
         if self._delay is not None:
             assert (now - delivery.heard[:, 2] == self._delay).all(), "a message is not as late as it has to be"
-        self._contents(moment)
+        if self._alone:
+            self._contents(moment)
 
     def _contents(self, moment: Moment) -> None:
         """What is heard is what was said, and as long on the air as its letter says."""

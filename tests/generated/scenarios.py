@@ -153,6 +153,8 @@ class _Draw:
         elif not isinstance(robots, list) and self._count > 1 and dice.random() < 0.1:
             table |= self._pursuit(robots)
         self._wheels(table)
+        if dice.random() < 0.1:
+            table["jobs"] = [self._part("job", "solve")]
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _pursuit(self, robots: Table) -> Table:
@@ -285,6 +287,22 @@ class _Draw:
                     {"x": self._point()[0], "y": self._point()[1], "width": 0.8, "velocity": [0.05, -0.02]}
                 ]
             },
+            "model": {
+                **noise, "model": self._equation, "method": lambda: self._maybe({"use": "block-jacobi"}),
+                "dt": lambda: self._maybe(dice.choice((0.25, 2.0))),
+                "sources": lambda: self._maybe(self._emitters(), 0.2),
+                "start": lambda: self._maybe({"use": "formula", "formula": "exp(-hypot(x, y))"}),
+            },
+            "solve": {
+                "model": self._equation, "method": self._method, "dt": lambda: 0.5,
+                "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: OMITTED, "budget": lambda: OMITTED,
+                "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
+            },
+            **dict.fromkeys(("diffusion", "gray-scott"), self._walls()),
+            "advection-diffusion": {
+                "walls": lambda: "open", "value": lambda: self._maybe(0.1), "vents": lambda: OMITTED,
+                "velocity": lambda: [round(dice.uniform(-0.1, 0.1), 3) for _ in "xy"],
+            },
             "formation": {**offsets, **pace, "march": lambda: self._maybe([0.02, 0.0])},
             "formation-error": offsets,
             "perimeter": {**corners, **pace},
@@ -312,6 +330,32 @@ class _Draw:
         }
         found = registry.known("strategy").get(use)
         return asked.get(use, {key: exploring[key] for key in exploring if found and key in found.__struct_fields__})
+
+    def _equation(self) -> Table:
+        """A model that implicit methods with steps of any length can solve."""
+        self._draught = self._dice.random() < 0.2
+        use = "advection-diffusion" if self._draught else self._dice.choice(("diffusion", "gray-scott"))
+        return self._part("model", use)
+
+    def _walls(self) -> Own:
+        """What happens at walls, and rates that steps of 2 s bear."""
+        dice, fixed = self._dice, self._dice.random() < 0.3
+        return {
+            "walls": lambda: "fixed" if fixed else "no-flux", "value": lambda: 0.2 if fixed else OMITTED,
+            "rate": lambda: round(dice.uniform(0.05, 0.2), 3),
+        }  # fmt: skip
+
+    def _method(self) -> Table:
+        use = self._dice.choice(
+            ("block-jacobi", "schwarz") if self._draught else ("block-jacobi", "chebyshev", "schwarz")
+        )
+        return self._part(
+            "method", use, sweeps=lambda: self._dice.randint(2, 5), overlap=lambda: self._dice.randint(0, 3)
+        )
+
+    def _emitters(self) -> list[Table]:
+        x, y = self._point()
+        return [{"x": x, "y": y, "strength": 0.5, "begin": 1.0, "end": 6.0, "velocity": [0.02, 0.0]}]
 
     def _edges(self) -> list[list[int]]:
         pairs = [[i, j] for i in range(self._count) for j in range(self._count) if i != j]

@@ -242,7 +242,7 @@ def test_robots_apart_agree_though_each_is_told_its_own_cells_alone_and_hears_by
             minds[robot] = mind
     want = alone(job, pieces, [Poison().value(0.0, whole.context.lattice.centres(one.cells)) for one in pieces])
     for robot, mind in enumerate(minds):
-        assert mind._members[0].threads[robot].state.tobytes() == want[robot].tobytes()
+        assert mind._peers[0].worker.threads[robot].state.tobytes() == want[robot].tobytes()
 
 
 def test_no_fewer_bytes_are_said_than_pieces_show() -> None:

@@ -126,7 +126,7 @@ class Part(Nested, Generic[P]):
         for name in self.parameters.__struct_fields__:
             value = getattr(self.parameters, name)
             for one in value if isinstance(value, tuple | list) else (value,):
-                if isinstance(one, Part):
+                if isinstance(one, Part) and one:
                     yield from one.inside()
 
     def build(self, context: object, key: str = "") -> P:

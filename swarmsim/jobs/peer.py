@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,39 +11,18 @@ from numpy.typing import NDArray
 
 from swarmsim.core.jobs import Values
 from swarmsim.core.messages import HEADER
-from swarmsim.jobs.claims import AFAR, Claims, Entry
+from swarmsim.jobs.claims import AFAR, Hearsay, News
 from swarmsim.jobs.items import CLAIM, KEEP, SHOW, STATE, Item, ItemCodec
-from swarmsim.jobs.log import Copies, Log
-from swarmsim.jobs.plan import Plan
+from swarmsim.jobs.plan import JobPlan
 from swarmsim.jobs.router import Router
+from swarmsim.jobs.worker import Thread, Worker
 
 MOST_HOPS: Final = AFAR - 1
 SIGNS: Final = 6  # of life within the patience that others have
 CALL: Final = 2  # iterations until a copy is offered again
 
 
-@dataclass(slots=True)
-class Thread:
-    """A piece that the robot computes."""
-
-    step: int
-    state: Values
-    since: int  # the exchange of its last step
-    goal: int  # the step at which it ends
-
-
-@dataclass(slots=True)
-class Counts:
-    """What it took so far."""
-
-    steps: int = 0
-    waited: int = 0  # exchanges in which a piece could not go on
-    taken: int = 0  # pieces taken over
-    redone: int = 0  # steps that were computed once more, as far as is known
-    work: float = 0.0  # floating-point operations
-
-
-class Member:
+class Peer:
     """One robot. It reads its own pose and messages alone.
 
     It computes a step of each of its pieces in an exchange, once it knows what the piece reads. If it keeps a copy of a
@@ -52,14 +30,12 @@ class Member:
     is known to compute, it computes it once more from an earlier copy, beside the piece itself.
     """
 
-    def __init__(self, plan: Plan, me: int, rounds: int) -> None:
+    def __init__(self, plan: JobPlan, me: int, rounds: int) -> None:
         self._plan, self._me, self._rounds = plan, me, rounds
         self._every = max(1, plan.keys.patience // SIGNS) * rounds
-        self.threads: dict[int, Thread] = {}
-        self._again: dict[int, Thread] = {}  # pieces computed from an earlier step, for values that others need
-        self.copies, self.log, self.counts = Copies(), Log(), Counts()
-        self._claims, self._keeps = Claims(plan.keys.patience), Claims(plan.keys.patience)
+        self._claims, self._keeps = Hearsay(plan.keys.patience), Hearsay(plan.keys.patience)
         self._router = Router(plan, me, rounds)
+        self.worker = Worker(plan, self._router.made)
         self._offered: dict[int, tuple[int, int, int]] = {}  # step, next exchange and pause, by piece
         self._lacked: dict[tuple[int, int], int] = {}  # iteration in which a lack was first noticed
         self._heard_at = 0  # the last iteration in which it heard anybody
@@ -76,31 +52,22 @@ class Member:
     def begin(self, states: Iterable[tuple[int, Values]], clock: int) -> None:
         """Start with its own pieces' states."""
         for piece, state in states:
-            self._begin(self.threads, piece, 0, state, self._plan.steps, clock)
+            self.worker.begin(self.worker.threads, piece, 0, state, self._plan.steps, clock)
 
-    def _begin(self, where: dict[int, Thread], piece: int, step: int, state: Values, goal: int, clock: int) -> None:
-        state.setflags(write=False)
-        where[piece] = Thread(step, state, clock, goal)
-        self._reached(piece, step, state, clock)
-
-    def _reached(self, piece: int, step: int, state: Values, clock: int) -> None:
-        """Keep what a state shows, and the state itself at the start of a level."""
-        if step % self._plan.job.level == 0:
-            self.copies.put(piece, step, state)
-        if step < self._plan.steps and self.log.put(piece, step, self._plan.shows(piece, state, step)):
-            self._router.made(piece, step, clock)
-
-    def learn(self, other: Member) -> None:
+    def learn(self, other: Peer) -> None:
         """Take over the values and copies that another robot has."""
-        self.log, self.copies = self.log.merged(other.log), self.copies.merged(other.copies)
+        self.worker.log, self.worker.copies = (
+            self.worker.log.merged(other.worker.log),
+            self.worker.copies.merged(other.worker.copies),
+        )
 
     def ended(self) -> dict[int, Values]:
         """The last states that it has, by piece."""
         last = self._plan.steps
         return {
             piece: found[1]
-            for piece in self.copies.pieces()
-            if (found := self.copies.before(piece, last)) is not None and found[0] == last
+            for piece in self.worker.copies.pieces()
+            if (found := self.worker.copies.before(piece, last)) is not None and found[0] == last
         }
 
     def silent(self, now: int) -> int:
@@ -132,30 +99,30 @@ class Member:
 
     def _sign(self, now: int, clock: int, place: NDArray[np.float64]) -> None:
         """Claim its pieces and copies in its own books."""
-        for piece in {**self.threads, **self._again}:
-            step = min(thread[piece].step for thread in (self.threads, self._again) if piece in thread)
+        for piece in {**self.worker.threads, **self.worker.again}:
+            step = min(thread[piece].step for thread in (self.worker.threads, self.worker.again) if piece in thread)
             self._claims.note(piece, self._me, step, clock, 0, self._far(piece, place), now)
-        for piece in self.copies.pieces():
-            if piece not in self.threads:
-                self._keeps.note(piece, self._me, self.copies.newest(piece), clock, 0, 0, now)
+        for piece in self.worker.copies.pieces():
+            if piece not in self.worker.threads:
+                self._keeps.note(piece, self._me, self.worker.copies.newest(piece), clock, 0, 0, now)
 
     def _far(self, piece: int, place: NDArray[np.float64]) -> int:
         far = float(np.hypot(*(self._plan.centres[piece] - place))) / self._plan.cell
         return int(min(far, 65535.0)) if math.isfinite(far) else 65535
 
-    def _wanted(self, now: int, clock: int) -> Iterator[tuple[Item, Entry | None]]:
+    def _wanted(self, now: int, clock: int) -> Iterator[tuple[Item, News | None]]:
         """All that it would say, the most urgent first: claims, copies' claims, values, states."""
         for kind, claims in ((CLAIM, self._claims), (KEEP, self._keeps)):
             for piece, who, entry in claims.due(now, self._every):
                 if entry.beat >= 0:  # heard, not presumed
                     of_claims = (entry.hops, entry.far) if kind == CLAIM else (0, 0)
                     yield Item(kind, piece, entry.step, who, entry.beat, *of_claims), entry
-        for item in self._router.items(self.log, self._claims, now, clock):
+        for item in self._router.items(self.worker.log, self._claims, now, clock):
             yield item, None
-        for piece in sorted(self.threads):
-            step = self.copies.newest(piece)
+        for piece in sorted(self.worker.threads):
+            step = self.worker.copies.newest(piece)
             if self._lacks_copies(piece, step, now, clock):
-                found = self.copies.before(piece, step)
+                found = self.worker.copies.before(piece, step)
                 if found is not None:
                     yield Item(STATE, piece, step, values=found[1]), None
 
@@ -186,11 +153,14 @@ class Member:
             self._heard_at = now
             self._take_in(item, now, clock)
         self._give_up(now, place)
-        self._advance(clock)
+        before = set(self.worker.again)
+        self.worker.advance(clock)
+        for piece in before - self.worker.again.keys() - self.worker.threads.keys():
+            self._claims.withdraw(piece, self._me)
         self._take_over(now, clock, place)
         if self._plan.keys.fence == "data":
             horizon = self._horizon()
-            self.log.forget(horizon)
+            self.worker.log.forget(horizon)
             self._router.forget(horizon)
         else:
             self._router.forget(clock - self._plan.keys.patience * self._rounds)
@@ -201,100 +171,51 @@ class Member:
             if item.who != self._me:
                 books.note(item.piece, item.who, item.step, item.beat, min(item.hops + 1, MOST_HOPS), item.far, now)
         elif item.kind == SHOW:
-            stale = self._plan.keys.fence == "clock" and item.step <= (self.log.newest(item.piece) or -1)
-            if not stale and self.log.put(item.piece, item.step, item.values):
+            stale = self._plan.keys.fence == "clock" and item.step <= (self.worker.log.newest(item.piece) or -1)
+            if not stale and self.worker.log.put(item.piece, item.step, item.values):
                 if self._plan.keys.fence == "clock":
-                    self.log.only_newest(item.piece)
+                    self.worker.log.only_newest(item.piece)
                 self._router.heard(item, self._claims, now, clock)
-        elif item.piece not in self.threads:
+        elif item.piece not in self.worker.threads:
             copies = self._plan.keys.copies
-            keeps = self.copies.newest(item.piece) >= 0
+            keeps = self.worker.copies.newest(item.piece) >= 0
             if copies == "all" or keeps or self._keepers(item.piece, item.step, now) < copies:
-                self.copies.put(item.piece, item.step, item.values)
+                self.worker.copies.put(item.piece, item.step, item.values)
 
     def _give_up(self, now: int, place: NDArray[np.float64]) -> None:
         """Leave pieces to others that are ahead or, at the same step, nearer; and copies if others have enough."""
-        for piece, thread in list(self.threads.items()):
+        for piece, thread in list(self.worker.threads.items()):
             mine = thread.step, -self._far(piece, place), -self._me
             if any((one.step, -one.far, -who) > mine for who, one in self._claims.of(piece, now) if who != self._me):
-                del self.threads[piece]
+                del self.worker.threads[piece]
                 self._claims.withdraw(piece, self._me)
         copies = self._plan.keys.copies
-        for piece in self.copies.pieces() if copies != "all" else ():
-            newest = self.copies.newest(piece)
-            if piece not in self.threads and self._keepers(piece, newest, now, better=True) >= int(copies):
-                self.copies.drop(piece)
+        for piece in self.worker.copies.pieces() if copies != "all" else ():
+            newest = self.worker.copies.newest(piece)
+            if piece not in self.worker.threads and self._keepers(piece, newest, now, better=True) >= int(copies):
+                self.worker.copies.drop(piece)
                 self._keeps.withdraw(piece, self._me)
-
-    def _advance(self, clock: int) -> None:
-        """Go a step on with each piece whose neighbours are known; with `fence = "clock"` up to the present."""
-        for piece, thread in sorted(self.threads.items()):
-            if self._plan.keys.fence == "data":
-                self._step(piece, thread, self._read(piece, thread.step), clock)
-            while self._plan.keys.fence == "clock" and thread.step < min(clock + 1, thread.goal):
-                self._step(piece, thread, self._read_newest(piece, thread), clock)
-        for piece, thread in sorted(self._again.items()):
-            self._step(piece, thread, self._read(piece, thread.step), clock)
-            if thread.step >= thread.goal:
-                del self._again[piece]
-                if piece not in self.threads:
-                    self._claims.withdraw(piece, self._me)
-
-    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int) -> None:
-        if thread.step >= thread.goal or shown is None:
-            return
-        thread.state = self._plan.stepped(piece, thread.state, self._plan.around(piece, shown), thread.step)
-        thread.step += 1
-        self.counts.steps += 1
-        self.counts.waited += max(0, clock - thread.since - 1)
-        self.counts.work += self._plan.job.work(self._plan.pieces[piece])
-        thread.since = clock
-        self._reached(piece, thread.step, thread.state, clock)
-        if self._plan.keys.fence == "clock":
-            self.log.only_newest(piece)
-
-    def _read(self, piece: int, step: int) -> list[Values] | None:
-        """What the piece's joints show to a step, if it is all known."""
-        shown = []
-        for joint in self._plan.joints[piece]:
-            values = self.log.get(joint.piece, step)
-            if values is None:
-                return None
-            shown.append(values)
-        return shown
-
-    def _read_newest(self, piece: int, thread: Thread) -> list[Values]:
-        """What the piece's joints are known to have shown last; the mean of its own rim for what was never heard."""
-        shown = []
-        for joint in self._plan.joints[piece]:
-            newest = self.log.newest(joint.piece)
-            values = None if newest is None else self.log.get(joint.piece, newest)
-            if values is None:
-                own = self._plan.shows(piece, thread.state, thread.step)
-                values = np.broadcast_to(own.mean(axis=0), self._plan.shown[joint.piece])
-            shown.append(values)
-        return shown
 
     def _horizon(self) -> int:
         """The step before which nobody needs values any more: a level before the slowest piece's."""
         slowest = min(self._claims.newest(piece) for piece in range(len(self._plan.pieces)))
         kept = [step for piece in range(len(self._plan.pieces)) if (step := self._keeps.newest(piece)) > 0]
-        own = [thread.step for thread in (*self.threads.values(), *self._again.values())]
+        own = [thread.step for thread in (*self.worker.threads.values(), *self.worker.again.values())]
         return min(self._plan.level_of(min([slowest, *own])) - self._plan.job.level, *kept, self._plan.steps)
 
     # --- taking over
 
     def _take_over(self, now: int, clock: int, place: NDArray[np.float64]) -> None:
         """Go on with pieces of which nothing is heard, and compute values once more that are lacked for long."""
-        for piece in self.copies.pieces():
+        for piece in self.worker.copies.pieces():
             wait = self._plan.keys.patience + int(self._far(piece, place) * self._plan.cell / self._plan.reach[piece])
             active = [entry.step for who, entry in self._claims.of(piece, now) if who != self._me]
-            if piece not in self.threads and not active and self._claims.silence(piece, now) > wait:
-                self._resume(self.threads, piece, self._plan.steps, self._plan.steps, clock)
-            elif self._plan.keys.fence == "data" and piece not in self._again:
+            if piece not in self.worker.threads and not active and self._claims.silence(piece, now) > wait:
+                self._resume(self.worker.threads, piece, self._plan.steps, self._plan.steps, clock)
+            elif self._plan.keys.fence == "data" and piece not in self.worker.again:
                 lacked = self._lack(piece, active, now)
                 if lacked is not None and now - self._lacked.setdefault((piece, lacked), now) > wait:
-                    self._resume(self._again, piece, lacked, lacked, clock)
+                    self._resume(self.worker.again, piece, lacked, lacked, clock)
 
     def _lack(self, piece: int, active: list[int], now: int) -> int | None:
         """The first step to which others need what a piece shows, if nobody is known to come to it."""
@@ -302,19 +223,19 @@ class Member:
             entry.step
             for reader in self._plan.readers[piece]
             for _, entry in self._claims.of(reader, now)
-            if entry.step < self._plan.steps and self.log.get(piece, entry.step) is None
+            if entry.step < self._plan.steps and self.worker.log.get(piece, entry.step) is None
         ]
-        mine = [self.threads[piece].step] if piece in self.threads else []
+        mine = [self.worker.threads[piece].step] if piece in self.worker.threads else []
         first = min(needed, default=None)
         return None if first is None or any(step <= first for step in (*active, *mine)) else first
 
     def _resume(self, where: dict[int, Thread], piece: int, latest: int, goal: int, clock: int) -> None:
         """Go on with a piece from its newest copy that is not later than a step."""
-        found = self.copies.before(piece, latest)
+        found = self.worker.copies.before(piece, latest)
         if found is None:
             return
         step, state = found
-        self.counts.taken += 1
-        self.counts.redone += max(0, self._claims.newest(piece) - step)
+        self.worker.counts.taken += 1
+        self.worker.counts.redone += max(0, self._claims.newest(piece) - step)
         self._keeps.withdraw(piece, self._me)
-        self._begin(where, piece, step, state, goal, clock)
+        self.worker.begin(where, piece, step, state, goal, clock)

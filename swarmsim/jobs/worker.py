@@ -1,0 +1,108 @@
+"""What one robot computes and keeps of a job in pieces, from what it knows that others show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from swarmsim.core.jobs import Values
+from swarmsim.jobs.log import Copies, Log
+from swarmsim.jobs.plan import JobPlan
+
+Made = Callable[[int, int, int], None]  # what is told of each new value: piece, step, exchange
+
+
+@dataclass(slots=True)
+class Thread:
+    """A piece that the robot computes."""
+
+    step: int
+    state: Values
+    since: int  # the exchange of its last step
+    goal: int  # the step at which it ends
+
+
+@dataclass(slots=True)
+class Counts:
+    """What it took so far."""
+
+    steps: int = 0
+    waited: int = 0  # exchanges in which a piece could not go on
+    taken: int = 0  # pieces taken over
+    redone: int = 0  # steps that were computed once more, as far as is known
+    work: float = 0.0  # floating-point operations
+
+
+class Worker:
+    """Steps of pieces, one in an exchange.
+
+    With `fence = "data"` a step waits for what it reads. Else it takes the newest values, and goes on to the present.
+    """
+
+    def __init__(self, plan: JobPlan, made: Made) -> None:
+        self._plan, self._made = plan, made
+        self.threads: dict[int, Thread] = {}
+        #: Pieces computed once more from an earlier step, for values that others need.
+        self.again: dict[int, Thread] = {}
+        self.copies, self.log, self.counts = Copies(), Log(), Counts()
+
+    def begin(self, where: dict[int, Thread], piece: int, step: int, state: Values, goal: int, clock: int) -> None:
+        state.setflags(write=False)
+        where[piece] = Thread(step, state, clock, goal)
+        self._reached(piece, step, state, clock)
+
+    def _reached(self, piece: int, step: int, state: Values, clock: int) -> None:
+        """Keep what a state shows, and the state itself at the start of a level."""
+        if step % self._plan.job.level == 0:
+            self.copies.put(piece, step, state)
+        if step < self._plan.steps and self.log.put(piece, step, self._plan.shows(piece, state, step)):
+            self._made(piece, step, clock)
+
+    def advance(self, clock: int) -> None:
+        """Go a step on with each piece whose neighbours are known; with `fence = "clock"` up to the present."""
+        for piece, thread in sorted(self.threads.items()):
+            if self._plan.keys.fence == "data":
+                self._step(piece, thread, self._read(piece, thread.step), clock)
+            while self._plan.keys.fence == "clock" and thread.step < min(clock + 1, thread.goal):
+                self._step(piece, thread, self._read_newest(piece, thread), clock)
+        for piece, thread in sorted(self.again.items()):
+            self._step(piece, thread, self._read(piece, thread.step), clock)
+            if thread.step >= thread.goal:
+                del self.again[piece]
+
+    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int) -> None:
+        if thread.step >= thread.goal or shown is None:
+            return
+        thread.state = self._plan.stepped(piece, thread.state, self._plan.around(piece, shown), thread.step)
+        thread.step += 1
+        self.counts.steps += 1
+        self.counts.waited += max(0, clock - thread.since - 1)
+        self.counts.work += self._plan.job.work(self._plan.pieces[piece])
+        thread.since = clock
+        self._reached(piece, thread.step, thread.state, clock)
+        if self._plan.keys.fence == "clock":
+            self.log.only_newest(piece)
+
+    def _read(self, piece: int, step: int) -> list[Values] | None:
+        """What the piece's joints show to a step, if it is all known."""
+        shown = []
+        for joint in self._plan.joints[piece]:
+            values = self.log.get(joint.piece, step)
+            if values is None:
+                return None
+            shown.append(values)
+        return shown
+
+    def _read_newest(self, piece: int, thread: Thread) -> list[Values]:
+        """What the piece's joints are known to have shown last; the mean of its own rim for what was never heard."""
+        shown = []
+        for joint in self._plan.joints[piece]:
+            newest = self.log.newest(joint.piece)
+            values = None if newest is None else self.log.get(joint.piece, newest)
+            if values is None:
+                own = self._plan.shows(piece, thread.state, thread.step)
+                values = np.broadcast_to(own.mean(axis=0), self._plan.shown[joint.piece])
+            shown.append(values)
+        return shown

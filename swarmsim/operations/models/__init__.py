@@ -1,0 +1,1 @@
+"""Equations of the environment: what changes in a building, and how fast."""
