@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from swarmsim.core.bundle import Bundle
@@ -12,7 +13,7 @@ from swarmsim.core.jobs import AnyJob, PieceJob, Shared
 from swarmsim.core.parts import AnyComputation
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.decoding import convert
-from swarmsim.core.scenario.file import Scenario
+from swarmsim.core.scenario.file import Network, Scenario
 from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
@@ -35,7 +36,7 @@ def bundled(
         name = part.declares("name", "") or _name_of(part.use)
         if name in jobs:
             raise InputError(f"jobs[{number}].name: {name!r} is that of an earlier job; expected another name")
-        jobs[name] = _job(part, name, context, f"jobs[{number}]", clock, strict)
+        jobs[name] = _job(part, name, scenario.network, context, f"jobs[{number}]", clock, strict)
     if clock is not None and (strict or not registry.is_ours(computation)):
         computation = held("computation", computation, context, clock, not registry.is_ours(computation))
     bundle = Bundle(computation, jobs)
@@ -53,11 +54,26 @@ def _check_without(scenario: Scenario) -> None:
         )
 
 
+def _check_channel(network: Network, longest: int, context: BuildContext) -> None:
+    """Raise InputError for a channel through which what a job says never gets."""
+    for channel in network.channel.inside():
+        through = channel.declares("longest", None)
+        most = math.inf if through is None else through(context.period / context.rounds)
+        if longest > most:
+            raise InputError(
+                f"use: what a piece says takes {longest} bytes at once, and the channel {channel.use!r} lets messages "
+                f"of {most:g} through before they expire; expected smaller pieces, or a wider channel"
+            )
+
+
 def _name_of(use: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", use.rpartition(":")[2].lower()).strip("_")
 
 
-def _job(part: Part[AnyJob], name: str, context: BuildContext, place: str, clock: Clock | None, strict: bool) -> AnyJob:
+def _job(
+    part: Part[AnyJob], name: str, network: Network, context: BuildContext, place: str, clock: Clock | None,
+    strict: bool,
+) -> AnyJob:  # fmt: skip
     """A job; one in pieces with what shares it among robots. Raises InputError."""
     found: object = make(part, context, place)
     ours = registry.is_ours(found)
@@ -67,6 +83,7 @@ def _job(part: Part[AnyJob], name: str, context: BuildContext, place: str, clock
         try:
             shared = convert({**keys, "name": name}, Shared)
             found = Lockstep(found, shared, context)  # type: ignore[arg-type]
+            _check_channel(network, found.longest, context)
         except InputError as problem:
             raise problem.inside(place) from problem
     job: AnyJob = found  # type: ignore[assignment]

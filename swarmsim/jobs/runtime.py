@@ -92,6 +92,11 @@ class Lockstep:
         self._clock = -1
         self._iteration = -1
 
+    @property
+    def longest(self) -> int:
+        """The bytes of the shortest message in which everything that has to be said can be said at some time."""
+        return HEADER.size + self.codec.size(_largest(self._plan, self.codec))
+
     def _new(self, robot: int) -> Peer:
         return Peer(self._plan, robot, self._rounds)
 
@@ -173,16 +178,21 @@ class Lockstep:
             self._peers[row].learn(self._peers[source])
 
 
-def _check_budget(plan: JobPlan, codec: ItemCodec) -> None:
-    """Raise InputError for a budget in which the largest item finds no place beside the signs of life."""
-    if plan.keys.budget is None:
-        return
+def _largest(plan: JobPlan, codec: ItemCodec) -> Item:
+    """The largest thing that has to be said in one piece."""
     states = [Item(STATE, piece, 0, values=np.empty(shape)) for piece, shape in enumerate(plan.state)]
     shows = [
         Item(SHOW, piece, 0, values=np.empty(shape), aims=np.zeros(len(plan.readers[piece]), np.uint8))
         for piece, shape in enumerate(plan.shown)
     ]
-    largest = max(states if plan.keys.copies else shows, key=codec.size)
+    return max([*states, *shows] if plan.keys.copies else shows, key=codec.size)
+
+
+def _check_budget(plan: JobPlan, codec: ItemCodec) -> None:
+    """Raise InputError for a budget in which the largest item finds no place beside the signs of life."""
+    if plan.keys.budget is None:
+        return
+    largest = _largest(plan, codec)
     copies = 0 if plan.keys.copies == 0 else plan.robots if plan.keys.copies == "all" else plan.keys.copies
     signs = len(plan.pieces) * (FORMS[CLAIM].size + copies * FORMS[KEEP].size)
     least = HEADER.size + signs + codec.size(largest)

@@ -89,6 +89,10 @@ class Bandwidth(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only
     def delays(self) -> bool:
         return True
 
+    def longest(self, period: float) -> float:
+        """The bytes of the longest message that gets through before it expires, in iterations of `period` s."""
+        return np.inf if self.expiry is None else self.bytes_per_second * period * (self.expiry + 1)
+
     def build(self, context: BuildContext) -> QueueingChannel:
         robots = context.swarm
         income = np.full(robots, self.bytes_per_second * context.period)
@@ -112,6 +116,11 @@ class Tdma(StackedChannel, frozen=True, forbid_unknown_fields=True, kw_only=True
     @property
     def delays(self) -> bool:
         return True
+
+    def longest(self, period: float) -> float:
+        """The bytes of the longest message that gets through before it expires."""
+        turns = int(self.expiry / (self.slots * self.slot) * (1.0 + SLACK)) + 1
+        return np.inf if self.bytes is None else self.bytes * turns
 
     def build(self, context: BuildContext) -> QueueingChannel:
         robots, period = context.swarm, context.period

@@ -184,6 +184,10 @@ def test_a_recording_holds_what_robots_compute_and_what_it_took(mapping: Path, t
         ([heat(parts=10**4)], r"jobs\[0\]\.pieces: 10000 of \d+ free cells; expected 1 to"),
         ([f"{heat()[:-1]}, {heat()[6:]}"], r"jobs\[1\]\.name: 'heat' is that of an earlier job; expected another name"),
         ([heat("Idle")], r"jobs\[0\]\.use: '.*heat\.py:Idle' is not a job: expected"),
+        (
+            [heat(), 'network.channel={use="tdma", bytes=40.0}'],
+            r"jobs\[0\]\.use: what a piece says takes \d+ bytes at once, and the channel 'tdma' lets messages of 80 ",
+        ),
         ([heat(copies=-1)], r"jobs\[0\]\."),
     ],
 )
