@@ -131,7 +131,10 @@ def test_a_bag_of_ones_own_that_breaks_its_word_ends_the_run_by_name(path: Path)
     ("overrides", "told"),
     [
         ("jobs=[{use='storage', capacity=9}]", r"jobs\[0\]\.capacity: 9 bytes; expected 256 or more"),
-        ("jobs=[{use='stigmergy', budget=9}]", r"jobs\[0\]\.budget: 9 bytes a message; .* take 40; expected 40 or more"),
+        (
+            "jobs=[{use='stigmergy', budget=9}]",
+            r"jobs\[0\]\.budget: 9 bytes a message; .* take 40; expected 40 or more",
+        ),
         ("jobs=[{use='stigmergy', keys=0}]", r"jobs\[0\]\.keys: .*>= 1"),
         ("jobs=[]", r"task\.use: 'settled' measures jobs, and there are none"),
     ],

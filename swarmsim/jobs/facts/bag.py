@@ -59,7 +59,7 @@ class Carried(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Keys of every bag: how a swarm shares it."""
 
     name: str = ""  # in recordings
-    rate: Annotated[float, Meta(gt=0.0)] | None = None  # operations of a robot in an exchange; none: an item
+    rate: Annotated[float, Meta(gt=0.0)] | None = None  # operations a second of a robot; none: an item an exchange
     patience: Annotated[int, Meta(ge=1)] = 12  # iterations of silence after which a claim lapses
     budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
 
@@ -121,6 +121,7 @@ class Hand:
         self._work, self._keys, self._me, self._swarm = work, keys, me, context.swarm
         self.board = Board(me, keys.patience * context.rounds)
         self._every = max(1, keys.patience // SIGNS)  # iterations between signs of life
+        self._pace = math.inf if keys.rate is None else keys.rate * context.period / context.rounds  # in an exchange
         self._seen: dict[int, int] = {}  # iteration of the last news, by item
         self._order = sorted(range(work.items), key=lambda item: (self.takes(item), self._turn(item)))
         self._item, self._left, self._claimed = -1, 0.0, 0  # at work, operations left, iteration of the last claim
@@ -165,7 +166,7 @@ class Hand:
             self._seen[fact.key] = now
             if fact.key == self._item:
                 self._item = -1
-        self._left -= math.inf if self._keys.rate is None else self._keys.rate
+        self._left -= self._pace
         if self._item >= 0 and self._left <= 0.0:
             self.board.write(self._item, self._done(self._item), DONE, 0)
             self.did.append(self._item)

@@ -60,7 +60,9 @@ def check_budget(budget: int | None, sizes: Sequence[int], what: str) -> None:
     """Raise InputError for a budget without room for a checksum and values of these sizes, which are told as `what`."""
     least = HEADER.size + FORM.size + sum(FORM.size + size for size in sizes)
     if budget is not None and budget < least:
-        raise InputError(f"budget: {budget} bytes a message; a checksum and {what} take {least}; expected {least} or more")
+        raise InputError(
+            f"budget: {budget} bytes a message; a checksum and {what} take {least}; expected {least} or more"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
