@@ -106,9 +106,13 @@ class Inbox(Generic[C_co]):
         columns = (self.receivers[rows], self.senders[rows], self.sent[rows], self.content.take(rows))
         return Inbox(*columns, self.oldest, self.others, self.beside, self.bytes)
 
+    def dates(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+        """Receivers, senders, and iterations sent."""
+        return self.receivers, self.senders, self.sent
+
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns: receivers, senders, iterations sent, and the content's."""
-        return self.receivers, self.senders, self.sent, *self.content.arrays()
+        return *self.dates(), *self.content.arrays()
 
     def __len__(self) -> int:
         return len(self.receivers)
@@ -196,7 +200,7 @@ class MessageBuffer(Generic[C]):
         if len(heard) == 0 or sent.min() == iteration:
             return _of(self._part(iteration, job), heard, delivery.oldest)
         parts = [_of(self._part(int(t), job), heard[sent == t], delivery.oldest) for t in np.unique(sent)]
-        columns = [np.concatenate(column) for column in zip(*(one.arrays()[:3] for one in parts), strict=True)]
+        columns = [np.concatenate(column) for column in zip(*(one.dates() for one in parts), strict=True)]
         content = type(parts[0].content).joined([one.content for one in parts])
         unsorted = Inbox(columns[0], columns[1], columns[2], content, delivery.oldest)
         return unsorted.take(np.lexsort(columns[::-1]))

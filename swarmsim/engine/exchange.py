@@ -38,7 +38,7 @@ class Exchange:
             return inbox
         found = [*self._late, inbox]
         self._late = []
-        columns = [np.concatenate(column) for column in zip(*(one.arrays()[:3] for one in found), strict=True)]
+        columns = [np.concatenate(column) for column in zip(*(one.dates() for one in found), strict=True)]
         columns[2] = (columns[2] // self._rounds).astype(np.int32)
         content = type(inbox.content).joined([one.content for one in found])
         dated = Inbox(columns[0], columns[1], columns[2], content, inbox.oldest // self._rounds, beside=inbox.beside)

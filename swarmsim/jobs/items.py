@@ -39,50 +39,46 @@ class Item(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Items(MessageBatch):
-    """Items in a table; the values of each have their own length."""
+    """Items in a table; the values of each have their own length. Receivers share the items, which never change."""
 
     RAGGED: ClassVar[bool] = True
 
-    numbers: NDArray[np.int32]  # (t, 7): kind, piece, step, who, beat, hops, far
-    values: NDArray[np.object_]  # (t,): Values
-    aims: NDArray[np.object_]  # (t,): of bytes
+    items: NDArray[np.object_]  # (t,): Item
 
     @classmethod
     def of(cls, items: Sequence[Item]) -> Self:
         """A table of items."""
-        numbers = np.array([item[:7] for item in items], np.int32).reshape(-1, 7)
-        values, aims = np.empty(len(items), object), np.empty(len(items), object)
+        column = np.empty(len(items), object)
         for row, item in enumerate(items):
-            values[row], aims[row] = item.values, item.aims
-        return cls(numbers, values, aims)
+            column[row] = item
+        return cls(column)
 
     def rows(self) -> list[Item]:
         """The items."""
-        return [
-            Item._make((*numbers, values, aims))
-            for numbers, values, aims in zip(self.numbers.tolist(), self.values, self.aims, strict=True)
-        ]
+        found: list[Item] = self.items.tolist()
+        return found
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """The numbers, the lengths, and all values and bytes one after another."""
-        values, aims = self.values.tolist(), self.aims.tolist()
-        lengths = np.array([one.size for one in (*values, *aims)], np.int64)
+        """The numbers (t, 7), the lengths, and all values and bytes one after another."""
+        items = self.rows()
+        numbers = np.array([item[:7] for item in items], np.int32).reshape(-1, 7)
+        lengths = np.array([(item.values.size, item.aims.size) for item in items], np.int64)
         return (
-            self.numbers, lengths, np.concatenate([NOTHING, *(one.ravel() for one in values)]),
-            np.concatenate([NOBODY, *aims]),
+            numbers, lengths, np.concatenate([NOTHING, *(item.values.ravel() for item in items)]),
+            np.concatenate([NOBODY, *(item.aims for item in items)]),
         )  # fmt: skip
 
     def take(self, rows: NDArray[np.generic]) -> Self:
         """The items at these indices or under this mask."""
-        return type(self)(self.numbers[rows], self.values[rows], self.aims[rows])
+        return type(self)(self.items[rows])
 
     @classmethod
     def joined(cls, tables: Sequence[Self]) -> Self:
         """The items of one or more tables, concatenated."""
-        return cls(*(np.concatenate([getattr(one, name) for one in tables]) for name in cls.__match_args__))
+        return cls(np.concatenate([one.items for one in tables]))
 
     def __len__(self) -> int:
-        return len(self.numbers)
+        return len(self.items)
 
 
 class ItemCodec:

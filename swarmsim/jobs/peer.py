@@ -18,7 +18,7 @@ from swarmsim.jobs.router import Router
 from swarmsim.jobs.worker import Thread, Worker
 
 MOST_HOPS: Final = AFAR - 1
-SIGNS: Final = 6  # of life within the patience that others have
+SIGNS: Final = 4  # of life within the patience that others have
 CALL: Final = 2  # iterations until a copy is offered again
 
 

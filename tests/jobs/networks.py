@@ -56,6 +56,7 @@ class Heat:
         return state
 
 
+RINGS = {"ring": 1, "wide ring": 3}  # robots on either side that each one hears
 STEPS = ((-1, 0), (0, -1), (0, 1), (1, 0))
 
 
@@ -99,10 +100,11 @@ class Swarm:
     def links(self, iteration: int) -> np.ndarray:
         if self.topology == "full":
             heard = np.ones((self.robots, self.robots), bool)
-        elif self.topology == "ring":
+        elif self.topology in RINGS:  # of the living
             living = np.flatnonzero(self.alive)
             heard = np.zeros((self.robots, self.robots), bool)
-            heard[living, np.roll(living, 1)] = heard[np.roll(living, 1), living] = True
+            for steps in range(1, RINGS[self.topology] + 1):
+                heard[living, np.roll(living, steps)] = heard[np.roll(living, steps), living] = True
         else:
             heard = self.topology(iteration, self.alive)
         heard = heard & self.alive & self.alive[:, None]

@@ -95,7 +95,8 @@ def test_two_copies_survive_deaths_one_by_one(seed: int) -> None:
 def test_fifteen_of_twenty_die_one_by_one_and_the_answer_is_exact_in_twenty_of_twenty() -> None:
     keys = {"parts": 20, "level": 10, "steps": 200}
     for seed in range(20):
-        swarm = Swarm(Heat(**keys), 20, channel=LOSSY, deaths=one_by_one(20, 15, 24, seed), seed=seed, limit=1500).run()
+        deaths = one_by_one(20, 15, 24, seed)
+        swarm = Swarm(Heat(**keys), 20, topology="wide ring", channel=LOSSY, deaths=deaths, seed=seed, limit=1500).run()
         assert swarm.alive.sum() == 5
         assert swarm.exact, seed
 
