@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Generic, Protocol, Self, TypeVar
 
@@ -38,7 +38,7 @@ class Teller(Protocol):
 T = TypeVar("T", bound=Teller)
 
 
-class JobStanding(Knowledge):
+class JobStanding(Knowledge, ABC):
     """How a job of facts stands."""
 
     __slots__ = ()

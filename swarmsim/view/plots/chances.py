@@ -70,7 +70,7 @@ def chances(
 
 def _interval(level: float, curves: Sequence[Chances]) -> str:
     some = "" if all(curve.banded for curve in curves) else ",\nof those with most runs"
-    return f"interval, {100 * level:g} % at any one\ntime, whenever runs stop{some}"
+    return f"interval, {100 * level:.3g} % at any one\ntime, whenever runs stop{some}"
 
 
 def _curve(axes: Axes, row: int, curve: Chances, scale: float) -> Sequence[Artist]:
