@@ -155,6 +155,8 @@ class _Draw:
         self._wheels(table)
         if dice.random() < 0.1:
             table["jobs"] = [self._part("job", "solve")]
+            if dice.random() < 0.5:
+                table["task"] = {"use": "computed"}
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _pursuit(self, robots: Table) -> Table:
@@ -295,7 +297,8 @@ class _Draw:
             },
             "solve": {
                 "model": self._equation, "method": self._method, "dt": lambda: 0.5,
-                "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: OMITTED, "budget": lambda: OMITTED,
+                "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: self._maybe(self._emitters(), 0.2),
+                "budget": lambda: self._maybe(1_000_000),
                 "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
             },
             **dict.fromkeys(("diffusion", "gray-scott"), self._walls()),
