@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.jobs import AnyJob
 from swarmsim.core.messages import HEADER, Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation
+from swarmsim.core.processors import Processors
 from swarmsim.core.state import JobReport, Knowledge, Senses
 
 #: The length of each part in an envelope.
@@ -77,12 +78,15 @@ class Bundle:
     """A computation that shares its messages with jobs.
 
     In the first exchange of an iteration it stands for the computation; further exchanges are for the jobs alone.
-    What robots know is the computation's; what the jobs have found is in `told`.
+    What robots know is the computation's; what the jobs have found is in `told`. For the jobs, a robot whose processor
+    stands still is as if dead.
     """
 
-    def __init__(self, computation: AnyComputation, jobs: Mapping[str, AnyJob]) -> None:
+    def __init__(self, computation: AnyComputation, jobs: Mapping[str, AnyJob], processors: Processors) -> None:
         self._computation: Final = computation
         self._jobs: Final = dict(jobs)
+        #: What robots compute the jobs on.
+        self.processors: Final = processors
         #: What the jobs have found, and what that took, in the present iteration.
         self.told: tuple[JobReport, ...] = ()
         self._said: Broadcast[MessageBatch] | None = None
@@ -120,7 +124,8 @@ class Bundle:
         return self._with_jobs(empty, senses)
 
     def _with_jobs(self, said: Broadcast[MessageBatch], senses: Senses) -> Broadcast[MessageBatch]:
-        beside = tuple(job.say(senses) for job in self._jobs.values())
+        able = replace(senses, alive=senses.alive & self.processors.running)
+        beside = tuple(job.say(able) for job in self._jobs.values())
         for number, one in enumerate(beside):
             self._sent[number] += int(one.sizes[senses.alive].sum())
         sizes = said.sizes + sum(one.sizes for one in beside)
@@ -136,7 +141,8 @@ class Bundle:
 
     def hear_more(self, senses: Senses, inbox: Inbox[MessageBatch]) -> None:
         """The jobs take in their parts of what was heard."""
-        awake = replace(senses, alive=senses.alive & self._takes_in)
+        awake = replace(senses, alive=senses.alive & self._takes_in & self.processors.running)
+        self.processors.refill(awake.alive)
         found = []
         for number, (name, job) in enumerate(self._jobs.items()):
             part = inbox.beside[number]

@@ -13,6 +13,7 @@ from swarmsim.core.building import Building
 from swarmsim.core.crew import Crew
 from swarmsim.core.kinematics import Drives
 from swarmsim.core.lattice import Lattice
+from swarmsim.core.processors import Processors
 from swarmsim.core.readings import NOTHING, Channels
 from swarmsim.core.streams import Streams
 
@@ -75,6 +76,7 @@ class BuildContext:
     channels: Channels = NOTHING  # of sensors, for all parts built after them
     gauges: tuple[Gauge, ...] = ()  # for probes, built last
     kinematics: Drives | None = None  # of all robots; None: each has two wheels
+    processors: Processors | None = None  # of the robots served, for jobs and what measures them; None: unlimited
 
     @classmethod
     def of(

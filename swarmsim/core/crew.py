@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.processors import Processor
 
 Length = Annotated[float, Meta(ge=1e-4, le=1e3)]  # m: from grains of sand to ships
 Pace = Annotated[float, Meta(ge=1e-5, le=1e4)]  # m/s or m/s^2
@@ -39,6 +40,7 @@ class Crew(Body, frozen=True, kw_only=True, eq=False):
     kinds: tuple[Kind, ...]  # of the whole swarm, one for each group
     kind: NDArray[np.int64]  # (rows,): each robot's kind
     names: tuple[str, ...] = ()  # of the groups, in order; empty: no groups
+    processors: tuple[Processor, ...]  # of each kind
 
     def each(self, key: str) -> NDArray[np.float64]:
         """A number of every robot served (rows,), by its key."""

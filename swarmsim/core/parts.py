@@ -18,6 +18,7 @@ from swarmsim.core.events import Event
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import Broadcast, C, Codec, Delivery, Inbox, MessageBatch
 from swarmsim.core.probes import ProbeTable
+from swarmsim.core.processors import Processors
 from swarmsim.core.readings import Channels, Readings
 from swarmsim.core.state import Done, Intents, JobReport, K_co, Knowledge, Measured, Moment, Senses, State
 
@@ -327,6 +328,11 @@ class Exchanges(Protocol):
     @property
     def told(self) -> tuple[JobReport, ...]:
         """What the jobs have found, and what that took, in the present iteration."""
+        ...
+
+    @property
+    def processors(self) -> Processors:
+        """What robots compute them on."""
         ...
 
     def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:

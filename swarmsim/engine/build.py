@@ -33,6 +33,7 @@ from swarmsim.engine.guard import HELD, Clock, guarded, held, with_fault
 from swarmsim.engine.jobs import bundled
 from swarmsim.engine.placement import start_poses
 from swarmsim.engine.probing import watching
+from swarmsim.engine.processors import gauges_of
 from swarmsim.engine.simulation import Simulation
 from swarmsim.engine.survey import Case, beams_of, opened, surveyed
 from swarmsim.recording.probes import Watching
@@ -207,10 +208,11 @@ def _parts(scenario: Scenario, context: BuildContext, strict: bool, clock: Clock
         channel=make(network.channel, _on_air(network, context)),
         motion=make(scenario.motion, context),
         bodies=bodies,
-        task=make(scenario.task, context),
+        task=make(scenario.task, replace(context, processors=None if jobs is None else jobs.processors)),
         building=context.building,
         schedule=Schedule(bodies.state()),
         lattice=context.lattice,
+        gauges=() if jobs is None else gauges_of(jobs.processors),
         jobs=jobs,
     )
     fitting.check(parts, found, scenario.task)

@@ -23,7 +23,6 @@ from swarmsim.world.cells import rim
 from swarmsim.world.rooms import Doorway, Room, rooms_and_doors
 from swarmsim.world.source import floor_plan
 
-BYTES: Final = 17  # memory per cell and robot, measured on mapping swarms
 TICKS: Final = 20  # timed iterations
 MOST_SEATS: Final = 1000  # robots placed to find the spawn area's capacity
 
@@ -63,8 +62,9 @@ class Inspection:
 
     @property
     def memory(self) -> float:
-        """About how many bytes a run's maps take."""
-        return float(BYTES) * self.arena.occupied.size * self.scenario.robots.count
+        """About how many bytes a run's maps take, with what robots keep for their ways."""
+        each = self.scenario.mind.computation.declares("cell_bytes", 0)
+        return float(each * self.arena.occupied.size * self.scenario.robots.count)
 
 
 def inspect(scenario: Scenario, text: str, name: str, widest: float) -> Inspection:

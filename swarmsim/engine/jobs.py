@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from swarmsim.core.bundle import Bundle
 from swarmsim.core.capabilities import lacking
@@ -17,6 +21,7 @@ from swarmsim.core.scenario.file import Network, Scenario
 from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
+from swarmsim.engine.processors import check_memory, processors_of
 from swarmsim.jobs.runtime import Lockstep
 
 
@@ -28,18 +33,23 @@ def bundled(
 
     With a clock, third-party ones are guarded, or all if `strict`. Raises InputError for jobs that cannot be done.
     """
+    processors = processors_of(scenario, context)
     if not scenario.jobs:
         _check_without(scenario)
+        check_memory(processors, scenario, context, {})
         return computation, None
+    context = replace(context, processors=processors)
     jobs: dict[str, AnyJob] = {}
+    needs: dict[str, NDArray[np.float64]] = {}
     for number, part in enumerate(scenario.jobs):
         name = part.declares("name", "") or _name_of(part.use)
         if name in jobs:
             raise InputError(f"jobs[{number}].name: {name!r} is that of an earlier job; expected another name")
-        jobs[name] = _job(part, name, scenario.network, context, f"jobs[{number}]", clock, strict)
+        jobs[name] = _job(part, name, scenario.network, context, f"jobs[{number}]", clock, strict, needs)
+    check_memory(processors, scenario, context, needs)
     if clock is not None and (strict or not registry.is_ours(computation)):
         computation = held("computation", computation, context, clock, not registry.is_ours(computation))
-    bundle = Bundle(computation, jobs)
+    bundle = Bundle(computation, jobs, processors)
     return bundle, bundle
 
 
@@ -72,9 +82,9 @@ def _name_of(use: str) -> str:
 
 def _job(
     part: Part[AnyJob], name: str, network: Network, context: BuildContext, place: str, clock: Clock | None,
-    strict: bool,
+    strict: bool, needs: dict[str, NDArray[np.float64]],
 ) -> AnyJob:  # fmt: skip
-    """A job; one in pieces with what shares it among robots. Raises InputError."""
+    """A job; one in pieces with what shares it among robots, and noted in `needs`. Raises InputError."""
     found: object = make(part, context, place)
     ours = registry.is_ours(found)
     if not lacking(PieceJob, found):
@@ -84,6 +94,7 @@ def _job(
             shared = convert({**keys, "name": name}, Shared)
             found = Lockstep(found, shared, context)  # type: ignore[arg-type]
             _check_channel(network, found.longest, context)
+            needs[name] = found.needs
         except InputError as problem:
             raise problem.inside(place) from problem
     job: AnyJob = found  # type: ignore[assignment]

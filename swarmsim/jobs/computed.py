@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.processors import Processors
 from swarmsim.core.state import Done, Knowledge, Measured, Moment
 from swarmsim.jobs.runtime import UNKNOWN, Parcel
 
@@ -28,7 +29,7 @@ class Computed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return True
 
     def build(self, context: BuildContext) -> ComputedTask:
-        return ComputedTask()
+        return ComputedTask(context.processors)
 
 
 class ComputedTask:
@@ -36,6 +37,9 @@ class ComputedTask:
 
     requires_knowledge: type[Knowledge] = Knowledge  # type: ignore[type-abstract]  # any kind will do
     curve: Final = Curve(COMPUTED, "steps done (%)", 100.0, 0.0, 100.0, format=".1f")
+
+    def __init__(self, processors: Processors | None) -> None:
+        self._processors = processors
 
     def measure(self, done: Done[Knowledge]) -> Measured:
         """The share of all pieces' steps that living robots have done, and how many pieces none of them has."""
@@ -50,13 +54,14 @@ class ComputedTask:
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
         """A new observer of what the jobs took."""
-        return (JobCost(),)
+        return (JobCost(self._processors),)
 
 
 class JobCost:
     """What all jobs in pieces took, at the end of a run."""
 
-    def __init__(self) -> None:
+    def __init__(self, processors: Processors | None) -> None:
+        self._processors = processors
         self._last: Moment[Knowledge] | None = None
         self._sent = self._heard = 0
 
@@ -82,6 +87,7 @@ class JobCost:
             "work": work,
             "job_bytes_sent": self._sent,
             "job_bytes_heard": self._heard,
+            **({} if self._processors is None else self._processors.summary(steps)),
         }
 
     def _deaf(self, parcel: Parcel) -> int:

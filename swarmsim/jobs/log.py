@@ -21,6 +21,10 @@ class Log:
         of_piece[step] = values
         return True
 
+    def sizes(self) -> dict[int, int]:
+        """Bytes, by piece."""
+        return {piece: sum(one.nbytes for one in of_piece.values()) for piece, of_piece in self._shown.items()}
+
     def merged(self, other: Log) -> Log:
         """All that either of two logs has."""
         found = Log()
@@ -62,6 +66,10 @@ class Copies:
         if len(of_piece) > KEPT:
             del of_piece[min(of_piece)]
 
+    def sizes(self) -> dict[int, int]:
+        """Bytes, by piece."""
+        return {piece: sum(one.nbytes for one in states.values()) for piece, states in self._states.items()}
+
     def merged(self, other: Copies) -> Copies:
         """The newest states of two robots."""
         found = Copies()
@@ -83,6 +91,10 @@ class Copies:
     def pieces(self) -> list[int]:
         """The pieces of which there is a state."""
         return sorted(piece for piece, states in self._states.items() if states)
+
+    def count(self, piece: int) -> int:
+        """How many states of a piece there are."""
+        return len(self._states.get(piece, {}))
 
     def drop(self, piece: int) -> None:
         """Keep no state of a piece any more."""

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from swarmsim.core.jobs import Values
 from swarmsim.core.messages import HEADER
+from swarmsim.core.processors import OwnProcessor
 from swarmsim.jobs.claims import AFAR, Hearsay, News
+from swarmsim.jobs.helping import Helper
 from swarmsim.jobs.items import CLAIM, KEEP, SHOW, STATE, Item, ItemCodec
+from swarmsim.jobs.log import KEPT
 from swarmsim.jobs.plan import JobPlan
 from swarmsim.jobs.router import Router
 from swarmsim.jobs.worker import Thread, Worker
@@ -30,15 +33,16 @@ class Peer:
     is known to compute, it computes it once more from an earlier copy, beside the piece itself.
     """
 
-    def __init__(self, plan: JobPlan, me: int, rounds: int) -> None:
-        self._plan, self._me, self._rounds = plan, me, rounds
+    def __init__(self, plan: JobPlan, me: int, rounds: int, processor: OwnProcessor) -> None:
+        self._plan, self._me, self._rounds, self._processor = plan, me, rounds, processor
         self._every = max(1, plan.keys.patience // SIGNS) * rounds
         self._claims, self._keeps = Hearsay(plan.keys.patience), Hearsay(plan.keys.patience)
         self._router = Router(plan, me, rounds)
-        self.worker = Worker(plan, self._router.made)
+        self.worker, self._helper = Worker(plan, self._router.made, processor), Helper(plan, me, processor)
         self._offered: dict[int, tuple[int, int, int]] = {}  # step, next exchange and pause, by piece
         self._lacked: dict[tuple[int, int], int] = {}  # iteration in which a lack was first noticed
         self._heard_at = 0  # the last iteration in which it heard anybody
+        self._room, self._near = math.inf, set[int]()  # bytes for what is not of these pieces, in this exchange
         for piece in range(len(plan.pieces)):
             self._claims.note(piece, plan.first_holder(piece), 0, -1, AFAR, 0, 0)
 
@@ -149,6 +153,7 @@ class Peer:
 
     def hear(self, items: Iterable[Item], now: int, clock: int, place: NDArray[np.float64]) -> None:
         """Take in what was said, go on with its pieces, and take over others'."""
+        self._make_room()
         for item in items:
             self._heard_at = now
             self._take_in(item, now, clock)
@@ -158,12 +163,28 @@ class Peer:
         for piece in before - self.worker.again.keys() - self.worker.threads.keys():
             self._claims.withdraw(piece, self._me)
         self._take_over(now, clock, place)
+        self._help(now, clock)
         if self._plan.keys.fence == "data":
             horizon = self._horizon()
             self.worker.log.forget(horizon)
             self._router.forget(horizon)
         else:
             self._router.forget(clock - self._plan.keys.patience * self._rounds)
+
+    def _make_room(self) -> None:
+        """Count the memory that is left beside what its own pieces need."""
+        if math.isfinite(self._processor.room):
+            mine, others = self.worker.held()
+            taken = max(mine, sum(map(self._plan.need, self.worker.own))) + others
+            self._processor.hold(taken)
+            self._room, self._near = self._processor.room - taken, self.worker.near
+
+    def _fits(self, size: int) -> bool:
+        """Whether there is memory for so many bytes more, which are then taken."""
+        if size > self._room:
+            return False
+        self._room -= size
+        return True
 
     def _take_in(self, item: Item, now: int, clock: int) -> None:
         if item.kind in (CLAIM, KEEP):
@@ -172,15 +193,26 @@ class Peer:
                 books.note(item.piece, item.who, item.step, item.beat, min(item.hops + 1, MOST_HOPS), item.far, now)
         elif item.kind == SHOW:
             stale = self._plan.keys.fence == "clock" and item.step <= (self.worker.log.newest(item.piece) or -1)
-            if not stale and self.worker.log.put(item.piece, item.step, item.values):
+            fits = item.piece in self._near or self._fits(item.values.nbytes)
+            if not stale and fits and self.worker.log.put(item.piece, item.step, item.values):
                 if self._plan.keys.fence == "clock":
                     self.worker.log.only_newest(item.piece)
                 self._router.heard(item, self._claims, now, clock)
         elif item.piece not in self.worker.threads:
             copies = self._plan.keys.copies
             keeps = self.worker.copies.newest(item.piece) >= 0
-            if copies == "all" or keeps or self._keepers(item.piece, item.step, now) < copies:
-                self.worker.copies.put(item.piece, item.step, item.values)
+            asked = copies == "all" or keeps or self._keepers(item.piece, item.step, now) < copies
+            if asked:
+                self._keep(item)
+
+    def _keep(self, item: Item) -> None:
+        """Keep a copy, if there is memory for it or an older one makes room."""
+        copies, size = self.worker.copies, item.values.nbytes
+        if copies.count(item.piece) and size > self._room:
+            self._room += copies.count(item.piece) * size
+            copies.drop(item.piece)
+        if self._fits(size):
+            copies.put(item.piece, item.step, item.values)
 
     def _give_up(self, now: int, place: NDArray[np.float64]) -> None:
         """Leave pieces to others that are ahead or, at the same step, nearer; and copies if others have enough."""
@@ -217,6 +249,15 @@ class Peer:
                 if lacked is not None and now - self._lacked.setdefault((piece, lacked), now) > wait:
                     self._resume(self.worker.again, piece, lacked, lacked, clock)
 
+    def _help(self, now: int, clock: int) -> None:
+        """Compute a piece beside a robot that has too many, and hold it once this robot is ahead."""
+        self._helper.promote(self.worker, self._claims, now)
+        piece = self._helper.piece(self.worker, self._claims, now)
+        if piece is not None:
+            newest = self.worker.copies.newest(piece)
+            goal = min(newest + KEPT * self._plan.job.level, self._plan.steps)
+            self._resume(self.worker.again, piece, newest, goal, clock)
+
     def _lack(self, piece: int, active: list[int], now: int) -> int | None:
         """The first step to which others need what a piece shows, if nobody is known to come to it."""
         needed = [
@@ -232,7 +273,7 @@ class Peer:
     def _resume(self, where: dict[int, Thread], piece: int, latest: int, goal: int, clock: int) -> None:
         """Go on with a piece from its newest copy that is not later than a step."""
         found = self.worker.copies.before(piece, latest)
-        if found is None:
+        if found is None or not self._fits(self._plan.need(piece)):
             return
         step, state = found
         self.worker.counts.taken += 1

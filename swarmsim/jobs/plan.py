@@ -13,6 +13,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import Piece, PieceJob, Shared, Values
 from swarmsim.jobs.alone import on_air
+from swarmsim.jobs.log import KEPT
 from swarmsim.jobs.pieces import Joint, given, joined, joints
 
 Shape = tuple[int, ...]
@@ -33,6 +34,7 @@ class JobPlan:
     centres: NDArray[np.float64]  # (p, 2): x, y in m
     reach: NDArray[np.float64]  # (p,): m, about the side of each piece
     cell: float  # m
+    work: tuple[float, ...]  # of each piece: floating-point operations of a step
 
     @classmethod
     def of(cls, job: PieceJob, keys: Shared, context: BuildContext) -> Self:
@@ -56,13 +58,26 @@ class JobPlan:
         reach = np.array([cell * math.sqrt(len(one.cells)) for one in pieces])
         return cls(
             job, keys, context.swarm, pieces, its, readers, shown, tuple(one.shape for one in states), centres, reach,
-            cell,
+            cell, tuple(_work(job, one) for one in pieces),
         )  # fmt: skip
 
     @property
     def steps(self) -> int:
         """Steps in all."""
         return self.job.steps
+
+    def need(self, piece: int) -> int:
+        """The bytes of who computes a piece: states, and two levels of what it shows and reads; 8 for each number."""
+        near = [piece, *(joint.piece for joint in self.joints[piece])]
+        steps = min(KEPT * self.job.level + 1, self.steps) if self.keys.fence == "data" else 1
+        values = steps * sum(math.prod(self.shown[one]) for one in near)
+        return 8 * ((1 + KEPT) * math.prod(self.state[piece]) + values)
+
+    def share(self) -> int:
+        """The bytes of one robot's share of the copies; 0 for `copies = "all"`, of which it keeps what fits."""
+        copies = 0 if self.keys.copies == "all" else min(self.keys.copies, self.robots - 1)
+        largest = max(map(math.prod, self.state))
+        return 8 * KEPT * largest * math.ceil(copies * len(self.pieces) / self.robots)
 
     def level_of(self, step: int) -> int:
         """The step at which the level of a step begins."""
@@ -98,3 +113,11 @@ class JobPlan:
             raise ValueError(f"{where} gives shape {found.shape}; expected {shape}, as at the start")
         found.setflags(write=False)
         return found
+
+
+def _work(job: PieceJob, piece: Piece) -> float:
+    """The operations of a piece's step. Raises InputError unless they are a number."""
+    found = float(job.work(piece))
+    if not 0.0 <= found < math.inf:
+        raise InputError(f"work: a step of piece {piece.number} takes {found:g} operations; expected 0 or more")
+    return found

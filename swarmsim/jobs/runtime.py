@@ -17,6 +17,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import PieceJob, Shared, Values
 from swarmsim.core.messages import HEADER, Broadcast, Inbox
+from swarmsim.core.processors import OwnProcessor, Processors
 from swarmsim.core.state import Knowledge, Record, Senses
 from swarmsim.jobs.items import CLAIM, FORMS, KEEP, SHOW, STATE, Item, ItemCodec, Items
 from swarmsim.jobs.peer import Peer
@@ -87,7 +88,8 @@ class Lockstep:
         #: The form of its messages.
         self.codec = ItemCodec(self._plan)
         _check_budget(self._plan, self.codec)
-        self._peers = [self._new(robot) for robot in context.ids.tolist()]
+        self._processors = context.processors or Processors.unlimited(len(context.ids))
+        self._peers = [self._new(row) for row in range(len(context.ids))]
         self._begun, self._awake = np.zeros((2, len(context.ids)), np.bool_)
         self._clock = -1
         self._iteration = -1
@@ -97,8 +99,19 @@ class Lockstep:
         """The bytes of the shortest message in which everything that has to be said can be said at some time."""
         return HEADER.size + self.codec.size(_largest(self._plan, self.codec))
 
-    def _new(self, robot: int) -> Peer:
-        return Peer(self._plan, robot, self._rounds)
+    @property
+    def needs(self) -> NDArray[np.float64]:
+        """The bytes (rows,) that each robot needs for its pieces at the start and for its share of the copies."""
+        pieces = range(len(self._plan.pieces))
+        mine = [
+            sum(self._plan.need(one) for one in pieces if self._plan.first_holder(one) == robot)
+            for robot in self._context.ids.tolist()
+        ]
+        return np.array(mine, np.float64) + self._plan.share()
+
+    def _new(self, row: int) -> Peer:
+        share = OwnProcessor(self._processors, row, self._plan.keys.name)
+        return Peer(self._plan, int(self._context.ids[row]), self._rounds, share)
 
     def say(self, senses: Senses) -> Broadcast[Items]:
         """Every robot's part in one exchange."""
@@ -169,7 +182,7 @@ class Lockstep:
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Erase all that these rows (r,) have of the job; states that they alone knew are lost with it."""
         for row in robots.tolist():
-            self._peers[row] = self._new(int(self._context.ids[row]))
+            self._peers[row] = self._new(row)
             self._awake[row] = False
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swarmsim.core.jobs import Values
+from swarmsim.core.processors import OwnProcessor
 from swarmsim.jobs.log import Copies, Log
 from swarmsim.jobs.plan import JobPlan
 
@@ -22,6 +23,8 @@ class Thread:
     state: Values
     since: int  # the exchange of its last step
     goal: int  # the step at which it ends
+    done: float = 0.0  # operations of its next step
+    late: int = 0  # exchanges in which its next step could be done but for the processor
 
 
 @dataclass(slots=True)
@@ -36,13 +39,13 @@ class Counts:
 
 
 class Worker:
-    """Steps of pieces, one in an exchange.
+    """Steps of pieces, one in an exchange, as far as the processor does them.
 
     With `fence = "data"` a step waits for what it reads. Else it takes the newest values, and goes on to the present.
     """
 
-    def __init__(self, plan: JobPlan, made: Made) -> None:
-        self._plan, self._made = plan, made
+    def __init__(self, plan: JobPlan, made: Made, processor: OwnProcessor) -> None:
+        self._plan, self._made, self._processor = plan, made, processor
         self.threads: dict[int, Thread] = {}
         #: Pieces computed once more from an earlier step, for values that others need.
         self.again: dict[int, Thread] = {}
@@ -62,28 +65,60 @@ class Worker:
 
     def advance(self, clock: int) -> None:
         """Go a step on with each piece whose neighbours are known; with `fence = "clock"` up to the present."""
-        for piece, thread in sorted(self.threads.items()):
+        for piece, thread in self._in_order(self.threads):
             if self._plan.keys.fence == "data":
                 self._step(piece, thread, self._read(piece, thread.step), clock)
             while self._plan.keys.fence == "clock" and thread.step < min(clock + 1, thread.goal):
-                self._step(piece, thread, self._read_newest(piece, thread), clock)
-        for piece, thread in sorted(self.again.items()):
+                if not self._step(piece, thread, self._read_newest(piece, thread), clock):
+                    break
+        for piece, thread in self._in_order(self.again):
             self._step(piece, thread, self._read(piece, thread.step), clock)
             if thread.step >= thread.goal:
                 del self.again[piece]
 
-    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int) -> None:
+    def _in_order(self, threads: dict[int, Thread]) -> list[tuple[int, Thread]]:
+        """By number; on a processor with a rate, what has been begun comes first, and then the earliest step."""
+        if not self._processor.timed:
+            return sorted(threads.items())
+        return sorted(threads.items(), key=lambda one: (one[1].done == 0.0, one[1].step, one[0]))
+
+    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int) -> bool:
+        """Do a step if it can be done and the processor comes to its end; whether it did."""
         if thread.step >= thread.goal or shown is None:
-            return
+            return False
+        wanted = self._plan.work[piece] - thread.done
+        done = self._processor.take(wanted)
+        if done < wanted:
+            thread.done, thread.late = thread.done + done, thread.late + 1
+            return False
         thread.state = self._plan.stepped(piece, thread.state, self._plan.around(piece, shown), thread.step)
         thread.step += 1
         self.counts.steps += 1
-        self.counts.waited += max(0, clock - thread.since - 1)
-        self.counts.work += self._plan.job.work(self._plan.pieces[piece])
-        thread.since = clock
+        self.counts.waited += max(0, clock - thread.since - 1 - thread.late)
+        self.counts.work += self._plan.work[piece]
+        thread.since, thread.done, thread.late = clock, 0.0, 0
         self._reached(piece, thread.step, thread.state, clock)
         if self._plan.keys.fence == "clock":
             self.log.only_newest(piece)
+        return True
+
+    def held(self) -> tuple[int, int]:
+        """The bytes of its own pieces, with what they read, and of all others."""
+        own, logs, copies = self.own, self.log.sizes(), self.copies.sizes()
+        states = sum(one.state.nbytes for threads in (self.threads, self.again) for one in threads.values())
+        mine = states + sum(logs.get(one, 0) for one in self.near) + sum(copies.get(one, 0) for one in own)
+        return mine, states + sum(logs.values()) + sum(copies.values()) - mine
+
+    @property
+    def own(self) -> set[int]:
+        """The pieces that it computes."""
+        return {*self.threads, *self.again}
+
+    @property
+    def near(self) -> set[int]:
+        """These, and the pieces that they read."""
+        own = self.own
+        return own | {joint.piece for piece in own for joint in self._plan.joints[piece]}
 
     def _read(self, piece: int, step: int) -> list[Values] | None:
         """What the piece's joints show to a step, if it is all known."""

@@ -108,7 +108,11 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
         mind = _mind(swarm.run, swarm.run.context.serving(ids))
     codec = mind[0].codec  # available before anything is sent
     followed, count = np.ones(len(ids), np.bool_), swarm.run.context.swarm
+    pace = np.ones(len(ids))
+    if isinstance(mind[0], Bundle):
+        mind[0].processors.slow(np.ones(len(ids), np.bool_), pace)
     for heard in swarm.heard:
+        pace[:] = 1.0 if heard.pace is None else heard.pace[ids]
         for robots, source in heard.changes:
             mine = np.flatnonzero(np.isin(ids, robots))
             if source is None:

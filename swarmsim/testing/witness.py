@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Exchanges
+from swarmsim.core.processors import Processors
 from swarmsim.core.state import Intents, JobReport, Knowledge, Senses
 from swarmsim.faults.delegate import ComputationDelegate
 
@@ -25,6 +26,7 @@ class Heard:
     said: Broadcast[MessageBatch]
     intents: Intents
     more: Sequence[tuple[Senses, Broadcast[MessageBatch], Inbox[MessageBatch]]] = ()  # further exchanges, of jobs
+    pace: NDArray[np.float64] | None = None  # (n,): the share of their rates that processors had, if there are jobs
 
 
 class Witness(ComputationDelegate):
@@ -41,6 +43,8 @@ class Witness(ComputationDelegate):
         self._given: list[tuple[Senses, Inbox[MessageBatch]]] = []
         #: The further exchanges of this iteration.
         self.more: list[tuple[Senses, Broadcast[MessageBatch], Inbox[MessageBatch]]] = []
+        #: The processors of jobs, if there are any.
+        self.processors: Processors | None = None
 
     def say(self, senses: Senses) -> Broadcast[MessageBatch]:
         said = self._inner.say(senses)
@@ -56,7 +60,8 @@ class Witness(ComputationDelegate):
         """The end of an iteration."""
         speaks, said = self._spoken[-1]
         decides = (copied(senses), inbox)
-        self.heard.append(Heard(self._changes, speaks, self._given[-1], decides, said, intents, self.more))
+        pace = None if self.processors is None else self.processors.speed
+        self.heard.append(Heard(self._changes, speaks, self._given[-1], decides, said, intents, self.more, pace))
         self._changes, self.more = [], []
 
     def reset(self, robots: NDArray[np.int64]) -> None:
@@ -73,13 +78,18 @@ class WitnessedJobs:
     """Notes the further exchanges of jobs."""
 
     def __init__(self, inner: Exchanges, witness: Witness) -> None:
-        self._inner, self._witness = inner, witness
+        self._inner, self._witness, witness.processors = inner, witness, inner.processors
         self._said: Broadcast[MessageBatch] | None = None
 
     @property
     def told(self) -> tuple[JobReport, ...]:
         """What the jobs have found."""
         return self._inner.told
+
+    @property
+    def processors(self) -> Processors:
+        """What robots compute them on."""
+        return self._inner.processors
 
     def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
         self._said = self._inner.say_more(senses)

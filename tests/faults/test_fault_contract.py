@@ -20,8 +20,12 @@ from swarmsim.operations.mapping.lies import LIES
 from swarmsim.recording.digests import Digests
 
 RADIUS = 0.055  # m: the default of robots
-ITERATIONS = {"room": 30, "basilica": 40, "operations/wandering": 30}
-MORE = {"room": (), "basilica": ("robots.count=4",), "operations/wandering": ("robots.count=4", "sensor.reach=9.0")}
+ITERATIONS = {"room": 30, "basilica": 40, "operations/wandering": 30, "computing/heat": 22}
+HEAT = ("robots.count=3", "robots.processor.rate=3e4", 'network={channel.use="perfect", topology.use="full"}')
+MORE = {
+    "room": (), "basilica": ("robots.count=4",), "operations/wandering": ("robots.count=4", "sensor.reach=9.0"),
+    "computing/heat": HEAT,
+}  # fmt: skip
 DOORWAY = "[3.15, 1.65, 3.3, 2.55]"  # of the room
 WHEN = "at=8, duration=12"
 
@@ -61,6 +65,11 @@ def sensor(failure: str, keys: str = "", **more) -> Case:
 
 def radio(failure: str, keys: str = "", **more) -> Case:
     return Case(f'use="radio", failure="{failure}", {WHEN}{keys}', words=over(f"radio {failure}"), **more)
+
+
+def slower(failure: str, keys: str = "") -> Case:
+    words = over(f"processor {failure}")
+    return Case(f'use="processor", failure="{failure}", {WHEN}{keys}', words=words, scenario="computing/heat")
 
 
 def lost(failure: str, keys: str = "", **more) -> Case:
@@ -121,6 +130,8 @@ CASES = [
     mind("frozen"),
     mind("random-walk", ", reach=2.0"),
     mind("reboot"),
+    slower("slow", ", fraction=1.0, factor=0.1, min_alive=0"),
+    slower("stopped"),
     liar("inverted"),
     liar("free"),
     liar("occupied", ", count=2"),

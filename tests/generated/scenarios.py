@@ -158,6 +158,8 @@ class _Draw:
             table["jobs"] = [job]
             if dice.random() < 0.5:
                 table["task"] = {"use": "computed" if job["use"] == "solve" else "settled"}
+            if dice.random() < 0.5:
+                self._processors(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _pursuit(self, robots: Table) -> Table:
@@ -178,6 +180,21 @@ class _Draw:
             "sensors": [{"use": "neighbours", "reach": 3.0, "groups": True}],
             "faults": [fault] if self._dice.random() < 0.5 else [], "probes": [],
         }  # fmt: skip
+
+    def _processors(self, table: Table) -> None:
+        """Processors that most often take long, and at times a fault of them."""
+        dice, robots = self._dice, table["robots"]
+        groups = robots if isinstance(robots, list) else [robots]
+        for group in groups:
+            energy, memory = self._maybe(1e-9), self._maybe(1e8)
+            own = {"rate": dice.choice((1e3, 1e5, 1e9)), "energy": energy, "memory": memory}
+            given = {"use": "pi-zero-2"} if dice.random() < 0.2 else own
+            group["processor"] = {key: value for key, value in given.items() if value is not OMITTED}
+        if dice.random() < 0.7:
+            name = groups[0].get("name", "")
+            size = self._place.width, self._place.height
+            timelines = Timelines(dice, self._count, *size, maps=False, tiles=False, group=name)
+            table["faults"] = [*table.get("faults", []), timelines.one("processor")]
 
     def _lights(self, table: Table) -> None:
         """Lights on the robots, which see those of others and most often tell something by them."""

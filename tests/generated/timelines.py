@@ -29,11 +29,16 @@ class Timelines:
         chosen = [self._dice.choice(able) for _ in range(self._dice.choice((1, 1, 2, 3)))]
         # Nobody may be dead before the latecomers are late, so they come first, and once.
         chosen = ["join"] * ("join" in chosen) + [kind for kind in chosen if kind != "join"]
-        return [{"use": kind, **getattr(self, f"_{kind}")()} for kind in chosen]
+        return [self.one(kind) for kind in chosen]
+
+    def one(self, kind: str) -> Table:
+        """A fault of this kind."""
+        return {"use": kind, **getattr(self, f"_{kind}")()}
 
     def _fits(self, kind: str, bodies: bool) -> bool:
         return (
             hasattr(self, f"_{kind}")
+            and kind != "processor"  # for jobs alone
             and (bodies or kind not in ("push", "people"))
             and (self._maps or kind not in MAPS)
             and (self._tiles or kind != "sensor")
@@ -128,6 +133,9 @@ class Timelines:
                 "stuck": {"speed": self._dice.choice((-0.01, 0.005)), **wheel},
             }
         )
+
+    def _processor(self) -> Table:
+        return self._fails({"slow": self._maybe(factor=self._dice.choice((0.1, 0.7))), "stopped": {}})
 
     def _sensor(self) -> Table:
         dice = self._dice

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from conftest import setting_of
 from swarmsim.core.building import Building, Survey
 from swarmsim.core.jobs import PieceJob, Shared
 from swarmsim.core.messages import MessageBuffer
+from swarmsim.core.processors import Processor, Processors
 from swarmsim.core.readings import Readings
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Senses, State
@@ -56,6 +57,7 @@ class Heat:
         return state
 
 
+UNLIMITED = Processor()
 RINGS = {"ring": 1, "wide ring": 3}  # robots on either side that each one hears
 STEPS = ((-1, 0), (0, -1), (0, 1), (1, 0))
 
@@ -85,9 +87,16 @@ class Swarm:
     seed: int = 5
     limit: int = 400
     field_: object = None
+    processor: Processor | Sequence[Processor] = UNLIMITED  # of all robots, or each one's
+    slow: Mapping[int, tuple[float, list[int]]] = field(default_factory=dict)  # by iteration: a factor, and its robots
 
     def __post_init__(self) -> None:
+        kinds = [self.processor] * self.robots if isinstance(self.processor, Processor) else self.processor
+        self.processors = Processors(kinds, np.arange(self.robots), 1.0 / self.rounds, self.rounds)
+        self.paces = np.ones(self.robots)
+        self.processors.slow(np.ones(self.robots, bool), self.paces)
         self.context = context_of(self.robots, self.seed, self.rounds, self.field_)
+        self.context = replace(self.context, processors=self.processors)
         keys = {"name": "heat", "patience": 6, **self.keys}
         self.runtime = Lockstep(self.job, Shared(**keys), self.context)
         self.alive = np.ones(self.robots, bool)
@@ -117,14 +126,17 @@ class Swarm:
             self.alive[self.comes.get(now, [])] = True
             self.alive[self.deaths.get(now, [])] = False
             self.alive[self.strike(now, self)] = False
+            for factor, robots in [self.slow[now]] if now in self.slow else []:
+                self.paces[robots] = factor
             links, still = self.links(now), np.zeros((self.robots, 3))
-            senses = Senses(now, self.places, still, self.alive.copy(), Readings())
+            senses = Senses(now, self.places, still, self.alive & self.processors.running, Readings())
             for number in range(self.rounds):
                 clock = now * self.rounds + number
                 said = self.runtime.say(senses)
                 post.post(clock, said)
                 state = State(clock, self.places, still, np.zeros((self.robots, 2)), self.alive.copy())
                 delivery = channel.deliver(state, links, said.sizes)
+                self.processors.refill(senses.alive)
                 self.parcel: Parcel = self.runtime.hear(senses, post.open(clock, delivery))
                 self.sent += int(said.sizes[self.alive].sum())
             step = self.parcel.progress(self.alive)

@@ -6,6 +6,7 @@ import difflib
 from typing import Final
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.scenario.boards import with_board
 from swarmsim.core.scenario.files import Table
 
 PLAIN: Final = "paper"  # the default robot
@@ -62,7 +63,8 @@ def with_platforms(table: Table) -> Table:
             raise InputError(
                 f"robots.count: is {count}, but robots.groups has {mixed['count']} robots; expected the same number"
             )
-        return {**table, "robots": {"count": 1, **mixed, **robots, "groups": mixed["groups"]}}
+        whole = with_board({"count": 1, **mixed, **robots, "groups": mixed["groups"]}, "robots")
+        return {**table, "robots": whole}
     if isinstance(robots, dict):
         filled, sensor = _filled(robots, "robots")
         own = table.get("sensor", {})
@@ -83,7 +85,7 @@ def _filled(robots: Table, place: str) -> tuple[Table, Table]:
         raise InputError(f"{place}.use: no robot is called {use!r}; {hint}Known: {', '.join(PLATFORMS)}")
     numbers = {key: value for key, value in PLATFORMS[use].items() if key != "sensor"}
     sensor = PLATFORMS[use].get("sensor")
-    return {**numbers, **robots}, dict(sensor) if isinstance(sensor, dict) else {}
+    return with_board({**numbers, **robots}, place), dict(sensor) if isinstance(sensor, dict) else {}
 
 
 def _mixed(groups: list[object], has_sensor: bool) -> Table:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swarmsim.core.crew import Body, Crew, Kind
 from swarmsim.core.kinematics import Kinematics
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Sensor
+from swarmsim.core.processors import Processor
 from swarmsim.core.readings import Called
 from swarmsim.core.scenario.part import NONE, Part
 from swarmsim.core.scenario.platforms import PLAIN
@@ -37,6 +38,7 @@ class Group(Body, frozen=True, forbid_unknown_fields=True, kw_only=True):
     sensors: tuple[Part[Sensor], ...] | UnsetType = UNSET  # further ones
     kinematics: Part[Kinematics] | UnsetType = UNSET  # default: the scenario's
     mind: GroupMind | UnsetType = UNSET  # default: the scenario's
+    processor: Processor | UnsetType = UNSET  # of jobs; default: that of all robots
 
 
 class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_defaults=True):
@@ -50,6 +52,7 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
     use: str = PLAIN  # paper, e-puck, kilobot, turtlebot3-burger, thymio, khepera-iv or gternal
     spawn: str = ""  # the spawn area's name; default: the one called spawn, or the largest
     groups: tuple[Group, ...] = ()  # of a mixed swarm, in robot order
+    processor: Processor | UnsetType = UNSET  # of jobs; default: unlimited
 
     def __post_init__(self) -> None:
         if len(set(self.names)) < len(self.names):
@@ -59,6 +62,13 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
     def names(self) -> tuple[str, ...]:
         """The groups' names, in order: their `name` or, without one, their number."""
         return tuple(str(i) if one.name is UNSET else one.name for i, one in enumerate(self.groups))
+
+    @property
+    def processors(self) -> tuple[Processor, ...]:
+        """The processor of each group, or of all robots."""
+        found = [one.processor for one in self.groups] or [self.processor]
+        given = [self.processor if one is UNSET else one for one in found]
+        return tuple(Processor() if one is UNSET else one for one in given)
 
     def each(self, key: str) -> NDArray[np.float64]:
         """A number of every robot (n,), by its key."""
@@ -71,4 +81,7 @@ class Robots(Body, frozen=True, forbid_unknown_fields=True, kw_only=True, omit_d
         kinds = tuple(Kind(**{key: getattr(group, key) for key in keys}) for group in groups)
         kind = np.repeat(np.arange(len(groups)), [group.count for group in groups])[ids]
         kind.flags.writeable = False
-        return Crew(**{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind, names=self.names)
+        return Crew(
+            **{key: getattr(self, key) for key in keys}, kinds=kinds, kind=kind, names=self.names,
+            processors=self.processors,
+        )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from operator import getitem
 from typing import Annotated, Any, get_args, get_origin
 
@@ -59,12 +60,7 @@ def _components(kind: type[msgspec.Struct]) -> dict[str, Any]:
 def _shown(kind: object) -> object:
     """A type, with parts replaced by tables that their seam's schema describes."""
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        fields = [(one.encode_name, _shown(one.type), *_default(one)) for one in msgspec.structs.fields(kind)]
-        config = kind.__struct_config__
-        return msgspec.defstruct(
-            kind.__name__, fields, namespace={"__doc__": kind.__doc__}, kw_only=True,
-            forbid_unknown_fields=config.forbid_unknown_fields,
-        )  # fmt: skip
+        return _struct(kind)
     if get_origin(kind) is Part:
         seam = seam_of(kind)
         return Annotated[dict[str, Any], msgspec.Meta(extra_json_schema={"$ref": f"#/$defs/{seam}"} if seam else {})]
@@ -76,6 +72,16 @@ def _shown(kind: object) -> object:
     if get_origin(kind) is tuple:
         return tuple.__class_getitem__(tuple(_shown(one) for one in get_args(kind)))
     return kind
+
+
+@lru_cache(maxsize=1024)  # a struct that is used twice is one
+def _struct(kind: type[msgspec.Struct]) -> type[msgspec.Struct]:
+    fields = [(one.encode_name, _shown(one.type), *_default(one)) for one in msgspec.structs.fields(kind)]
+    config = kind.__struct_config__
+    return msgspec.defstruct(
+        kind.__name__, fields, namespace={"__doc__": kind.__doc__}, kw_only=True,
+        forbid_unknown_fields=config.forbid_unknown_fields,
+    )  # fmt: skip
 
 
 def _default(field: msgspec.structs.FieldInfo) -> list[Any]:

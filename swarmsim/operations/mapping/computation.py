@@ -71,6 +71,11 @@ class OccupancyGrid(Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     quorum: Annotated[int, Meta(ge=2, le=64)] | None = None  # for trust = "quorum": senders that must agree; default 2
 
     @property
+    def cell_bytes(self) -> int:
+        """The memory of a cell of one robot's map: 5 bytes of it, 12 of what strategies keep for ways and bars."""
+        return 17
+
+    @property
     def merges(self) -> bool:
         """Whether robots have their own frames of reference."""
         return self.sharing.declares("merges", False)
