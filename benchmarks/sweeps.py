@@ -93,7 +93,8 @@ def main() -> None:
             own = [number[tuple(piece.cells.T)] for piece in job.cut]
             rho = radius(job, own, count) if "chebyshev" not in name else float("nan")
             sweeps = needed(job, own, start, exact)
-            print(f"r = {r:g}, {name}: {sweeps} sweeps, rho {rho:.4f}", flush=True)
+            told = "" if "chebyshev" in name else f", rho {rho:.4f}"
+            print(f"r = {r:g}, {name}: {sweeps} sweeps{told}", flush=True)
 
 
 if __name__ == "__main__":

@@ -39,9 +39,9 @@ class Explicit(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if equations.order == 2:
             if equations.reaction is not None:
                 raise InputError("method: explicit has no reaction in equations of second order in time")
-            problem.is_stable(2.0 / equations.fastest**0.5, "leapfrog", ", or larger cells")
+            problem.check_step(2.0 / equations.fastest**0.5, "leapfrog", ", or larger cells")
             return [_Leapfrog(problem, patch) for patch in patches]
-        problem.is_stable(2.0 / (equations.fastest + 2.0 * equations.reacting), "explicit", instead)
+        problem.check_step(2.0 / (equations.fastest + 2.0 * equations.reacting), "explicit", instead)
         return [_Euler(problem, patch) for patch in patches]
 
 

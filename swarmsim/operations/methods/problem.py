@@ -32,14 +32,14 @@ class Problem:
         reaction = self.equations.reaction
         return found if reaction is None else found + reaction(fields)
 
-    def is_stable(self, limit: float, method: str, instead: str) -> None:
+    def check_step(self, limit: float, method: str, instead: str) -> None:
         """Raise InputError for a step longer than `limit` (s)."""
         name, value = self.equations.pace
         m = self.equations.order
         if limit <= 0.0:
             raise InputError(
-                "model.scheme: central differences let values grow where a draught is strong: the cell Peclet number "
-                'v h / D is over 2; expected "upwind", smaller cells, or a weaker draught'
+                "model.scheme: no explicit step is stable where values may grow, as with central differences and a "
+                'cell Peclet number v h / D over 2; expected "upwind", smaller cells, or a weaker draught'
             )
         if self.dt > limit * (1.0 + 1e-12):
             raise InputError(

@@ -50,7 +50,7 @@ class Sweeps(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         if problem.equations.order != 1:
             raise InputError(_SECOND)
         if problem.equations.reacting:
-            problem.is_stable(1.0 / problem.equations.reacting, "explicit reactions in implicit", "")
+            problem.check_step(1.0 / problem.equations.reacting, "explicit reactions in implicit", "")
 
 
 class BlockJacobi(Sweeps, frozen=True, forbid_unknown_fields=True, kw_only=True):

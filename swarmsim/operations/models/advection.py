@@ -27,11 +27,11 @@ class Vents(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class AdvectionDiffusion(Walled, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A draught v carries what diffuses: du/dt = D laplace(u) - div(v u) - k u + q (LeVeque 2002).
 
-    The draught is a potential flow, so it is free of divergence up to rounding, passes no wall, and stands still
-    nowhere: either from an inlet to an outlet (`vents`), or of a `velocity` far from pillars and islands, through
-    open outer walls. What comes in has `value`. `scheme` tells whose value crosses a face: the cell's upstream
-    ("upwind": of first order, never oscillates) or the mean of both ("central": of second order, oscillates where
-    the cell Peclet number v h / D is over 2). Diffusion does not cross open walls.
+    The draught is a potential flow, so it is free of divergence up to rounding and passes no wall: either from an
+    inlet to an outlet (`vents`), or of a `velocity` far from pillars and islands, through open outer walls. What comes
+    in there has `value`, and through an inlet 0. `scheme` tells whose value crosses a face: the cell's upstream
+    ("upwind": of first order, never oscillates) or the mean of both ("central": of second order, oscillates where the
+    cell Peclet number v h / D is over 2). Diffusion does not cross open walls.
     """
 
     diffusivity: Diffusivity = 0.05  # m^2/s
@@ -45,7 +45,7 @@ class AdvectionDiffusion(Walled, frozen=True, forbid_unknown_fields=True, kw_onl
         air = self._air(faces)
         operator, inflow = diffusive(faces, self.diffusivity, self.decay, self.fixed())
         operator = (operator + carried(faces, air, self.scheme)).tocsr()
-        inflow += air.entering / cell**2 * (0.0 if self.walls == "fixed" else self.value or 0.0)
+        inflow += air.entering / cell**2 * ((self.value or 0.0) if self.walls == "open" else 0.0)
         return Equations(
             operators=(operator,), inflow=inflow[:, None],
             pace=("what leaves a cell in a step, as a share of its content,", float(-operator.diagonal().min())),

@@ -18,7 +18,7 @@ from swarmsim.jobs.pieces import bisected, given
 from swarmsim.operations.methods.problem import Patch, Problem
 from swarmsim.operations.methods.seam import Scheme, Solver
 from swarmsim.operations.models.emitters import Emission, Emitter
-from swarmsim.operations.models.faces import Faces
+from swarmsim.operations.models.faces import Faces, Whole
 from swarmsim.operations.models.seam import Equation
 
 if TYPE_CHECKING:
@@ -87,11 +87,11 @@ def steps_of(method: Scheme, dt: float, duration: float) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelJob:
-    """A problem and a method, as a job in pieces."""
+    """A problem and a method on a domain, as a job in pieces."""
 
     problem: Problem
-    halo: int
-    level: int
+    method: Scheme
+    number: Whole  # (rows, columns): of each free cell
     steps: int
     cut: Sequence[Piece]
     solvers: Sequence[Solver]  # one for each piece
@@ -106,35 +106,37 @@ class ModelJob:
         """The job on these pieces of a domain. Raises InputError, which starts with the key at fault."""
         number = Faces.of(domain).number
         solvers = method.solvers(problem, [Patch.of(piece, number) for piece in cut])
-        return cls(problem, method.halo, method.level, steps, cut, solvers)
+        return cls(problem, method, number, steps, cut, solvers)
+
+    @property
+    def halo(self) -> int:
+        return self.method.halo
+
+    @property
+    def level(self) -> int:
+        return self.method.level
 
     def pieces(self, domain: Domain) -> Sequence[Piece]:
         return self.cut
 
     def start(self, piece: Piece, sensed: Values) -> Values:
-        """Raises InputError for a start that is not finite."""
-        return self.solvers[piece.number].start(
-            _finite(self.problem.equations.start(sensed), piece, "at the start", "a start that is known everywhere")
-        )
+        return self._solver(piece).start(self.problem.equations.start(sensed))
 
     def shows(self, piece: Piece, state: Values, step: int) -> Values:
-        return self.solvers[piece.number].shows(state, step)
+        return self._solver(piece).shows(state, step)
 
     def step(self, piece: Piece, state: Values, around: Values, step: int) -> Values:
-        """Raises InputError for a state that is not finite any more."""
-        with np.errstate(all="ignore"):
-            after = self.solvers[piece.number].step(state, around, step)
-        return _finite(after, piece, f"after step {step}", "a model and a method that do not diverge")
+        with np.errstate(all="ignore"):  # who runs a job looks whether it is finite
+            return self._solver(piece).step(state, around, step)
 
     def work(self, piece: Piece) -> float:
-        return self.solvers[piece.number].work
+        return self._solver(piece).work
 
     def answer(self, piece: Piece, state: Values) -> Values:
-        return np.asarray(self.solvers[piece.number].fields(state)[:, 0])
+        return np.asarray(self._solver(piece).fields(state)[:, 0])
 
-
-def _finite(state: Values, piece: Piece, when: str, expected: str) -> Values:
-    if not np.isfinite(state).all():
-        wrong = state[~np.isfinite(state)][0]
-        raise InputError(f"model: piece {piece.number} holds {wrong} {when}; expected {expected}")
-    return state
+    def _solver(self, piece: Piece) -> Solver:
+        """The solver of a piece; one that the domain is not cut into gets its own."""
+        if piece is self.cut[piece.number]:
+            return self.solvers[piece.number]
+        return self.method.solvers(self.problem, [Patch.of(piece, self.number)])[0]

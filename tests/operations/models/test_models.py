@@ -132,7 +132,7 @@ def test_a_draught_goes_around_islands() -> None:
     assert np.ptp(empty.fluxes[~Faces.of(floor(9, 9)).rises]) < 1e-14
 
 
-def test_diffusion_is_stable_up_to_a_quarter_and_not_beyond() -> None:
+def test_diffusion_check_step_up_to_a_quarter_and_not_beyond() -> None:
     """A board of chess squares grows beyond, if it is let to."""
     domain = floor(40, 40)
     board = 1.0 - 2.0 * (np.indices((40, 40)).sum(axis=0) % 2).ravel()
@@ -166,14 +166,6 @@ def unguarded(model, domain: Domain, start: np.ndarray, dt: float, times: int) -
     return job.answer(job.cut[0], state)
 
 
-def test_what_diverges_ends_by_name() -> None:
-    board = 1.0 - 2.0 * (np.indices((20, 20)).sum(axis=0) % 2).ravel()
-    with pytest.raises(InputError, match=r"model: piece 0 holds -?(inf|nan) after step \d+; expected .*do not diverge"):
-        unguarded(Diffusion(), floor(20, 20), board, 1.0, 400)
-    with pytest.raises(InputError, match="model: piece 0 holds nan at the start; expected a start that is known"):
-        solved(Diffusion(), Explicit(), floor(4, 4), np.full(16, np.nan), 0.1, 1)
-
-
 REFUSED = [
     (Diffusion(walls="fixed"), Explicit(), 0.1, "value: required key is missing; fixed walls need the value"),
     (Diffusion(value=1.0), Explicit(), 0.1, 'value: 1 with walls that nothing passes; expected walls = "fixed"'),
@@ -183,7 +175,7 @@ REFUSED = [
     (AdvectionDiffusion(velocity=(0.1, 0.0)), Explicit(), 0.1, 'velocity: [0.1, 0.0] m/s cannot pass walls = "no-fl'),
     (
         AdvectionDiffusion(velocity=(0.1, 0.0), walls="open", diffusivity=0.001, scheme="central"), Explicit(), 0.01,
-        "model.scheme: central differences let values grow where a draught is strong: the cell Peclet number",
+        "model.scheme: no explicit step is stable where values may grow, as with central differences and a cell ",
     ),
     (
         AdvectionDiffusion(velocity=(1.0, 0.0), walls="open", diffusivity=1e-6), Explicit(), 0.3,

@@ -18,6 +18,7 @@ from swarmsim.core.jobs import Domain
 from swarmsim.core.scenario.part import Part
 from swarmsim.jobs.pieces import given
 from swarmsim.operations.fields.truth import FiniteField
+from swarmsim.operations.methods.problem import Problem
 from swarmsim.operations.methods.sweeps import BlockJacobi
 from swarmsim.operations.models.emitters import Emitter
 from swarmsim.operations.models.job import ModelJob, problem_of
@@ -107,6 +108,16 @@ def test_a_wave_is_solved_by_the_method_that_is_named() -> None:
     assert np.abs(field(**keys).value(7.0, centres())).max() > 0.0
     with pytest.raises(InputError, match="method: sweeps step equations of first order in time"):
         field(model=keys["model"])
+
+
+def test_what_diverges_ends_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where nobody looks at the limit of a step."""
+    monkeypatch.setattr(Problem, "check_step", lambda *given: None)
+    truth = field(
+        method=Part("method", {"use": "explicit"}), dt=1.0, start=Part("field", {"use": "formula", "formula": "x"})
+    )
+    with pytest.raises(InputError, match=r"field\.model: its solution is -?(inf|nan) in iteration 1000 .*finite"):
+        truth.value(1000.0, centres())
 
 
 WRONG = [

@@ -11,6 +11,7 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from swarmsim.core.errors import InputError
+from swarmsim.core.jobs import Domain
 from swarmsim.jobs.alone import alone
 from swarmsim.jobs.pieces import joined, joints, pieces_of
 from swarmsim.operations.methods.explicit import Explicit
@@ -22,6 +23,7 @@ from swarmsim.operations.models.faces import Faces
 from swarmsim.operations.models.job import ModelJob
 from swarmsim.operations.models.reaction import GrayScott
 from swarmsim.operations.models.wave import Wave
+from swarmsim.testing.jobs import ROOM, check_job
 
 FLOOR = rooms()
 START = np.random.default_rng(3).random(Faces.of(FLOOR).count)
@@ -172,6 +174,20 @@ def test_an_overlap_as_wide_as_the_halo_is_refused() -> None:
 def test_what_knows_no_blocks_does_not_depend_on_the_pieces(model, method, dt) -> None:
     found = [solved(model, method, FLOOR, START, dt, 4, count) for count in (1, 2, 7, 50)]
     assert all(np.array_equal(found[0], one) for one in found[1:])
+
+
+@pytest.mark.parametrize(
+    ("method", "whole"),
+    [
+        (Explicit(level=5), 0.0), (BlockJacobi(inner="diagonal", sweeps=6), 0.0),
+        (Chebyshev(inner="diagonal", sweeps=6, rho=0.9), 0.0), (BlockJacobi(sweeps=4), None),
+        (Chebyshev(sweeps=60), 1e-11), (Schwarz(sweeps=50, overlap=2), 1e-11),
+    ],
+)  # fmt: skip
+def test_jobs_depend_on_nothing_but_what_they_may(method, whole) -> None:
+    domain = Domain(FLOOR.lattice, ROOM)
+    problem = Problem(Diffusion().on(domain), nothing, 0.1)
+    check_job(ModelJob.of(problem, method, domain, 5, 2 * method.level), whole=whole)
 
 
 def test_a_second_visit_of_a_step_gives_equal_bits() -> None:
