@@ -1,33 +1,31 @@
-"""A model computed in six ways by the same robots over the same radio.
+"""python benchmarks/computing/ways.py run SEEDS OUT.jsonl [CONDITION ...]: a model computed in six ways.
 
-    python benchmarks/computing/ways.py sweeps              how many sweeps a level takes in pieces
-    python benchmarks/computing/ways.py run SEEDS OUT.jsonl [CONDITION ...]
-    python benchmarks/computing/ways.py table OUT.jsonl     means with 95 % intervals, by condition and way
-    python benchmarks/computing/ways.py crossing OUT.jsonl  where sharing wins, in work and in memory
-    python benchmarks/computing/ways.py figures OUT.jsonl FOLDER
-
-All runs are of `ways.toml`. Robot 0 stands at its start and is the base; servers are robots 0, 4 and 8 of 12.
+The same robots drive the same ways over the same radio, as `ways.toml` says. Robot 0 stands at its start and is the
+base; servers are robots 0, 4 and 8 of 12. `told.py` makes tables and figures of OUT.jsonl. With `sweeps` instead: how
+many sweeps a level takes in pieces.
 """
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 from scipy.sparse import linalg
 
 from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.jobs.alone import alone
-from swarmsim.jobs.pieces import given
+from swarmsim.jobs.pieces import bisected, given
 from swarmsim.jobs.runtime import Parcel
-from swarmsim.operations.models.job import ModelJob, problem_of
-from swarmsim.operations.models.job import Solve
+from swarmsim.operations.methods.problem import Problem
+from swarmsim.operations.methods.sweeps import Chebyshev, Schwarz
+from swarmsim.operations.models.diffusion import Diffusion
+from swarmsim.operations.models.faces import Faces
+from swarmsim.operations.models.job import ModelJob
 
 SCENARIO = Path(__file__).with_name("ways.toml")
 MODEL = '{use = "diffusion", diffusivity = 0.02, decay = 0.002}'
@@ -47,13 +45,19 @@ WAYS: dict[str, tuple[str, ...]] = {
     "edge, own piece": (f'jobs=[{{{GATHER}, to = "servers"}}]', SETTLED),
     "collective": (f"jobs=[{{{SOLVE}}}, {HOLDERS}]", COMPUTED),
 }
+FEW = ("robots.1.count=5",)
+DEAD = ('faults=[{use = "crash", at = 50, robots = [0], min_alive = 0}]',)
+WALL = ('faults=[{use = "radio", failure = "partition", x = 4.0, at = 30, duration = 60}]',)
 CONDITIONS: dict[str, tuple[str, ...]] = {
     "plain": (),
-    "base dies": ('faults=[{use = "crash", at = 50, robots = [0], min_alive = 0}]',),
-    "another dies": ('faults=[{use = "crash", at = 50, robots = [5], min_alive = 0}]',),
-    "wall of silence": ('faults=[{use = "radio", failure = "partition", x = 4.0, at = 30, duration = 60}]',),
-    "loss 0": ("network.channel.loss=0.0",),
-    "loss 0.3": ("network.channel.loss=0.3",),
+    "base dies": DEAD,
+    "wall of silence": WALL,
+    "6 robots": FEW,
+    "6 robots, base dies": (*FEW, *DEAD),
+    "6 robots, wall of silence": (*FEW, *WALL),
+    "6 robots, loss 0.3": (*FEW, "network.channel.loss=0.3"),
+    "6 robots, 8 exchanges": (*FEW, "network.rounds=8"),
+    "6 robots, cell 0.3": (*FEW, "grid.cell=0.3"),
 }
 
 
@@ -106,7 +110,9 @@ def one_run(way: str, condition: str, seed: int) -> dict[str, Any]:
         known = one.knowledge
         if one.name == "gather":
             counts = known.counts
-            found |= {"work": counts[:, 0].sum(), "most_work": counts[:, 0].max(), "share": known.share(watch.last.state.alive)}
+            if way != "collective":
+                found |= {"work": counts[:, 0].sum(), "most_work": counts[:, 0].max()}
+                found["share"] = known.share(watch.last.state.alive)
             found["used"] = known.numbers(watch.last.state.alive)["used"]
             found["kinds"] = (counts[:, 3:].sum(axis=0) / robots / watch.iterations).tolist()
         else:
@@ -130,6 +136,8 @@ def run(seeds: int, out: Path, conditions: Sequence[str]) -> None:
     for condition in conditions:
         for seed in range(1, seeds + 1):
             for way in WAYS:
+                if condition != "plain" and way in ("alone", "cloud, field"):
+                    continue
                 if (way, condition, seed) not in done:
                     with out.open("a") as file:
                         file.write(json.dumps(one_run(way, condition, seed), default=float) + "\n")
@@ -140,6 +148,44 @@ def rows(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
+def sweeps(pieces: int = 12) -> None:
+    """Print how many sweeps a level takes until the largest error is 1e-6 of the largest value, and what is shown."""
+    built = build(load(SCENARIO), str(SCENARIO))
+    domain = given(built.context)
+    number, centres = Faces.of(domain).number, domain.lattice.centres
+    start = built.context.scalar_field.value(0.0, centres(np.argwhere(domain.free)))
+    problem = Problem(
+        Diffusion(diffusivity=0.02, decay=0.002).on(domain),
+        lambda cells, begin, end: np.zeros(len(cells)),
+        float(EVERY),
+    )
+    system = (-problem.dt * problem.equations.operators[0]).tocsc()
+    system.setdiag(system.diagonal() + 1.0)
+    exact = linalg.spsolve(system.tocsc(), start)
+    for name, method in {
+        "chebyshev": Chebyshev,
+        "schwarz, overlap 2": lambda sweeps: Schwarz(overlap=2, sweeps=sweeps),
+    }.items():
+        for count in range(8, 60):
+            cut = bisected(domain, pieces, method(sweeps=1).halo)
+            job = ModelJob.on(problem, method(sweeps=count), domain, cut, count)
+            own = [number[tuple(piece.cells.T)] for piece in cut]
+            states = alone(job, cut, [start[cells] for cells in own])
+            wrong = max(
+                np.abs(job.answer(piece, state) - exact[cells]).max()
+                for piece, state, cells in zip(cut, states, own, strict=True)
+            )
+            if wrong < 1e-6 * exact.max():
+                shown, work = sum(len(piece.rim) for piece in cut), sum(map(job.work, cut))
+                print(
+                    f"{len(start)} cells, {pieces} pieces, {name}: {count} sweeps, {shown} values shown in each, "
+                    f"{count * work / 1e6:.2f} Mflop a level"
+                )
+                break
+
+
 if __name__ == "__main__":
     if sys.argv[1] == "run":
         run(int(sys.argv[2]), Path(sys.argv[3]), sys.argv[4:] or list(CONDITIONS))
+    else:
+        sweeps()

@@ -23,7 +23,9 @@ BEACON, SAMPLE, ANSWER = SIGN, ENTRY, ITEM
 TAIL: Final = struct.Struct(">fBHH")
 AFAR, DONE = 254, 255  #: hops: not known; and to a computer that others bring it to
 EVERYBODY: Final = (1 << 16) - 1  #: to whom an answer goes
-EVERY: Final = 5  # iterations between two beacons, and until an answer that did not arrive is told again
+BEACONS: Final = 5  # iterations between two of a computer
+EVERY: Final = 5  # iterations until an answer that did not arrive is told again
+PATIENCE: Final = 15  # iterations for which a way is known
 NUMBER: Final = np.dtype(">f4")
 
 Cells = NDArray[np.int64]
@@ -59,7 +61,7 @@ class Gatherer:
         self._computes = me in scheme.computers
         self._answers = self._computes and len(scheme.computers) < len(scheme.cells)  # else everybody computes
         self._collects = any(me in sinks for sinks in scheme.sinks)
-        self._towards, self._back = Ways(3 * EVERY), Ways(3 * EVERY)  # to computers; to robots whose samples came by
+        self._towards, self._back = Ways(PATIENCE), Ways(PATIENCE)  # to computers; to robots whose samples came by
         self._last: dict[int, tuple[int, int]] = {}  # the nearest computer and the level that robots told last
         self._samples: dict[tuple[int, int], tuple[int, float]] = {}  # cell and value, by robot and iteration
         self._sent: dict[tuple[int, int], set[int]] = {}  # to whom a sample was passed on, by robot and iteration
@@ -74,7 +76,7 @@ class Gatherer:
 
     def wake(self, now: int) -> None:
         """Forget ways that are no more."""
-        self._towards, self._back = Ways(3 * EVERY), Ways(3 * EVERY)
+        self._towards, self._back = Ways(PATIENCE), Ways(PATIENCE)
 
     def learn(self, other: Self) -> None:
         """Take over the field that another robot knows."""
@@ -103,12 +105,12 @@ class Gatherer:
             self._end_level(level, now)
         if self._answers and not self._scheme.whole:
             self._answer_each(now)
-        if self._collects and now % EVERY == self._me % EVERY:
+        if self._collects and now % BEACONS == self._me % BEACONS:
             self._tell(Fact(BEACON, self._me, now, self._me, b"\0"))
         cell, value = self._eyes.of(self._me)
         if cell < 0:
             return
-        self.made += now < self._scheme.every * self._scheme.levels
+        self.made += not self._scheme.computers or now < self._scheme.every * self._scheme.levels
         if self._computes or self._me in self._scheme.sinks[self._scheme.piece[cell]]:
             self._take(self._me, now, cell, value)
         if self._scheme.flood:
@@ -156,7 +158,7 @@ class Gatherer:
         """Compute a level from the samples of its time, and tell the others; forget what is older."""
         scheme = self._scheme
         if self._computes:
-            used = [told for (_, time), told in self._samples.items() if time >= now - scheme.every]
+            used = [told for (_, time), told in sorted(self._samples.items()) if time >= now - scheme.every]
             cells = np.array([cell for cell, _ in used], np.int64)
             values = np.array([value for _, value in used], np.float64)
             self.field, work = scheme.solver.after(self.field, level - 1, cells, values)
