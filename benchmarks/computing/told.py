@@ -20,6 +20,8 @@ from scipy import stats
 
 mpl.use("Agg")
 EVERY, LEVELS, SWEEPS, ROUNDS, CELLS = 20, 5, 16, 4, 2500
+SHOWN = 1392  # values that 12 pieces show in a sweep, by `ways.py sweeps`
+RADIO = 1e6  # bit/s, of which one robot at a time has all
 #: Operations a second (assumed) and bytes of data memory: Espressif's and Raspberry Pi's product pages.
 PROCESSORS = {"ESP32": (35e6, 320e3), "Pi Zero 2": (0.5e9, 512e6)}
 #: J a byte sent and heard at 1 Mbit/s: 240 and 100 mA at 3.3 V (Espressif, ESP32 Series Datasheet, RF consumption).
@@ -137,6 +139,10 @@ def crossing(found: Sequence[Row]) -> None:
     share = mean([of_level(row) for row in plain(found, "collective")])[0]
     print(f"{age:.2f} exchanges a sweep; one robot {whole / 1e6:.2f} Mflop a level, {whole / CELLS:.0f} a cell; "
           f"a piece {share / 1e6:.2f} Mflop")  # fmt: skip
+    said = mean([row["sent"] * 12 * row["iterations"] / LEVELS for row in plain(found, "collective")])[0]
+    edges = SHOWN * 4 * SWEEPS
+    print(f"{said / 1e3:.0f} kB a level said by all, and at least {edges / 1e3:.0f} kB of edges; on a radio of "
+          f"{RADIO / 1e6:g} Mbit/s where one speaks at a time that takes {said * 8 / RADIO:.1f} s")  # fmt: skip
     for name, (rate, memory) in PROCESSORS.items():
         for period in (1.0, 0.25, 0.01):
             shared = SWEEPS * age * period
@@ -175,6 +181,7 @@ def _costs(found: Sequence[Row], path: Path) -> None:
     bars(axes[2], found, lambda row: 1e3 * power(row), "radio and computing (mW a robot)")
     for axis in axes:
         axis.set_xscale("symlog", linthresh=10.0 if axis is axes[0] else 0.1)
+        axis.set_xlim(0.0, axis.get_xlim()[1] * 2.0)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
@@ -194,7 +201,14 @@ def _sizes(found: Sequence[Row], path: Path) -> None:
         for count, label in ((1, "one memory"), (12, "twelve")):
             axis.axvline(count * memory / VECTORS, color="gray", linewidth=1)
             axis.text(
-                count * memory / VECTORS, 3e-3, f" {label}", rotation=90, ha="right", va="bottom", color="dimgray"
+                count * memory / VECTORS,
+                3e-3,
+                f" {label}",
+                rotation=90,
+                ha="right",
+                va="bottom",
+                color="dimgray",
+                fontsize=8,
             )
         axis.set_title(name)
         axis.set_xlabel("cells of the model")

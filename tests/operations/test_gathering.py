@@ -13,9 +13,9 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import HEADER
 from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
-from swarmsim.operations.gathering.gather import Gathering
+from swarmsim.operations.gathering.gather import GatherJob
 from swarmsim.operations.gathering.gatherer import NUMBER
-from swarmsim.operations.gathering.levels import Levels
+from swarmsim.operations.gathering.levels import WholeFloor
 from swarmsim.operations.gathering.ways import AFAR, Ways
 from swarmsim.operations.methods.problem import Problem
 from swarmsim.operations.models.equations import Equations
@@ -71,7 +71,7 @@ def test_a_level_is_the_implicit_step_drawn_to_the_mean_of_samples() -> None:
     dice, cells, dt, rate = np.random.default_rng(2), 40, 3.0, 0.7
     line = sparse.diags_array([np.ones(cells - 1), -2.0 * np.ones(cells), np.ones(cells - 1)], offsets=(-1, 0, 1))
     equations = Equations(operators=(line.tocsr(),), inflow=np.full((cells, 1), 0.1), pace=("r", 1.0))
-    solver = Levels(Problem(equations, lambda cells, begin, end: np.zeros(len(cells)), dt), rate)
+    solver = WholeFloor(Problem(equations, lambda cells, begin, end: np.zeros(len(cells)), dt), rate)
     field, at = dice.random(cells), np.array([3, 3, 17])
     values = np.array([1.0, 2.0, -1.0])
     pull = np.zeros(cells)
@@ -135,7 +135,7 @@ def test_a_dead_base_ends_everything_and_a_dead_server_little(path: Path) -> Non
 
 @pytest.mark.parametrize("to", ["all", "base", "servers", "holders"])
 def test_bytes_are_those_of_the_packed_messages(path: Path, to: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    packed, say = [0, 0], Gathering.say
+    packed, say = [0, 0], GatherJob.say
 
     def counted(self, senses):
         said = say(self, senses)
@@ -149,7 +149,7 @@ def test_bytes_are_those_of_the_packed_messages(path: Path, to: str, monkeypatch
             packed[1] += size
         return said
 
-    monkeypatch.setattr(Gathering, "say", counted)
+    monkeypatch.setattr(GatherJob, "say", counted)
     known, moments = last(path, f"jobs.0.to={to}", "stop.when_done=continue", "stop.iterations=14")
     assert packed[1] == sum(moment.jobs[0].sent for moment in moments) > 0
     assert known.counts[:, 3:].sum() == packed[1] - packed[0] * HEADER.size

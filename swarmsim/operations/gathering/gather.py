@@ -17,9 +17,9 @@ from swarmsim.jobs.facts.tellers import Standing, Tellers
 from swarmsim.jobs.facts.wire import Facts, check_budget
 from swarmsim.jobs.pieces import bisected, given
 from swarmsim.operations.gathering.eyes import Eyes
-from swarmsim.operations.gathering.gatherer import NUMBER, TAIL, Gatherer, Scheme
-from swarmsim.operations.gathering.known import Ledger
-from swarmsim.operations.gathering.levels import Levels
+from swarmsim.operations.gathering.gatherer import NUMBER, TAIL, Gatherer, GatherPlan
+from swarmsim.operations.gathering.known import FieldLedger
+from swarmsim.operations.gathering.levels import WholeFloor
 from swarmsim.operations.models.faces import Faces
 from swarmsim.operations.models.job import problem_of
 from swarmsim.operations.models.seam import Equation
@@ -50,11 +50,11 @@ class Gather(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     rate: Annotated[float, Meta(gt=0.0)] = 1.0  # 1/s, at which the field is drawn to samples
     budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
 
-    def build(self, context: BuildContext) -> Gathering:
+    def build(self, context: BuildContext) -> GatherJob:
         """The job. Raises InputError for what cannot be gathered."""
         if context.scalar_field is None or "field" not in context.channels.places:
             raise InputError("use: 'gather' needs samples of a field; expected a table [field]")
-        return Gathering(self, context)
+        return GatherJob(self, context)
 
     def computers(self, swarm: int) -> tuple[int, ...]:
         """The robots that compute. Raises InputError for robots that there are not."""
@@ -66,7 +66,7 @@ class Gather(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return {"none": everybody, "all": everybody, "base": (self.base,), "servers": spread, "holders": ()}[self.to]
 
 
-class Gathering:
+class GatherJob:
     """The job, for some robots or all."""
 
     def __init__(self, keys: Gather, context: BuildContext) -> None:
@@ -81,15 +81,17 @@ class Gathering:
         computers = keys.computers(context.swarm)
         sinks = () if keys.to in ("none", "all") else computers
         every = tuple((one,) if keys.to == "holders" else sinks for one in range(context.swarm))
-        scheme = Scheme(
+        scheme = GatherPlan(
             keys.to == "all", computers, every, piece, cells, keys.down == "field", keys.every, keys.levels,
-            Levels(problem, keys.rate), keys.budget,
+            WholeFloor(problem, keys.rate), keys.budget,
         )  # fmt: skip
         largest = max(map(len, cells)) * NUMBER.itemsize + 1 if sinks else 0
         check_budget(keys.budget, [max(largest, TAIL.size + max(map(len, every)))], "a sample or an answer")
         self._eyes = Eyes(context, number)
         self._tellers = Tellers(
-            context, lambda robot: Gatherer(scheme, self._eyes, robot), Ledger(scheme, keys.name or "gather", context)
+            context,
+            lambda robot: Gatherer(scheme, self._eyes, robot),
+            FieldLedger(scheme, keys.name or "gather", context),
         )
         #: The form of its messages.
         self.codec = self._tellers.codec

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.jobs import Values
 from swarmsim.jobs.facts.wire import ENTRY, ITEM, SIGN, Fact, within
 from swarmsim.operations.gathering.eyes import Eyes
-from swarmsim.operations.gathering.levels import Levels
+from swarmsim.operations.gathering.levels import WholeFloor
 from swarmsim.operations.gathering.ways import Ways
 
 #: What is told: how far a computer is, a sample, and what was computed of a piece.
@@ -32,7 +32,7 @@ Cells = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Scheme:
+class GatherPlan:
     """What all robots know before: who computes, and who is told what."""
 
     flood: bool  # whether samples go to everybody
@@ -43,7 +43,7 @@ class Scheme:
     whole: bool  # whether everybody is told the whole field
     every: int  # iterations of a level
     levels: int
-    solver: Levels
+    solver: WholeFloor
     budget: int | None  # bytes a message
 
 
@@ -55,7 +55,7 @@ class Gatherer:
     is nearer to whom that goes to.
     """
 
-    def __init__(self, scheme: Scheme, eyes: Eyes, me: int) -> None:
+    def __init__(self, scheme: GatherPlan, eyes: Eyes, me: int) -> None:
         self._scheme, self._eyes, self._me = scheme, eyes, me
         self._out: dict[tuple[int, ...], Fact] = {}
         self._computes = me in scheme.computers

@@ -13,14 +13,14 @@ from swarmsim.core.jobs import Values
 from swarmsim.core.state import Record
 from swarmsim.jobs.facts.tellers import Standing
 from swarmsim.jobs.pieces import given
-from swarmsim.operations.gathering.gatherer import Gatherer, Scheme
+from swarmsim.operations.gathering.gatherer import Gatherer, GatherPlan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Known(Standing):
+class KnownFields(Standing):
     """All robots' fields; arrays are read-only."""
 
-    scheme: Scheme
+    scheme: GatherPlan
     name: str
     own: NDArray[np.int64]  # (n,): the robot's own piece
     level: NDArray[np.int32]  # (n, p): of each piece, as far as the robot knows
@@ -30,11 +30,11 @@ class Known(Standing):
     age: NDArray[np.float64]  # (n, p): s, of what the robot knows
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """Levels, fields and counts."""
+        """WholeFloor, fields and counts."""
         return self.level, self.fields, self.counts
 
     def record(self) -> Record:
-        """Levels and counts."""
+        """WholeFloor and counts."""
         names = ("work", "made", "taken", "beacons", "samples", "answers")
         columns = {f"{self.name}_{name}": self.counts[:, at] for at, name in enumerate(names)}
         return Record({f"{self.name}_level": self.level, **columns})
@@ -71,15 +71,15 @@ class Known(Standing):
         }  # fmt: skip
 
 
-class Ledger:
+class FieldLedger:
     """Sums up what robots know and said."""
 
-    def __init__(self, scheme: Scheme, name: str, context: BuildContext) -> None:
+    def __init__(self, scheme: GatherPlan, name: str, context: BuildContext) -> None:
         self._scheme, self._name, self._context = scheme, name, context
         self._points = context.lattice.centres(np.argwhere(given(context).free))
         self._now, self._truth = -1, np.zeros(len(self._points))
 
-    def __call__(self, parts: Sequence[Gatherer], now: int) -> Known:
+    def __call__(self, parts: Sequence[Gatherer], now: int) -> KnownFields:
         if now != self._now and self._context.scalar_field is not None:
             self._now = now
             self._truth = self._context.scalar_field.value(now * self._context.period, self._points)
@@ -88,7 +88,7 @@ class Ledger:
         age = np.asarray((now - level * self._scheme.every) * self._context.period, np.float64)
         for array in (level, fields, counts, age):
             array.setflags(write=False)
-        return Known(
+        return KnownFields(
             self._scheme, self._name, self._context.ids, level, fields.reshape(len(parts), -1), counts.reshape(-1, 6),
             self._truth, age,
         )  # fmt: skip

@@ -15,7 +15,7 @@ from swarmsim.operations.methods.problem import Cells, Problem
 TOLERANCE: Final = 1e-6  #: of the residual, of the right side
 
 
-class Levels:
+class WholeFloor:
     """Euler's implicit step, drawn towards samples with a rate: Newtonian relaxation (Hoke and Anthes 1976).
 
     (1 + dt rate H - dt L) u' = u + dt gain + dt rate H y, where H is 1 in cells with samples and y their mean. It is
