@@ -106,7 +106,7 @@ def told(values: Sequence[float]) -> str:
     middle, half = mean(values)
     if np.isnan(middle):
         return "-"
-    return f"{middle:.3g}" + ("" if np.isnan(half) else f" ± {half:.2g}")
+    return f"{middle:.4g}" + ("" if np.isnan(half) else f" ± {half:.2g}")
 
 
 def table(found: Sequence[Row]) -> None:
@@ -223,25 +223,24 @@ def _sizes(found: Sequence[Row], path: Path) -> None:
 def _losses(found: Sequence[Row], path: Path) -> None:
     ways = ("replicated", "cloud, own piece", "edge, own piece", "collective")
     conditions = ("6 robots", "6 robots, base dies", "6 robots, wall of silence")
-    figure, axis = plt.subplots(figsize=(8, 3.6), layout="constrained")
-    colors = ("#999999", "#d55e00", "#0072b2", "#009e73")
-    for number, (condition, color) in enumerate(zip(conditions, colors, strict=False)):
-        mine = [[100.0 * r["share"] for r in found if (r["condition"], r["way"]) == (condition, way)] for way in ways]
-        means = [mean(one) if one else (np.nan, np.nan) for one in mine]
-        at = np.arange(len(ways)) + 0.2 * (number - (len(conditions) - 1) / 2)
-        axis.bar(
-            at,
-            [one[0] for one in means],
-            0.18,
-            yerr=[one[1] for one in means],
-            color=color,
-            label=condition.removeprefix("6 robots, "),
-            capsize=2,
-        )
-    axis.set_xticks(range(len(ways)), ways)
-    axis.set_ylabel("levels known in the end (%)")
-    axis.set_ylim(0, 125)
-    axis.legend(ncols=4, loc="upper center", fontsize=9)
+    figure, axes = plt.subplots(1, 2, figsize=(11, 3.4), layout="constrained")
+    for axis, label, measure in (
+        (axes[0], "levels known in the end (%)", lambda row: 100.0 * row["share"]),
+        (axes[1], "age of own piece, 20 to 100 s (s)", lambda row: row["age_own"]),
+    ):
+        for number, (condition, color) in enumerate(zip(conditions, ("#999999", "#d55e00", "#0072b2"), strict=True)):
+            mine = [[measure(r) for r in found if (r["condition"], r["way"]) == (condition, way)] for way in ways]
+            means = [mean(one) if one else (np.nan, np.nan) for one in mine]
+            at = np.arange(len(ways)) + 0.25 * (number - 1)
+            label_of = condition.removeprefix("6 robots, ").replace("6 robots", "undisturbed")
+            axis.bar(at, [one[0] for one in means], 0.22, color=color, label=label_of)
+            axis.errorbar(
+                at, [one[0] for one in means], [one[1] for one in means], fmt="none", color="black", capsize=2
+            )
+        axis.set_xticks(range(len(ways)), [way.replace(", ", ",\n") for way in ways])
+        axis.set_ylabel(label)
+        axis.set_ylim(0, 100 if axis is axes[0] else None)
+    axes[1].legend(loc="upper left", fontsize=9)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
