@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Senses
-from swarmsim.jobs.facts.tellers import Standing, Tellers
+from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import Facts, check_budget
 from swarmsim.jobs.pieces import bisected, given
 from swarmsim.operations.gathering.eyes import Eyes
@@ -101,7 +101,7 @@ class GatherJob:
         self._eyes.look(senses)
         return self._tellers.say(senses)
 
-    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> Standing:
+    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> JobStanding:
         """What robots know after an exchange."""
         return self._tellers.hear(senses, inbox)
 

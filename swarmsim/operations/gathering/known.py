@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.jobs import Values
 from swarmsim.core.state import Record
-from swarmsim.jobs.facts.tellers import Standing
+from swarmsim.jobs.facts.tellers import JobStanding
 from swarmsim.jobs.pieces import given
 from swarmsim.operations.gathering.gatherer import Gatherer, GatherPlan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KnownFields(Standing):
+class KnownFields(JobStanding):
     """All robots' fields; arrays are read-only."""
 
     scheme: GatherPlan
