@@ -156,6 +156,8 @@ class _Draw:
         if dice.random() < 0.1:
             job = self._any("job")
             table["jobs"] = [job]
+            if job["use"] == "gather" and "field" not in table:
+                table["field"] = self._any("field")
             if dice.random() < 0.5:
                 table["task"] = {"use": "computed" if job["use"] == "solve" else "settled"}
             if dice.random() < 0.5:
@@ -327,6 +329,11 @@ class _Draw:
             "percolation": {
                 **called, "rate": lambda: self._maybe(1e5), "budget": lambda: self._maybe(100),
                 "lattices": lambda: dice.randint(1, 3),
+            },
+            "gather": {
+                **called, "model": lambda: {"use": "diffusion", "decay": 0.01}, "base": lambda: dice.randrange(count),
+                "servers": lambda: dice.randint(1, count), "budget": lambda: self._maybe(1_000_000),
+                "every": lambda: dice.randint(1, 4), "levels": lambda: dice.randint(1, 4),
             },
             **dict.fromkeys(("diffusion", "gray-scott"), self._walls()),
             "advection-diffusion": {
