@@ -133,7 +133,7 @@ class _Look:
             value = label({trials.key: trials.values[asked.place]})
             self.tell(f"{named}{value}: done in {asked.judged.successes} of {asked.judged.runs} runs: {asked.verdict}")
 
-        search = LadderSearch(self.question, len(trials.values), trials, tell)
+        search = LadderSearch(self.question, len(trials.values), trials, tell, priced=self.prices is not None)
         search.smallest(self.more_is_better, self.first)
         if self.prices is not None and search.best is not None:
             price = self.prices

@@ -55,6 +55,7 @@ class BuiltRun:
     simulation: Simulation
     context: BuildContext  # of its parts
     reachable: NDArray[np.bool_]  # (rows, columns): cells that robots can reach from their starts
+    roomy: NDArray[np.bool_]  # these, and cells that bodies fit through to, but not by free cells
     notices: tuple[str, ...]  # how the floor plan was read, and what was left out
     probes: tuple[Watching, ...]
     code: Code  # all behind it
@@ -103,7 +104,7 @@ class BuiltRun:
             (row >= 0) & (row < arena.lattice.rows) & (column >= 0) & (column < arena.lattice.columns)
         )
         near = math.ceil(self.scenario.robots.radius / arena.lattice.cell) + 1  # cells, known by their centres
-        there = around(self.reachable, near)
+        there = around(self.roomy, near)
         walls = (arena.with_boxes(parts.building.boxes) if parts.building.boxes else arena).solid
         fine: NDArray[np.bool_] = inside & ~shapely.contains_xy(walls, *places.T)
         fine[inside] &= there[row[inside], column[inside]]
@@ -156,8 +157,8 @@ def _built(scenario: Scenario, name: str, world: str, strict: bool, watch: Calla
         scenario.network.exchanges,
     )
     return BuiltRun(
-        scenario, world, ground.arena, start, simulation, context, ground.reachable, ground.notices, probes,
-        code_of(scenario),
+        scenario, world, ground.arena, start, simulation, context, ground.reachable, ground.roomy,
+        ground.notices, probes, code_of(scenario),
     )  # fmt: skip
 
 

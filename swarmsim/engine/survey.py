@@ -80,6 +80,7 @@ class OpenGround:
 
     arena: Arena
     reachable: NDArray[np.bool_]  # (rows, columns): the cells that robots can get to from where they start
+    roomy: NDArray[np.bool_]  # these, and cells that bodies fit through to, but not by free cells
     notices: tuple[str, ...]  # how the floor plan was taken, and what of it does not count
 
 
@@ -97,8 +98,10 @@ def opened(case: Case) -> OpenGround:
         beside = unreached(arena, reachable, robots.radius, spawn)
         if world.pockets == "refuse":
             beside.refuse(arena, robots.radius, spawn)
-    reachable.flags.writeable = False
-    return OpenGround(arena, reachable, (*plan.notices, *beside.notices(arena, robots.radius)))
+    roomy = reachable.copy()
+    roomy[tuple(arena.lattice.cells(beside.coarse).T)] = True
+    reachable.flags.writeable = roomy.flags.writeable = False
+    return OpenGround(arena, reachable, roomy, (*plan.notices, *beside.notices(arena, robots.radius)))
 
 
 @lru_cache(maxsize=16)

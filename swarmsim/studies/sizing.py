@@ -164,6 +164,7 @@ class LadderSearch:
     ask: Ask
     tell: Callable[[Asked], None] = lambda asked: None
     step: Callable[[int], int] = grown  # the runs at the next look
+    priced: bool = False  # whether `cheaper` will be asked too
     found: dict[int, Asked] = field(default_factory=dict)
     best: int | None = None
     cheapest: int | None = None
@@ -175,11 +176,12 @@ class LadderSearch:
         The easier end is asked first, or the places in `first` in their order, until one suffices. If none does, places
         between are tried, halving the gaps, since the chance may rise and fall again.
 
-        Each value that is asked first or by bisection has an equal part of the error, and those tried between share
-        one: 1/2 + 1/6 + 1/12 + ... = 1.
+        Each value that is asked first, by bisection or for its price has an equal part of the error, and those tried
+        between share one: 1/2 + 1/6 + 1/12 + ... = 1.
         """
         order = range(self.places)
         parts = len(first or (0,)) + (more_is_better is None) + (self.places - 1).bit_length() + (self.places > 1)
+        parts += min(MORE_PLACES, self.places - 1) * self.priced
         self.question = replace(self.question, confidence=1.0 - (1.0 - self.question.confidence) / parts)
         self.better = more_is_better
         if more_is_better is None:

@@ -115,6 +115,26 @@ def test_nobody_ever_starts_inside_another_robot_or_a_wall() -> None:
     assert not run.arena.occupied[cells[:, 0], cells[:, 1]].any()
 
 
+def test_a_body_may_end_in_a_room_that_only_cells_cannot_get_to(tmp_path: Path) -> None:
+    (tmp_path / "rooms.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" width="4m" height="2m" viewBox="0 0 4 2"><path fill-rule="evenodd" '
+        'd="M0,0H4V2H0Z M0.15,0.15H1.95V1.85H0.15Z M1.95,0.97H2.1V1.14H1.95Z M2.1,0.15H3.85V1.85H2.1Z"/>'
+        '<rect class="spawn" id="room" x="0.3" y="0.3" width="1.2" height="1.2"/></svg>'
+    )
+    run = made(
+        f'world={{file="{tmp_path / "rooms.svg"}", pockets="ignore"}}',
+        "robots.count=2",
+        "network.topology.k=1",
+        "stop.iterations=2",
+    )
+    assert any("too coarse for the passage" in notice for notice in run.notices)
+    bodies = run.simulation.parts.bodies
+    bodies.crash(np.array([0]))
+    bodies.place(np.array([0]), np.array([[3.0, 1.0, 0.0]]))
+    run.simulate()
+    assert run.astray() == []
+
+
 def test_a_run_in_which_a_body_ends_in_or_beyond_a_wall_is_no_result() -> None:
     for place in ((0.05, 0.05), (-3.0, 1.0), (2.0, 3.85)):
         run = made("stop.iterations=3")

@@ -245,9 +245,13 @@ def test_the_cheapest_may_be_a_larger_swarm() -> None:
     def price(place: int) -> float:
         return 10.0 * (place + 1) + 600.0 / (place + 1)  # robots, and a mission that more of them shorten
 
-    search = LadderSearch(QUESTION, 32, Drawn(np.where(COUNTS >= 4, 1.0, 0.1), 1))
-    search.smallest()
-    assert search.best == 3
+    plain, search = (
+        LadderSearch(QUESTION, 32, Drawn(np.where(COUNTS >= 4, 1.0, 0.1), 1), priced=priced) for priced in (False, True)
+    )
+    for one in (plain, search):
+        one.smallest()
+        assert one.best == 3
+    assert search.question.alpha < plain.question.alpha  # further values are asked for their price
     search.cheaper(lambda asked: price(asked.place), lambda place: 10.0 * (place + 1))
     assert search.cheapest is not None
     assert price(search.cheapest) < price(3)
