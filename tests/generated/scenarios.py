@@ -154,7 +154,10 @@ class _Draw:
             table |= self._pursuit(robots)
         self._wheels(table)
         if dice.random() < 0.1:
-            table["jobs"] = [self._part("job", "solve")]
+            job = self._any("job")
+            table["jobs"] = [job]
+            if dice.random() < 0.5:
+                table["task"] = {"use": "computed" if job["use"] == "solve" else "settled"}
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _pursuit(self, robots: Table) -> Table:
@@ -297,6 +300,15 @@ class _Draw:
                 "model": self._equation, "method": self._method, "dt": lambda: 0.5,
                 "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: OMITTED, "budget": lambda: OMITTED,
                 "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
+            },
+            "stigmergy": {**called, "budget": lambda: self._maybe(100)},
+            "storage": {
+                **called, "copies": lambda: dice.randint(0, min(count - 1, 2)),
+                "capacity": lambda: self._maybe(1000), "budget": lambda: self._maybe(2000),
+            },
+            "percolation": {
+                **called, "rate": lambda: self._maybe(1e5), "budget": lambda: self._maybe(100),
+                "lattices": lambda: dice.randint(1, 3),
             },
             **dict.fromkeys(("diffusion", "gray-scott"), self._walls()),
             "advection-diffusion": {

@@ -81,6 +81,7 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     yield from (("fault", fault) for fault in table.get("faults", []))
     yield from (("sensor", sensor) for sensor in table.get("sensors", []))
     yield from (("probe", probe) for probe in table.get("probes", []))
+    yield from (("job", job) for job in table.get("jobs", []))
     yield from (("actuator", actuator) for actuator in table.get("actuators", []))
 
 

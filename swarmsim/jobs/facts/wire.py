@@ -1,0 +1,127 @@
+"""Facts, and their form on the wire."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core.errors import InputError
+from swarmsim.core.messages import HEADER, MessageBatch
+
+#: The kinds: the teller's checksum of all that it knows, a key with its value, and a data item.
+SIGN, ENTRY, ITEM = range(3)
+#: Big-endian: kind, key, version, robot, bytes of the value; then the value.
+FORM: Final = struct.Struct(">BIIHH")
+LONGEST: Final = (1 << 16) - 1  #: bytes of a value
+
+
+class Fact(NamedTuple):
+    """One thing told. Of two entries of a key the one with the higher version wins, then robot, then value."""
+
+    kind: int
+    key: int
+    version: int = 0
+    robot: int = 0  # that wrote it
+    value: bytes = b""
+
+    @property
+    def rank(self) -> tuple[int, int, bytes]:
+        """What decides between two entries of a key: a total order, so the winner does not depend on arrival."""
+        return self.version, self.robot, self.value
+
+    @property
+    def size(self) -> int:
+        """Its bytes on the wire."""
+        return FORM.size + len(self.value)
+
+    def packed(self) -> bytes:
+        """On the wire."""
+        return FORM.pack(*self[:4], len(self.value)) + self.value
+
+
+def within(facts: Iterable[Fact], budget: int | None) -> list[Fact]:
+    """Those of them, the most urgent first, that find a place in a message of `budget` bytes."""
+    if budget is None:
+        return list(facts)
+    left, found = budget - HEADER.size, []
+    for fact in facts:
+        if fact.size <= left:
+            left -= fact.size
+            found.append(fact)
+    return found
+
+
+def check_budget(budget: int | None, sizes: Sequence[int], what: str) -> None:
+    """Raise InputError for a budget without room for a checksum and values of these sizes, which are told as `what`."""
+    least = HEADER.size + FORM.size + sum(FORM.size + size for size in sizes)
+    if budget is not None and budget < least:
+        raise InputError(
+            f"budget: {budget} bytes a message; a checksum and {what} take {least}; expected {least} or more"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Facts(MessageBatch):
+    """Facts in a table; the values of each have their own length."""
+
+    RAGGED: ClassVar[bool] = True
+
+    numbers: NDArray[np.int64]  # (t, 4): kind, key, version, robot
+    values: NDArray[np.object_]  # (t,): bytes
+
+    @classmethod
+    def of(cls, facts: Sequence[Fact]) -> Self:
+        """A table of facts."""
+        values = np.empty(len(facts), object)
+        values[:] = [fact.value for fact in facts]
+        return cls(np.array([fact[:4] for fact in facts], np.int64).reshape(-1, 4), values)
+
+    def rows(self) -> list[Fact]:
+        """The facts."""
+        return [
+            Fact._make((*numbers, value)) for numbers, value in zip(self.numbers.tolist(), self.values, strict=True)
+        ]
+
+    def arrays(self) -> tuple[NDArray[np.generic], ...]:
+        """The numbers, the lengths of the values, and these one after another."""
+        lengths = np.array([len(one) for one in self.values], np.int64)
+        return self.numbers, lengths, np.frombuffer(b"".join(self.values), np.uint8)
+
+    def take(self, rows: NDArray[np.generic]) -> Self:
+        """The facts at these indices or under this mask."""
+        return type(self)(self.numbers[rows], self.values[rows])
+
+    @classmethod
+    def joined(cls, tables: Sequence[Self]) -> Self:
+        """The facts of one or more tables, concatenated."""
+        return cls(np.concatenate([one.numbers for one in tables]), np.concatenate([one.values for one in tables]))
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+
+class FactCodec:
+    """The header, then fact after fact."""
+
+    def pack(self, sender: int, iteration: int, items: Facts) -> bytes:
+        """One message."""
+        return HEADER.pack(sender, iteration) + b"".join(fact.packed() for fact in items.rows())
+
+    def unpack(self, data: bytes) -> tuple[int, int, Facts]:
+        """Its sender, exchange and facts. Raises ValueError for an unknown kind or a wrong length."""
+        sender, iteration = HEADER.unpack_from(data)
+        at, facts = HEADER.size, list[Fact]()
+        while at < len(data):
+            if len(data) - at < FORM.size:
+                raise ValueError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
+            *numbers, length = FORM.unpack_from(data, at)
+            at += FORM.size + length
+            if numbers[0] > ITEM or at > len(data):
+                raise ValueError(f"a fact of the kind {numbers[0]} up to byte {at} of {len(data)}")
+            facts.append(Fact._make((*numbers, data[at - length : at])))
+        return sender, iteration, Facts.of(facts)
