@@ -37,7 +37,6 @@ class Emitter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         times = first - self.begin + (np.arange(many) + 0.5) / many * (last - first)
         return np.array([self.x, self.y]) + times[:, None] * self.velocity, last - first
 
-
     def place(self, time: float) -> tuple[float, float]:
         """Where it is at a time (s); before it begins or after its end, where it will begin or has ended."""
         since = min(max(time - self.begin, 0.0), math.inf if self.end is None else self.end - self.begin)

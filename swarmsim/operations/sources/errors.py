@@ -41,9 +41,7 @@ def errors_of(
         present = finding.forecast(inversion.greens, time, cells)
         for one, then in later.items():
             predicted = finding.forecast(inversion.greens, time + one, cells)
-            yield Errors(
-                one, _square(predicted, then), _square(present, then), _square(truth, then), float(then.var())
-            )
+            yield Errors(one, _square(predicted, then), _square(present, then), _square(truth, then), float(then.var()))
 
 
 def _square(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:

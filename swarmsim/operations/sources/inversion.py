@@ -61,14 +61,17 @@ class Inversion:
 
     def find(self, samples: Samples) -> Finding | None:
         """The source; None if samples can be explained about as well without one."""
-        if len(samples.values) == 0:
+        right = samples.values / self.noise
+        if right @ right < EVIDENCE:  # no samples, or so small that nothing can be found
             return None
         pulses = min(int(samples.times.max() / self.greens.pulse) + 1, self.greens.pulses)
-        reading, right = self.greens.reading(samples.cells, samples.times, pulses), samples.values / self.noise
+        reading = self.greens.reading(samples.cells, samples.times, pulses)
         tried: dict[int, tuple[float, Values]] = {}
         cells = self.candidates.coarse
         for level in range(self.candidates.levels):
-            tried |= {cell: self._fit(self.greens.of(cell), reading, right) for cell in cells.tolist() if cell not in tried}
+            for cell in cells.tolist():
+                if cell not in tried:
+                    tried[cell] = self._fit(self.greens.of(cell), reading, right)
             best = sorted(cells.tolist(), key=lambda cell: (tried[cell][0], cell))[:BEST]
             if level + 1 < self.candidates.levels:
                 cells = self.candidates.finer(level, np.array(best))

@@ -34,12 +34,12 @@ Count = Annotated[int, Meta(ge=1)]
 class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Robots find the one source of a field and predict the field, each from its own samples and those it hears.
 
-    Each takes a sample every so many iterations, and tells all that it has heard of. It tries candidate cells, `spacing`
+    Each takes a sample every so many iterations, and tells of all that it has. It tries candidate cells, `spacing`
     apart and then ever finer: by non-negative least squares on the candidates' Green's functions it estimates the
     strength in every `pulse`, and takes the cell that leaves least unexplained.
 
-    Robots are told the model and the floor plan, whose free cells that are connected to the entrance are the domain, and
-    that the field is 0 at first; they are told of no source.
+    Robots are told the model, the floor plan, whose free cells that are connected to the entrance are the domain, and
+    that the field is 0 at first. They are told of no source.
     """
 
     model: Part[Equation]
@@ -64,11 +64,12 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         equation = self.model.build(context, "model")
         with at_key("model"):
             equations = equation.on(domain)
-        greens, candidates = Greens(equations, domain, self.dt, self.pulse, self.duration), Candidates(domain, self.spacing)
+        greens = Greens(equations, domain, self.dt, self.pulse, self.duration)
+        candidates = Candidates(domain, self.spacing)
         if len(candidates.coarse) > greens.most:
             raise InputError(
-                f"spacing: {len(candidates.coarse)} candidates at {self.spacing:g} m; Green's functions of {greens.most} "
-                "can be kept; expected a larger spacing, or longer steps dt"
+                f"spacing: {len(candidates.coarse)} candidates at {self.spacing:g} m; the Green's functions "
+                f"of {greens.most} can be kept; expected a larger spacing, or longer steps dt"
             )
         inversion = Inversion(greens, candidates, self.noise, self.change)
         plan = Plan.of(inversion, domain, context.period, (self.every, self.interval, self.budget))
