@@ -30,7 +30,7 @@ class Greens:
         """Of steps `dt` (s) up to `duration` (s). Raises InputError, which starts with the key at fault."""
         _check(equations, dt, pulse, duration)
         factors = linalg.splu((sparse.eye_array(len(equations.inflow)) - dt * equations.operators[0]).tocsc())
-        self._solve, self._fill = factors.solve, factors.L.nnz + factors.U.nnz
+        self._solve, self._fill = factors.solve, int(factors.L.nnz + factors.U.nnz)
         self._gain = dt / domain.lattice.cell**2
         self.dt, self.pulse, self.duration = dt, pulse, duration
         self._steps = round(duration / dt)

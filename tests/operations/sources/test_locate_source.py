@@ -50,7 +50,7 @@ pulse = 2.0
 duration = 34.0
 spacing = 1.0
 noise = 0.002
-change = 0.3
+change = 0.05
 every = 1
 interval = 4
 """
