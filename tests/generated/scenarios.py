@@ -301,7 +301,8 @@ class _Draw:
             },
             "solve": {
                 "model": self._equation, "method": self._method, "dt": lambda: 0.5,
-                "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: OMITTED, "budget": lambda: OMITTED,
+                "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: self._maybe(self._emitters(), 0.2),
+                "budget": lambda: self._maybe(1_000_000),
                 "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
             },
             "stigmergy": {**called, "budget": lambda: self._maybe(100)},

@@ -81,8 +81,10 @@ def tables_of(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
     yield from (("fault", fault) for fault in table.get("faults", []))
     yield from (("sensor", sensor) for sensor in table.get("sensors", []))
     yield from (("probe", probe) for probe in table.get("probes", []))
-    yield from (("job", job) for job in table.get("jobs", []))
     yield from (("actuator", actuator) for actuator in table.get("actuators", []))
+    yield from (("job", job) for job in table.get("jobs", []))
+    for solved in (table.get("field", {}), *table.get("jobs", [])):
+        yield from ((seam, solved[seam]) for seam in ("model", "method") if seam in solved)
 
 
 def test_a_failure_tells_a_scenario_file_that_shows_it_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

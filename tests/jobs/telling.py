@@ -13,7 +13,7 @@ from swarmsim.core.messages import MessageBuffer
 from swarmsim.core.readings import Readings
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Senses, State
-from swarmsim.jobs.facts.tellers import Standing, Tellers
+from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 
 LOSSY = {"use": "bernoulli", "loss": 0.3}
 LATE = {"use": "latency", "delay": 3, "law": "geometric", "over": LOSSY}
@@ -70,7 +70,7 @@ class Telling:
                 post.post(clock, said)
                 state = State(clock, still, still, still[:, :2], self.alive.copy())
                 delivery = channel.deliver(state, links, said.sizes)
-                self.standing: Standing = self.job.hear(senses, post.open(clock, delivery))
+                self.standing: JobStanding = self.job.hear(senses, post.open(clock, delivery))
                 self.sent += int(said.sizes[self.alive].sum())
             due = max(self.comes, default=-1) < now
             if self.ended is None and due and self.standing.ended(self.alive):

@@ -13,7 +13,7 @@ from telling import LATE, LOSSY, Telling
 from swarmsim.core.errors import InputError
 from swarmsim.jobs.alone import alone
 from swarmsim.jobs.facts.bag import Carried, Independent, bag
-from swarmsim.jobs.facts.board import Board
+from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.wire import ENTRY, Fact, FactCodec, Facts
 from swarmsim.jobs.pieces import given
 from swarmsim.operations.facts.percolation import Percolation, Spanning
@@ -28,7 +28,7 @@ def test_the_newest_entries_win_in_any_order_and_however_often_they_come() -> No
     facts = [Fact(ENTRY, dice.randrange(5), dice.randrange(4), dice.randrange(3), dice.randbytes(2)) for _ in range(60)]
     boards = []
     for _ in range(20):
-        board = Board(0, 10)
+        board = FactBoard(0, 10)
         for fact in dice.sample(facts, 60) + dice.choices(facts, k=30):
             board.hear([fact])
         boards.append(board)
@@ -38,14 +38,14 @@ def test_the_newest_entries_win_in_any_order_and_however_often_they_come() -> No
 
 
 def test_a_write_is_newer_than_all_that_was_heard() -> None:
-    board = Board(1, 10)
+    board = FactBoard(1, 10)
     board.hear([Fact(ENTRY, 4, 7, 9, b"there")])
     board.write(4, b"here")
     assert board.entries[4] == Fact(ENTRY, 4, 8, 1, b"here")
 
 
 def test_an_older_entry_is_answered_and_equal_tables_fall_silent() -> None:
-    board, other = Board(0, 10), Board(1, 10)
+    board, other = FactBoard(0, 10), FactBoard(1, 10)
     board.write(2, b"new")
     told = board.wanted(0)
     board.told(told, 0)
@@ -313,7 +313,7 @@ def test_a_bag_that_fits_no_message_is_refused() -> None:
     wide = Odd([1.0])
     wide.length = 8192
     with pytest.raises(InputError, match=r"results of 65536 bytes; expected 1 to 8191 numbers"):
-        bag(wide, Carried(), context_of(1))
+        bag(wide, Carried(name="odd"), context_of(1))
     with pytest.raises(InputError, match=r"budget: 30 bytes a message; a checksum and a result take 40; expected 40"):
         Percolation(budget=30).build(context_of(1))
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT, called, moments_of
 from test_jobs_beside_minds import MAPPING, ROOM, built
@@ -120,6 +122,15 @@ def test_a_bag_of_ones_own_is_shared(path: Path) -> None:
     mapping = path.with_name("mapping.toml")
     last = moments_of(built(mapping, own(-1), 'task={use="settled"}'))[-1]
     assert last.jobs[0].knowledge.answer(last.state.alive) == {"sum": 55.0}
+
+
+def test_the_bag_in_the_docs_is_shared(path: Path) -> None:
+    (text,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/computing-other.md").read_text(), flags=re.DOTALL)
+    (path.parent / "squares.py").write_text(text)
+    found = built(path.with_name("mapping.toml"), 'jobs=[{use = "./squares.py:Squares"}]', "stop.iterations=40")
+    last = moments_of(found)[-1]
+    in_sequence = np.sqrt(6.0 * np.array([[1.0 / (item + 1) ** 2] for item in range(100)]).sum())
+    assert last.jobs[0].knowledge.answer(last.state.alive) == {"pi": in_sequence}
 
 
 def test_a_bag_of_ones_own_that_breaks_its_word_ends_the_run_by_name(path: Path) -> None:

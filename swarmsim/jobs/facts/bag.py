@@ -10,18 +10,17 @@ import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Final, Protocol, Self
+from typing import Final, Protocol, Self
 
 import numpy as np
-from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import Piece, PieceJob, Values
 from swarmsim.core.state import Record
-from swarmsim.jobs.facts.board import Board
-from swarmsim.jobs.facts.tellers import Standing, Tellers
+from swarmsim.jobs.facts.board import FactBoard
+from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import LONGEST, Fact, check_budget, within
 
 DONE: Final = (1 << 32) - 1  #: the version of a result: higher than that of any claim
@@ -29,7 +28,7 @@ SIGNS: Final = 6  # of life within the patience that others have
 NUMBER: Final = np.dtype(">f8")
 
 
-class Work(Protocol):
+class BagWork(Protocol):
     """A bag's items: one instance serves all robots and keeps no state, so equal arguments give equal bits."""
 
     @property
@@ -55,13 +54,14 @@ class Work(Protocol):
         ...
 
 
-class Carried(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Keys of every bag: how a swarm shares it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carried:
+    """How a swarm shares a bag."""
 
-    name: str = ""  # in recordings
-    rate: Annotated[float, Meta(gt=0.0)] | None = None  # operations a second of a robot; none: an item an exchange
-    patience: Annotated[int, Meta(ge=1)] = 12  # iterations of silence after which a claim lapses
-    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    name: str  # in recordings
+    rate: float | None = None  # operations a second of a robot; none: an item an exchange
+    patience: int = 12  # iterations of silence after which a claim lapses
+    budget: int | None = None  # bytes a message
 
 
 class Independent:
@@ -101,7 +101,7 @@ class Independent:
         return {}
 
 
-def bag(work: Work, keys: Carried, context: BuildContext) -> Tellers[Hand]:
+def bag(work: BagWork, keys: Carried, context: BuildContext) -> Tellers[Hand]:
     """The job of doing all items of a bag. Raises InputError for a bag that no swarm can do."""
     items, size = work.items, work.length * NUMBER.itemsize
     if not 1 <= items < 1 << 32:
@@ -110,16 +110,16 @@ def bag(work: Work, keys: Carried, context: BuildContext) -> Tellers[Hand]:
         raise InputError(f"items: results of {size} bytes; expected 1 to {LONGEST // NUMBER.itemsize} numbers")
     check_budget(keys.budget, [size], "a result")
     return Tellers(
-        context, lambda robot: Hand(work, keys, context, robot), Tally(work, keys.name, len(context.ids)), type(work)
+        context, lambda robot: Hand(work, keys, context, robot), BagTally(work, keys.name, len(context.ids)), type(work)
     )
 
 
 class Hand:
     """One robot: what it works at, and the claims and results that it knows."""
 
-    def __init__(self, work: Work, keys: Carried, context: BuildContext, me: int) -> None:
+    def __init__(self, work: BagWork, keys: Carried, context: BuildContext, me: int) -> None:
         self._work, self._keys, self._me, self._swarm = work, keys, me, context.swarm
-        self.board = Board(me, keys.patience * context.rounds)
+        self.board = FactBoard(me, keys.patience * context.rounds)
         self._every = max(1, keys.patience // SIGNS)  # iterations between signs of life
         self._pace = math.inf if keys.rate is None else keys.rate * context.period / context.rounds  # in an exchange
         self._seen: dict[int, int] = {}  # iteration of the last news, by item
@@ -197,10 +197,10 @@ class Hand:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Results(Standing):
+class Results(JobStanding):
     """What robots know of a bag, and did; all arrays are read-only."""
 
-    bag: Work
+    bag: BagWork
     name: str
     results: tuple[dict[int, bytes], ...]  # of each robot
     known: NDArray[np.bool_]  # (n, items): whose results the robot has
@@ -246,10 +246,10 @@ class Results(Standing):
         return {} if results is None else dict(self.bag.answer(results))
 
 
-class Tally:
+class BagTally:
     """Sums up what robots know and did; what was done stays done when a robot loses everything."""
 
-    def __init__(self, work: Work, name: str, rows: int) -> None:
+    def __init__(self, work: BagWork, name: str, rows: int) -> None:
         self._work, self._name = work, name
         self._did, self._stolen = np.zeros((rows, work.items), np.int32), np.zeros(rows, np.int32)
 

@@ -11,7 +11,7 @@ from swarmsim.jobs.facts.wire import ENTRY, SIGN, Fact
 FIRST: Final = 2  #: exchanges until an entry is told again to others who know something else
 
 
-class Board:
+class FactBoard:
     """One robot's copy of a shared table.
 
     A write raises the version of its key (Lamport 1978), and the highest version wins; of equal ones, that of the
@@ -84,6 +84,6 @@ class Board:
                 _, pause = self._told.get(fact.key, (0, FIRST // 2))
                 self._told[fact.key] = clock, min(2 * pause, self._longest)
 
-    def learn(self, other: Board) -> None:
+    def learn(self, other: FactBoard) -> None:
         """Take in all that another robot knows."""
         self.hear(list(other.entries.values()))

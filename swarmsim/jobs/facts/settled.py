@@ -10,7 +10,7 @@ from msgspec import Struct
 from swarmsim.core.context import BuildContext
 from swarmsim.core.parts import Curve, Summary
 from swarmsim.core.state import Done, Knowledge, Measured, Moment
-from swarmsim.jobs.facts.tellers import Standing
+from swarmsim.jobs.facts.tellers import JobStanding
 
 SETTLED: Final = "settled_share"
 
@@ -40,7 +40,7 @@ class SettledTask:
         """The mean over jobs of the share that is settled."""
         alive, values, shares, ended = done.state.alive, dict[str, float](), list[float](), list[bool]()
         for one in done.jobs:
-            if isinstance(one.knowledge, Standing):
+            if isinstance(one.knowledge, JobStanding):
                 shares.append(one.knowledge.share(alive))
                 ended.append(one.knowledge.ended(alive))
                 values |= {f"{one.name}_{name}": value for name, value in one.knowledge.numbers(alive).items()}
@@ -50,10 +50,10 @@ class SettledTask:
 
     def summaries(self) -> Sequence[Summary[Knowledge]]:
         """A new observer of how it ended."""
-        return (Ending(),)
+        return (Settlement(),)
 
 
-class Ending:
+class Settlement:
     """When jobs of facts settled for good, and what they ended with."""
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class Ending:
             return {}
         found: dict[str, float | int | None] = {"iterations_to_settled": self._since}
         for one in self._last.jobs:
-            if isinstance(one.knowledge, Standing):
+            if isinstance(one.knowledge, JobStanding):
                 alive = self._last.state.alive
                 told = {**one.knowledge.numbers(alive), **one.knowledge.answer(alive), "bytes": self._sent[one.name]}
                 found |= {f"{one.name}_{name}": value for name, value in told.items()}

@@ -38,7 +38,7 @@ class Teller(Protocol):
 T = TypeVar("T", bound=Teller)
 
 
-class Standing(Knowledge):
+class JobStanding(Knowledge):
     """How a job of facts stands."""
 
     __slots__ = ()
@@ -64,7 +64,7 @@ class Tellers(Generic[T]):
     """A job of facts for some robots, or all."""
 
     def __init__(
-        self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], Standing],
+        self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
         written_by: type | None = None,
     ) -> None:  # fmt: skip
         """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
@@ -97,7 +97,7 @@ class Tellers(Generic[T]):
         self._awake[row] = senses.alive[row]
         return self._parts[row].say(senses.iteration, self._clock) if senses.alive[row] else []
 
-    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> Standing:
+    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> JobStanding:
         """How the job stands after an exchange."""
         facts = inbox.content.rows()
         ends = np.searchsorted(inbox.receivers, np.arange(len(self._parts) + 1))

@@ -71,38 +71,39 @@ class Facts(MessageBatch):
 
     RAGGED: ClassVar[bool] = True
 
-    numbers: NDArray[np.int64]  # (t, 4): kind, key, version, robot
-    values: NDArray[np.object_]  # (t,): bytes
+    facts: NDArray[np.object_]  # (t,): Fact
 
     @classmethod
     def of(cls, facts: Sequence[Fact]) -> Self:
         """A table of facts."""
-        values = np.empty(len(facts), object)
-        values[:] = [fact.value for fact in facts]
-        return cls(np.array([fact[:4] for fact in facts], np.int64).reshape(-1, 4), values)
+        column = np.empty(len(facts), object)
+        for row, fact in enumerate(facts):
+            column[row] = fact
+        return cls(column)
 
     def rows(self) -> list[Fact]:
         """The facts."""
-        return [
-            Fact._make((*numbers, value)) for numbers, value in zip(self.numbers.tolist(), self.values, strict=True)
-        ]
+        found: list[Fact] = self.facts.tolist()
+        return found
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
-        """The numbers, the lengths of the values, and these one after another."""
-        lengths = np.array([len(one) for one in self.values], np.int64)
-        return self.numbers, lengths, np.frombuffer(b"".join(self.values), np.uint8)
+        """The numbers (t, 4), the lengths of the values, and these one after another."""
+        facts = self.rows()
+        numbers = np.array([fact[:4] for fact in facts], np.int64).reshape(-1, 4)
+        lengths = np.array([len(fact.value) for fact in facts], np.int64)
+        return numbers, lengths, np.frombuffer(b"".join(fact.value for fact in facts), np.uint8)
 
     def take(self, rows: NDArray[np.generic]) -> Self:
         """The facts at these indices or under this mask."""
-        return type(self)(self.numbers[rows], self.values[rows])
+        return type(self)(self.facts[rows])
 
     @classmethod
     def joined(cls, tables: Sequence[Self]) -> Self:
         """The facts of one or more tables, concatenated."""
-        return cls(np.concatenate([one.numbers for one in tables]), np.concatenate([one.values for one in tables]))
+        return cls(np.concatenate([one.facts for one in tables]))
 
     def __len__(self) -> int:
-        return len(self.numbers)
+        return len(self.facts)
 
 
 class FactCodec:

@@ -6,7 +6,7 @@ import math
 from typing import Annotated
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -20,7 +20,7 @@ from swarmsim.operations.facts.stigmergy import Name
 OPERATIONS = 10.0  # a site, about: drawing, comparing, labelling
 
 
-class Percolation(Carried, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Percolation(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The chance that open sites of a random square lattice connect its first row with its last, through edges.
 
     Each site is open with probability `open`. An item is `lattices` lattices of `side` x `side` sites. In large ones
@@ -34,6 +34,9 @@ class Percolation(Carried, frozen=True, forbid_unknown_fields=True, kw_only=True
     lattices: Annotated[int, Meta(ge=1, le=10_000)] = 20
     side: Annotated[int, Meta(ge=2, le=1000)] = 32
     open: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5927
+    rate: Annotated[float, Meta(gt=0.0)] | None = None  # operations a second of a robot; none: an item an exchange
+    patience: Annotated[int, Meta(ge=1)] = 12  # iterations of silence after which a claim lapses
+    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
 
     def build(self, context: BuildContext) -> Tellers[Hand]:
         """The job. Raises InputError for a budget without room for a result."""

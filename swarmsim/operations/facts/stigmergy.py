@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.state import Record
-from swarmsim.jobs.facts.board import Board
-from swarmsim.jobs.facts.tellers import Standing, Tellers
+from swarmsim.jobs.facts.board import FactBoard
+from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import Fact, check_budget, within
 
 VALUE: Final = struct.Struct(">d")
@@ -49,7 +49,7 @@ class Stigmergy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
         def new(robot: int) -> Writer:
             mine = [(when, key, value) for when, who, key, value in plan if who == robot]
-            return Writer(Board(robot, self.repeat * context.rounds), mine, self.budget)
+            return Writer(FactBoard(robot, self.repeat * context.rounds), mine, self.budget)
 
         return Tellers(context, new, lambda parts, now: _standing(parts, self.keys, self.name or "stigmergy"))
 
@@ -57,7 +57,7 @@ class Stigmergy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Writer:
     """One robot: its table, and what it is going to write (iteration, key, value)."""
 
-    def __init__(self, board: Board, writes: Sequence[tuple[int, int, float]], budget: int | None) -> None:
+    def __init__(self, board: FactBoard, writes: Sequence[tuple[int, int, float]], budget: int | None) -> None:
         self.board, self._budget = board, budget
         #: What is still to come, in order.
         self.writes = list(writes)
@@ -85,7 +85,7 @@ class Writer:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SharedTable(Standing):
+class SharedTable(JobStanding):
     """Every robot's table; all arrays are read-only."""
 
     name: str

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.state import Record
-from swarmsim.jobs.facts.board import FIRST, Board
-from swarmsim.jobs.facts.tellers import Standing, Tellers
+from swarmsim.jobs.facts.board import FIRST, FactBoard
+from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import ITEM, LONGEST, Fact, check_budget, within
 from swarmsim.operations.facts.stigmergy import Name
 
@@ -102,7 +102,7 @@ class Keeper:
         keys, rounds = goods.keys, goods.context.rounds
         self._goods, self._me, self._keys = goods, me, keys
         self._longest, self._every = keys.patience * rounds, max(1, keys.patience // SIGNS)
-        self._board = Board(
+        self._board = FactBoard(
             me, self._longest
         )  # by robot: the items that it holds, with a version for each sign of life
         self._others: dict[int, frozenset[int]] = {}
@@ -202,7 +202,7 @@ class Keeper:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stocks(Standing):
+class Stocks(JobStanding):
     """What every robot holds; all arrays are read-only."""
 
     goods: Goods
