@@ -15,7 +15,7 @@ Whole = NDArray[np.int64]
 NEAR = 0.75  #: how far finer candidates are from a coarser one, at most, in units of its spacing
 
 
-class Candidates:
+class SourceCandidates:
     """Levels of candidates: squares of `spacing`, half of it, and so on; the last level is of all cells.
 
     A square is represented by the free cell nearest to the middle of its free cells.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.context import Field
-from swarmsim.operations.sources.inversion import Finding
+from swarmsim.operations.sources.inversion import FoundSource
 from swarmsim.operations.sources.locate import Located
 
 
@@ -37,7 +37,7 @@ def errors_of(
     later = {one: field.value(time + one, places) for one in ahead if time + one <= inversion.greens.duration}
     for robot in robots:
         finding = located.findings[robot]
-        assert isinstance(finding, Finding)
+        assert isinstance(finding, FoundSource)
         present = finding.forecast(inversion.greens, time, cells)
         for one, then in later.items():
             predicted = finding.forecast(inversion.greens, time + one, cells)

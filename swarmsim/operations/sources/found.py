@@ -36,7 +36,8 @@ class Emitted(Field, Protocol):
 class SourceFound(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A share of the living robots take the source to be within a distance of where it is, for some time on end.
 
-    It also measures predictions so many seconds `ahead`: as if robots had said the field for later at each inversion.
+    It also measures predictions so many seconds `ahead`, at each inversion, of robots that are sure of the place: whose
+    own `spread` is within the distance too.
     """
 
     within: Positive = 0.5  # m
@@ -114,7 +115,7 @@ class SourceSummary:
         self._last: Moment[Knowledge] | None = None
 
     def sample(self, moment: Moment[Knowledge]) -> None:
-        """Note one iteration; predictions only where robots have made an inversion in it."""
+        """Note one iteration; of predictions those that robots have made in it and trust by their own spread."""
         self._last, values, now = moment, moment.measured.values, moment.state.iteration
         if values["near_share"] < self._keys.share:
             self._since = None
@@ -123,7 +124,7 @@ class SourceSummary:
         if not math.isnan(values["sample_age"]):
             self._ages.append(values["sample_age"])
         located = located_by(moment)
-        fresh = np.flatnonzero(moment.state.alive & (located.made == now) & np.isfinite(located.strength))
+        fresh = np.flatnonzero(moment.state.alive & (located.made == now) & (located.spread <= self._keys.within))
         if len(fresh):
             time = now * self._period
             self._errors += errors_of(located, fresh.tolist(), self._field, time, self._keys.ahead)

@@ -69,18 +69,18 @@ class Greens:
         kept.setflags(write=False)
         return kept
 
-    def reading(self, cells: NDArray[np.int64], times: NDArray[np.float64], pulses: int) -> Reading:
+    def reading(self, cells: NDArray[np.int64], times: NDArray[np.float64], pulses: int) -> PulseReading:
         """Where in responses it is told what the first pulses (k,) give at cells (m,) at times (m,) in s."""
         since = (times[:, None] - self.pulse * np.arange(pulses)) / self.dt
         since = np.clip(since, 0.0, self._steps)  # nothing before a pulse begins
         step = np.minimum((since + 1e-9).astype(np.int64), self._steps)
         part = np.maximum(since - step, 0.0)
         part[part < 1e-9] = 0.0
-        return Reading(cells[:, None] * (self._steps + 1) + step, part if part.any() else None)
+        return PulseReading(cells[:, None] * (self._steps + 1) + step, part if part.any() else None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class PulseReading:
     """Places in responses, the same for all sources; between two steps they change linearly."""
 
     first: NDArray[np.int64]  # (m, k)

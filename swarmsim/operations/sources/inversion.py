@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, optimize
 
-from swarmsim.operations.sources.candidates import Candidates
-from swarmsim.operations.sources.greens import Greens, Reading
+from swarmsim.operations.sources.candidates import SourceCandidates
+from swarmsim.operations.sources.greens import Greens, PulseReading
 
 BEST: Final = 3  #: candidates of a level near which finer ones are tried
 EVIDENCE: Final = 40.0  #: how much less a source leaves unexplained than none does, in variances of the noise, at least
@@ -29,7 +29,7 @@ class Samples:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Finding:
+class FoundSource:
     """A source: the cell, and its strength in each pulse until the last sample."""
 
     cell: int
@@ -55,11 +55,11 @@ class Inversion:
     """
 
     greens: Greens
-    candidates: Candidates
+    candidates: SourceCandidates
     noise: float  # standard deviation of a sample
     change: float  # unit m^2/s: standard deviation of the change of strength between two pulses
 
-    def find(self, samples: Samples) -> Finding | None:
+    def find(self, samples: Samples) -> FoundSource | None:
         """The source; None if samples can be explained about as well without one."""
         right = samples.values / self.noise
         if right @ right < EVIDENCE:  # no samples, or so small that nothing can be found
@@ -79,9 +79,9 @@ class Inversion:
         left, strengths = tried[cell]
         if float(right @ right) - left < EVIDENCE:
             return None
-        return Finding(cell, strengths, frozenset(tried), self._spread({one: fit[0] for one, fit in tried.items()}))
+        return FoundSource(cell, strengths, frozenset(tried), self._spread({one: fit[0] for one, fit in tried.items()}))
 
-    def _fit(self, response: NDArray[np.float32], reading: Reading, right: Values) -> tuple[float, Values]:
+    def _fit(self, response: NDArray[np.float32], reading: PulseReading, right: Values) -> tuple[float, Values]:
         """The least sum of squares for a source with this response, and its strengths (k,)."""
         matrix = reading.of(response) / self.noise
         pulses = matrix.shape[1]

@@ -16,16 +16,16 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Record, Senses
-from swarmsim.jobs.facts.board import Board
-from swarmsim.jobs.facts.tellers import Standing, Tellers
+from swarmsim.jobs.facts.board import FactBoard
+from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import Facts, check_budget
 from swarmsim.jobs.pieces import given
 from swarmsim.operations.models.job import Seconds, at_key
 from swarmsim.operations.models.seam import Equation
-from swarmsim.operations.sources.candidates import Candidates
+from swarmsim.operations.sources.candidates import SourceCandidates
 from swarmsim.operations.sources.greens import Greens
-from swarmsim.operations.sources.inversion import Finding, Inversion
-from swarmsim.operations.sources.searcher import SAMPLE, Plan, Searcher
+from swarmsim.operations.sources.inversion import FoundSource, Inversion
+from swarmsim.operations.sources.searcher import SAMPLE, Searcher, SearchPlan
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e9)]
 Count = Annotated[int, Meta(ge=1)]
@@ -55,7 +55,7 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     budget: Count | None = None  # bytes a message
     name: Annotated[str, Meta(pattern="^([a-z][a-z0-9_]*)?$")] = ""  # in recordings; default: the part's
 
-    def build(self, context: BuildContext) -> Search:
+    def build(self, context: BuildContext) -> SourceSearch:
         """The job. Raises InputError without a field, and for keys that do not fit together, which it names."""
         if context.scalar_field is None:
             raise InputError("use: 'locate-source' searches the source of a field; expected a table [field]")
@@ -65,21 +65,21 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         with at_key("model"):
             equations = equation.on(domain)
         greens = Greens(equations, domain, self.dt, self.pulse, self.duration)
-        candidates = Candidates(domain, self.spacing)
+        candidates = SourceCandidates(domain, self.spacing)
         if len(candidates.coarse) > greens.most:
             raise InputError(
                 f"spacing: {len(candidates.coarse)} candidates at {self.spacing:g} m; the Green's functions "
                 f"of {greens.most} can be kept; expected a larger spacing, or longer steps dt"
             )
         inversion = Inversion(greens, candidates, self.noise, self.change)
-        plan = Plan.of(inversion, domain, context.period, (self.every, self.interval, self.budget))
-        return Search(plan, self.name or "locate_source", self.repeat * context.rounds, context)
+        plan = SearchPlan.of(inversion, domain, context.period, (self.every, self.interval, self.budget))
+        return SourceSearch(plan, self.name or "locate_source", self.repeat * context.rounds, context)
 
 
-class Search:
+class SourceSearch:
     """The job for some robots, or all: samples go into each robot's table, which the robots share."""
 
-    def __init__(self, plan: Plan, name: str, longest: int, context: BuildContext) -> None:
+    def __init__(self, plan: SearchPlan, name: str, longest: int, context: BuildContext) -> None:
         """Samples are told again after at most `longest` exchanges."""
         self._plan, self._name, self._longest, self._ids = plan, name, longest, context.ids.tolist()
         self._parts: dict[int, Searcher] = {}
@@ -88,7 +88,7 @@ class Search:
         self.codec = self._tellers.codec
 
     def _new(self, robot: int) -> Searcher:
-        self._parts[robot] = Searcher(self._plan, robot, Board(robot, self._longest))
+        self._parts[robot] = Searcher(self._plan, robot, FactBoard(robot, self._longest))
         return self._parts[robot]
 
     def say(self, senses: Senses) -> Broadcast[Facts]:
@@ -98,7 +98,7 @@ class Search:
             self._parts[self._ids[row]].sample(senses.iteration, senses.pose[row, :2], float(field[row]))
         return self._tellers.say(senses)
 
-    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> Standing:
+    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> JobStanding:
         """What robots have found."""
         return self._tellers.hear(senses, inbox)
 
@@ -127,12 +127,12 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Located(Standing):
+class Located(JobStanding):
     """Where robots take the source to be; NaN as long as their samples tell of none. All arrays are read-only."""
 
     name: str
-    plan: Plan
-    findings: tuple[Finding | None, ...]  # (n,): of the last inversion
+    plan: SearchPlan
+    findings: tuple[FoundSource | None, ...]  # (n,): of the last inversion
     tried: tuple[frozenset[int], ...]  # (n,): the candidates whose Green's functions each has used
     place: NDArray[np.float64]  # (n, 2): m
     strength: NDArray[np.float64]  # (n,): unit m^2/s, at last

@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 
 from swarmsim.core.jobs import Domain
 from swarmsim.core.lattice import Lattice
-from swarmsim.jobs.facts.board import Board
+from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.wire import Fact, within
 from swarmsim.operations.models.truth import nearest_cells
-from swarmsim.operations.sources.inversion import Finding, Inversion, Samples
+from swarmsim.operations.sources.inversion import FoundSource, Inversion, Samples
 
 #: A sample beside its robot, its number and its iteration: row and column of the cell, and the value.
 SAMPLE: Final = struct.Struct(">HHf")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class SearchPlan:
     """What all robots know before the run."""
 
     inversion: Inversion
@@ -46,14 +46,14 @@ class Plan:
 class Searcher:
     """See `Teller`. A sample is an entry of a table that is never written again, so all robots come to have it."""
 
-    def __init__(self, plan: Plan, me: int, board: Board) -> None:
+    def __init__(self, plan: SearchPlan, me: int, board: FactBoard) -> None:
         self._plan, self._me, self._board = plan, me, board
         self._taken = 0
         self._sampled = -1  # iteration
         #: The iteration of the last inversion; -1 for none.
         self.made = -1
         #: What it found then.
-        self.finding: Finding | None = None
+        self.finding: FoundSource | None = None
         #: The candidates whose Green's functions it has used.
         self.tried: frozenset[int] = frozenset()
 

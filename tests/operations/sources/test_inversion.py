@@ -19,7 +19,7 @@ from swarmsim.operations.models.faces import Faces
 from swarmsim.operations.models.job import ModelJob
 from swarmsim.operations.models.truth import SolvedField
 from swarmsim.operations.models.wave import Wave
-from swarmsim.operations.sources.candidates import Candidates
+from swarmsim.operations.sources.candidates import SourceCandidates
 from swarmsim.operations.sources.greens import Greens
 from swarmsim.operations.sources.inversion import Inversion, Samples
 
@@ -53,7 +53,7 @@ def sampled(field: SolvedField, domain: Domain, until: float, noise: float = 0.0
 
 
 def inversion(domain: Domain, model=SMELL, noise: float = 1e-6, **keys) -> Inversion:
-    return Inversion(greens(domain, model, **keys), Candidates(domain, 1.2), noise, 0.3)
+    return Inversion(greens(domain, model, **keys), SourceCandidates(domain, 1.2), noise, 0.3)
 
 
 @pytest.mark.parametrize("model", [SMELL, DRAUGHT])
@@ -104,7 +104,7 @@ def test_without_samples_or_a_source_there_is_nothing_to_find() -> None:
 @pytest.mark.parametrize("domain", [rooms(), floor(9, 14)])
 @pytest.mark.parametrize("spacing", [0.15, 0.5, 1.2])
 def test_refining_comes_to_the_cell_that_is_nearest_whichever_it_is(domain: Domain, spacing: float) -> None:
-    candidates = Candidates(domain, spacing)
+    candidates = SourceCandidates(domain, spacing)
     assert len(candidates.coarse) >= np.prod(np.ptp(candidates.places, axis=0)) / spacing**2 * 0.5
     for wanted in candidates.places[::7]:
         cells = candidates.coarse
@@ -133,7 +133,7 @@ def test_what_does_not_fit_is_refused(model, keys, told: str) -> None:
 
 def test_candidates_closer_than_cells_are_refused() -> None:
     with pytest.raises(InputError, match=r"spacing: 0\.1 m is less than a cell, 0\.15 m"):
-        Candidates(rooms(), 0.1)
+        SourceCandidates(rooms(), 0.1)
 
 
 def test_what_is_kept_changes_nothing() -> None:

@@ -15,9 +15,9 @@ from swarmsim.core.readings import Channel, Channels, Readings
 from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Senses
 from swarmsim.engine.build import BuiltRun, build
-from swarmsim.jobs.facts.board import Board
+from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.wire import ENTRY, FORM, Fact, Facts
-from swarmsim.operations.sources.locate import LocateSource, Search
+from swarmsim.operations.sources.locate import LocateSource, SourceSearch
 from swarmsim.operations.sources.searcher import SAMPLE, Searcher
 from swarmsim.testing import check_locality, check_one_robot, check_permutation, check_strictly
 
@@ -117,7 +117,7 @@ def test_a_robot_without_a_finite_sample_says_so(path: Path) -> None:
     assert known.share(np.ones(4, bool)) == 0.0
 
 
-def search(path: Path) -> Search:
+def search(path: Path) -> SourceSearch:
     """The job alone, of four robots in the room."""
     run = built(path)
     keys = run.scenario.jobs[0].parameters
@@ -129,7 +129,7 @@ def read(values: np.ndarray) -> Readings:
     return Readings(Channels(Channel("field")), (values,))
 
 
-def heard(job: Search, now: int, values: np.ndarray):
+def heard(job: SourceSearch, now: int, values: np.ndarray):
     """What robots know that stand in four places, measure these values and hear nobody."""
     pose = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [1.0, 3.0, 0.0], [3.0, 3.0, 0.0]])
     senses = Senses(now, pose, np.zeros((4, 3)), np.ones(4, bool), read(values))
@@ -159,7 +159,7 @@ def test_a_budget_holds_and_samples_come_through(path: Path) -> None:
 
 def test_samples_that_cannot_be_are_left_out(path: Path) -> None:
     plan = search(path)._plan
-    one = Searcher(plan, 0, Board(0, 10))
+    one = Searcher(plan, 0, FactBoard(0, 10))
     sound = Fact(ENTRY, 1 << 16, 3, 1, SAMPLE.pack(5, 5, 0.5))
     wrong = [
         Fact(ENTRY, 2 << 16, 9, 2, SAMPLE.pack(5, 5, 0.5)),  # from the future
