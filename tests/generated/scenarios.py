@@ -159,7 +159,10 @@ class _Draw:
             if job["use"] == "gather" and "field" not in table:
                 table["field"] = self._any("field")
             if dice.random() < 0.5:
-                table["task"] = {"use": "computed" if job["use"] == "solve" else "settled"}
+                tasks = {"solve": "computed", "locate-source": "source-found"}
+                table["task"] = {"use": tasks.get(job["use"], "settled")}
+            if job["use"] == "locate-source":
+                table["field"] = self._part("field", "model", hidden=lambda: [{"strength": 0.3, "begin": 1.0}])
             if dice.random() < 0.5:
                 self._processors(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
@@ -312,7 +315,7 @@ class _Draw:
             "model": {
                 **noise, "model": self._equation, "method": lambda: self._maybe({"use": "block-jacobi"}),
                 "dt": lambda: self._maybe(dice.choice((0.25, 2.0))),
-                "sources": lambda: self._maybe(self._emitters(), 0.2),
+                "sources": lambda: self._maybe(self._emitters(), 0.2), "hidden": lambda: OMITTED,
                 "start": lambda: self._maybe({"use": "formula", "formula": "exp(-hypot(x, y))"}),
             },
             "solve": {
@@ -322,6 +325,11 @@ class _Draw:
                 "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
             },
             "stigmergy": {**called, "budget": lambda: self._maybe(100)},
+            "locate-source": {
+                **called, "model": lambda: {"use": "diffusion", "diffusivity": 0.02}, "dt": lambda: 0.5,
+                "pulse": lambda: 1.0, "duration": lambda: dice.choice((4.0, 20.0)), "spacing": lambda: 2.0,
+                "budget": lambda: self._maybe(100),
+            },
             "storage": {
                 **called, "copies": lambda: dice.randint(0, min(count - 1, 2)),
                 "capacity": lambda: self._maybe(1000), "budget": lambda: self._maybe(2000),

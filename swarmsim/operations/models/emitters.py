@@ -11,7 +11,7 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.jobs import Values
+from swarmsim.core.jobs import Domain, Values
 from swarmsim.operations.models.faces import Faces, Whole
 
 #: From numbers of cells (c,) and the two ends of a time in s: what is given off meanwhile on average, (c,) in unit/s.
@@ -36,6 +36,33 @@ class Emitter(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         many = 1 + int(math.hypot(*self.velocity) * (last - first) / cell)
         times = first - self.begin + (np.arange(many) + 0.5) / many * (last - first)
         return np.array([self.x, self.y]) + times[:, None] * self.velocity, last - first
+
+    def place(self, time: float) -> tuple[float, float]:
+        """Where it is at a time (s); before it begins or after its end, where it will begin or has ended."""
+        since = min(max(time - self.begin, 0.0), math.inf if self.end is None else self.end - self.begin)
+        return self.x + since * self.velocity[0], self.y + since * self.velocity[1]
+
+
+class Hidden(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A source at a random place, another one for each seed."""
+
+    strength: float = 1.0  # unit m^2/s
+    begin: Annotated[float, Meta(ge=0.0)] = 0.0  # s
+    end: float | None = None  # s; none: it never stops
+    within: tuple[float, float, float, float] | None = None  # m: left, lower, right, upper; default: the whole floor
+
+    def drawn(self, domain: Domain, dice: np.random.Generator) -> Emitter:
+        """The source. Raises InputError, which starts with the key, without a free cell within the limits."""
+        if self.end is not None and self.end <= self.begin:
+            raise InputError(f"end: {self.end:g} s; expected a time after it begins, {self.begin:g} s")
+        places = domain.lattice.centres(np.argwhere(domain.free))
+        left, low, right, high = self.within or (-math.inf, -math.inf, math.inf, math.inf)
+        places = places[((places >= (left, low)) & (places <= (right, high))).all(axis=1)]
+        if len(places) == 0:
+            raise InputError(f"within: {list(self.within or ())} holds no free cell; expected some of the floor")
+        half = 0.5 * domain.lattice.cell
+        x, y = places[dice.integers(len(places))] + dice.uniform(-half, half, 2)
+        return Emitter(x=float(x), y=float(y), strength=self.strength, begin=self.begin, end=self.end)
 
 
 class Emission:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,8 +19,8 @@ from swarmsim.jobs.pieces import given
 from swarmsim.operations.fields.truth import FiniteField, Noise
 from swarmsim.operations.methods.seam import Scheme
 from swarmsim.operations.methods.sweeps import BlockJacobi
-from swarmsim.operations.models.emitters import Emitter
-from swarmsim.operations.models.job import ModelJob, Seconds, problem_of
+from swarmsim.operations.models.emitters import Emitter, Hidden
+from swarmsim.operations.models.job import ModelJob, Seconds, at_key, problem_of
 from swarmsim.operations.models.seam import Equation
 
 MOST: Final = 1 << 25  # numbers kept of a field's past: 256 MB
@@ -39,18 +41,39 @@ class ModelField(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     dt: Seconds | None = None  # s; default: the period
     start: Part[Field] = NONE  # the field at time 0; default: 0
     sources: tuple[Emitter, ...] = ()
+    hidden: tuple[Hidden, ...] = ()  # besides, at random places
     noise: Noise = 0.0  # standard deviation of a sample, in the field's unit
 
-    def build(self, context: BuildContext) -> FiniteField:
+    def build(self, context: BuildContext) -> EmittedField:
         """The field. Raises InputError, which starts with the key at fault."""
         domain, dt = given(context), self.dt or context.period
-        problem = problem_of(self.model, self.sources, dt, domain, context)
+        emitters = (*self.sources, *self._drawn(domain, context))
+        problem = problem_of(self.model, emitters, dt, domain, context)
         method: Scheme = self.method.build(context, "method") if self.method else BlockJacobi(sweeps=1)
         job = ModelJob.of(problem, method, domain, 1, method.level)
         first = np.zeros(np.count_nonzero(domain.free))
         if self.start:
             first = self.start.build(context, "start").value(0.0, domain.lattice.centres(np.argwhere(domain.free)))
-        return FiniteField(SolvedField(job, domain, method.exchanges, first), "model: its solution", context)
+        solved = SolvedField(job, domain, method.exchanges, first)
+        return EmittedField(FiniteField(solved, "model: its solution", context), emitters)
+
+    def _drawn(self, domain: Domain, context: BuildContext) -> Iterator[Emitter]:
+        dice = context.streams.open("hidden sources")
+        for number, one in enumerate(self.hidden):
+            with at_key(f"hidden[{number}]"):
+                yield one.drawn(domain, dice)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EmittedField:
+    """A field with the sources that it comes from, for those who measure whether they are found."""
+
+    field: Field
+    emitters: Sequence[Emitter]
+
+    def value(self, time: float, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values (k,) at points (k, 2)."""
+        return self.field.value(time, points)
 
 
 class SolvedField:

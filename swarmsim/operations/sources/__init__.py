@@ -1,0 +1,1 @@
+"""Sources: robots find out where a field comes from, and predict it."""
