@@ -134,8 +134,8 @@ class Shared(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     name: Annotated[str, Meta(pattern="^([a-z][a-z0-9_]*)?$")] = ""  # in recordings; default: the part's
-    copies: Annotated[int, Meta(ge=0)] | Literal["all"] = 2
-    patience: Annotated[int, Meta(ge=1)] = 12  # iterations
-    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    copies: Annotated[int, Meta(ge=0, le=10**9)] | Literal["all"] = 2  # robots that keep each state, besides its holder
+    patience: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 12  # iterations
+    budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
     fence: Literal["data", "clock"] = "data"
     value: Literal[4, 8] = 8  # bytes

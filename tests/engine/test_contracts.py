@@ -491,6 +491,8 @@ MINDS = [
     ("operations/pursuit", "seed=1"),
     ("operations/moving-field", "robots.count=7"),
     ("computing/heat", "robots.count=4"),
+    ("computing/stigmergy", "robots.count=4"),
+    ("computing/buoys", "robots.count=3"),
     *((f"operations/{name}", "seed=2") for name in ("dispersion", "area-coverage", "perimeter", "formation", "lights")),
 ]
 FAULTS = 'faults=[{use="crash", at=8, duration=6, count=1}]'

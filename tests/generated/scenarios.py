@@ -160,7 +160,7 @@ class _Draw:
                 table["field"] = self._any("field")
             if dice.random() < 0.5:
                 tasks = {"solve": "computed", "locate-source": "source-found"}
-                table["task"] = {"use": tasks.get(job["use"], "settled")}
+                table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
                 table["field"] = self._part("field", "model", hidden=lambda: [{"strength": 0.3, "begin": 1.0}])
             if dice.random() < 0.5:
@@ -344,8 +344,14 @@ class _Draw:
                 "every": lambda: dice.randint(1, 4), "levels": lambda: dice.randint(1, 4),
             },
             **dict.fromkeys(("diffusion", "gray-scott"), self._walls()),
+            "source-found": {"ahead": lambda: self._maybe([5.0])},
+            "buoy": {
+                "current": lambda: self._maybe([0.03, -0.02]), "eddies": lambda: self._maybe(0.02),
+                "eddy_size": lambda: self._maybe(2.0),
+            },
             "advection-diffusion": {
                 "walls": lambda: "open", "value": lambda: self._maybe(0.1), "vents": lambda: OMITTED,
+                "decay": lambda: self._maybe(0.01),
                 "velocity": lambda: [round(dice.uniform(-0.1, 0.1), 3) for _ in "xy"],
             },
             "formation": {**offsets, **pace, "march": lambda: self._maybe([0.02, 0.0])},
@@ -372,13 +378,22 @@ class _Draw:
             "patience": lambda: self._maybe(dice.randint(1, 9)),
             "grain": lambda: self._maybe(dice.randint(3, 9)),
             "near": lambda: self._maybe(round(dice.uniform(1.0, 12.0), 2)),
-        }
+            "heeds": lambda: self._maybe(dice.randint(1, 3)),
+        } | ({"revenue": lambda: self._maybe(3.0)} if use == "shared-frontier" else {})
         found = registry.known("strategy").get(use)
         return asked.get(use, {key: exploring[key] for key in exploring if found and key in found.__struct_fields__})
 
     def _equation(self) -> Table:
         """A model that implicit methods with steps of any length can solve."""
         self._draught = self._dice.random() < 0.2
+        self._explicit = not self._draught and self._dice.random() < 0.3
+        if self._explicit:  # within the limits of its steps
+            return self._dice.choice(
+                (
+                    {"use": "wave", "speed": 0.05, "damping": 0.1, "walls": "fixed", "value": 0.1},
+                    {"use": "diffusion", "diffusivity": 0.005, "decay": 0.01},
+                )
+            )
         use = "advection-diffusion" if self._draught else self._dice.choice(("diffusion", "gray-scott"))
         return self._part("model", use)
 
@@ -391,6 +406,8 @@ class _Draw:
         }  # fmt: skip
 
     def _method(self) -> Table:
+        if self._explicit:
+            return {"use": "explicit", "level": self._dice.randint(1, 2)}
         use = self._dice.choice(
             ("block-jacobi", "schwarz") if self._draught else ("block-jacobi", "chebyshev", "schwarz")
         )

@@ -45,6 +45,10 @@ def test_twenty_damages_of_each_scenario_are_read_or_refused_in_a_sentence(salt:
         survives(mutant(scenario(number), salt), scenario(number), tmp_path)
 
 
+#: A key that names places in the walls of one plan.
+PLACED = {"advection-diffusion": {"vents"}}
+
+
 def test_every_part_of_every_seam_takes_part_and_every_key_of_it() -> None:
     drawn: defaultdict[tuple[str, str], set[str]] = defaultdict(set)
     for number in range(4000):
@@ -52,8 +56,10 @@ def test_every_part_of_every_seam_takes_part_and_every_key_of_it() -> None:
             drawn[seam, table.get("use", SEAMS[seam].default)] |= table.keys()
     for seam in SEAMS.keys() - {"layer", "figure"}:  # which change nothing in a run
         for use, kind in registry.known(seam).items():
+            if use == "conjugate-gradients":
+                continue  # always refused, with the reason
             assert (seam, use) in drawn, f"no scenario has the {seam} {use}"
-            lacking = set(kind.__struct_fields__) - drawn[seam, use]
+            lacking = set(kind.__struct_fields__) - drawn[seam, use] - PLACED.get(use, set())
             assert not lacking, f"no scenario says {sorted(lacking)} of the {seam} {use}"
 
 

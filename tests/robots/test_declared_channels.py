@@ -24,7 +24,7 @@ from swarmsim.robots.bump import Bump
 from swarmsim.robots.ground import GroundColour
 from swarmsim.robots.neighbours import Neighbours
 from swarmsim.robots.suites import MixedSensor, Suite
-from swarmsim.testing.locality import _chosen
+from swarmsim.testing.witness import chosen
 
 NEAR = 'sensors=[{use="neighbours", reach=9.0}]'
 RING = 'sensor={use="ir-ring"}'
@@ -488,7 +488,7 @@ def test_locality_checks_keep_every_column() -> None:
 
     senses = Senses(0, moment.state.pose, moment.state.velocity, moment.state.alive, moment.readings)
     rows = np.array([2, 0, 1])
-    for one, other in zip(_chosen(senses, rows).readings.columns, moment.readings.columns, strict=True):
+    for one, other in zip(chosen(senses, rows).readings.columns, moment.readings.columns, strict=True):
         np.testing.assert_array_equal(one, other[rows])
     assert len(moment.readings.columns) == 6
     assert seen_by

@@ -30,13 +30,13 @@ class Percolation(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     """
 
     name: Name = ""  # in recordings; default: the part's
-    items: Annotated[int, Meta(ge=1, le=10_000)] = 60
-    lattices: Annotated[int, Meta(ge=1, le=10_000)] = 20
-    side: Annotated[int, Meta(ge=2, le=1000)] = 32
-    open: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5927
+    items: Annotated[int, Meta(ge=1, le=10_000)] = 60  # of the bag
+    lattices: Annotated[int, Meta(ge=1, le=10_000)] = 20  # random lattices in an item
+    side: Annotated[int, Meta(ge=2, le=1000)] = 32  # sites of a lattice's side
+    open: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5927  # chance that a site is open
     rate: Annotated[float, Meta(gt=0.0)] | None = None  # operations a second of a robot; none: an item an exchange
-    patience: Annotated[int, Meta(ge=1)] = 12  # iterations of silence after which a claim lapses
-    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    patience: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 12  # iterations of silence after which a claim lapses
+    budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
 
     def build(self, context: BuildContext) -> Tellers[Hand]:
         """The job. Raises InputError for a budget without room for a result."""

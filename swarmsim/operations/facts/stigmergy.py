@@ -31,11 +31,11 @@ class Stigmergy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     name: Name = ""  # in recordings; default: the part's
-    keys: Annotated[int, Meta(ge=1, le=10_000)] = 8
-    writes: Annotated[int, Meta(ge=0, le=100_000)] = 40
-    during: Annotated[int, Meta(ge=1)] = 100  # iterations from the start in which robots write
-    repeat: Annotated[int, Meta(ge=1)] = 10  # iterations
-    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    keys: Annotated[int, Meta(ge=1, le=10_000)] = 8  # of the table
+    writes: Annotated[int, Meta(ge=0, le=100_000)] = 40  # in all, by robots drawn at random
+    during: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 100  # iterations from the start in which robots write
+    repeat: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 10  # iterations
+    budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
 
     def build(self, context: BuildContext) -> Tellers[Writer]:
         """The job. Raises InputError for a budget without room for an entry."""

@@ -37,14 +37,14 @@ class Storage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     name: Name = ""  # in recordings; default: the part's
-    items: Annotated[int, Meta(ge=1, le=10_000)] = 40
+    items: Annotated[int, Meta(ge=1, le=10_000)] = 40  # in all, made by robots drawn at random
     smallest: Annotated[int, Meta(ge=1, le=LONGEST)] = 64  # bytes
     largest: Annotated[int, Meta(ge=1, le=LONGEST)] = 256  # bytes
-    during: Annotated[int, Meta(ge=1)] = 100  # iterations from the start in which items are made
-    copies: Annotated[int, Meta(ge=0)] = 2
-    capacity: Annotated[int, Meta(ge=1)] | None = None  # bytes a robot
-    patience: Annotated[int, Meta(ge=1)] = 12  # iterations
-    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    during: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 100  # iterations from the start in which items are made
+    copies: Annotated[int, Meta(ge=0, le=1_000_000_000)] = 2  # of each item, besides its maker's
+    capacity: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a robot
+    patience: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 12  # iterations
+    budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
 
     def build(self, context: BuildContext) -> Tellers[Keeper]:
         """The job. Raises InputError for what cannot be kept."""

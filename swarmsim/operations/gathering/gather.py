@@ -42,13 +42,13 @@ class Gather(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     model: Part[Equation]
     to: To
     name: Annotated[str, Meta(pattern="^([a-z][a-z0-9_]*)?$")] = ""  # in recordings; default: the part's
-    base: Annotated[int, Meta(ge=0)] = 0  # the robot
-    servers: Annotated[int, Meta(ge=1)] = 3  # evenly among the robots' numbers
+    base: Annotated[int, Meta(ge=0, le=1_000_000_000)] = 0  # the robot
+    servers: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 3  # evenly among the robots' numbers
     down: Literal["piece", "field"] = "piece"
-    every: Annotated[int, Meta(ge=1)] = 20  # iterations of a level
-    levels: Annotated[int, Meta(ge=1)] = 9
+    every: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 20  # iterations of a level
+    levels: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 9  # of the run
     rate: Annotated[float, Meta(gt=0.0)] = 1.0  # 1/s, at which the field is drawn to samples
-    budget: Annotated[int, Meta(ge=1)] | None = None  # bytes a message
+    budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
 
     def build(self, context: BuildContext) -> GatherJob:
         """The job. Raises InputError for what cannot be gathered."""

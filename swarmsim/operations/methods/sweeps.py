@@ -111,7 +111,7 @@ class Schwarz(Sweeps, frozen=True, forbid_unknown_fields=True, kw_only=True):
     is: a narrow piece is crossed, and what lies behind it heard as well.
     """
 
-    overlap: Annotated[int, Meta(ge=0, le=100)] = 1
+    overlap: Annotated[int, Meta(ge=0, le=100)] = 1  # cells
 
     @property
     def halo(self) -> int:

@@ -49,7 +49,7 @@ class Solve(Shared, frozen=True, forbid_unknown_fields=True, kw_only=True):
     dt: Seconds  # s, of a step in time
     duration: Seconds  # s, a whole number of steps
     sources: tuple[Emitter, ...] = ()
-    pieces: Annotated[int, Meta(ge=1)] | None = None
+    pieces: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # none: as many as robots
 
     def build(self, context: BuildContext) -> ModelJob:
         """The job. Raises InputError for a step that is not stable, and for keys that do not fit together."""

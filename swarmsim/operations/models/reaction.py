@@ -25,8 +25,8 @@ class GrayScott(Walled, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     activator: Diffusivity = 0.00225  # m^2/s, D_v
     substrate: Diffusivity = 0.0045  # m^2/s, D_u
-    feed: Share = 0.04
-    kill: Share = 0.06
+    feed: Share = 0.04  # of u, in a unit of 1 / rate
+    kill: Share = 0.06  # of v, in a unit of 1 / rate
     rate: Annotated[float, Meta(gt=0.0, le=1e6)] = 1.0  # 1/s
 
     def on(self, domain: Domain) -> Equations:

@@ -42,7 +42,7 @@ class SourceFound(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
 
     within: Positive = 0.5  # m
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of living robots
-    hold: Annotated[int, Meta(ge=1)] = 30  # iterations
+    hold: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 30  # iterations
     ahead: Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=10)] = (30.0, 60.0, 120.0)  # s
 
     @property

@@ -28,7 +28,7 @@ from swarmsim.operations.sources.inversion import FoundSource, Inversion
 from swarmsim.operations.sources.searcher import SAMPLE, Searcher, SearchPlan
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e9)]
-Count = Annotated[int, Meta(ge=1)]
+Count = Annotated[int, Meta(ge=1, le=1_000_000_000)]
 
 
 class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
