@@ -142,6 +142,9 @@ def test_every_command_of_every_page_is_one_that_there_is(page: str, line: str) 
         assert name == project["name"]
         assert not extra or extra in project["optional-dependencies"]
         return
+    if words[0] == "python":
+        assert (ROOT / words[1]).exists(), f"{page}: {line}"
+        return
     assert words[0] == "swarmsim", f"{page}: {line}"
     command, rest, context = typer.main.get_command(app), words[1:], None
     while isinstance(command, TyperGroup) and rest:

@@ -44,7 +44,8 @@ class Processors:
         self._rounds: Final = rounds
         #: The bytes of each (rows,).
         self.memory: Final = column([one.memory for one in kinds])
-        self._left, self._given, self._done, self._late, self._peak = np.zeros((5, len(kind)))
+        self._left = self.full.copy()
+        self._given, self._done, self._late, self._peak = np.zeros((4, len(kind)))
         self._held: list[dict[str, float]] = [{} for _ in kind]  # bytes, by holder
         self._slowed: list[tuple[NDArray[np.bool_], float | NDArray[np.float64]]] = []
 
