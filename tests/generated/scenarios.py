@@ -162,7 +162,7 @@ class _Draw:
                 tasks = {"solve": "computed", "locate-source": "source-found"}
                 table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
-                table["field"] = self._part("field", "model", hidden=lambda: [{"strength": 0.3, "begin": 1.0}])
+                table["field"] = self._part("field", "model", hidden=lambda: [{"strength": 0.02, "begin": 1.0}])
             if dice.random() < 0.5:
                 self._processors(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from swarmsim.core.context import BuildContext, Field
+from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import Domain, Values
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario.part import NONE, Part
@@ -25,6 +26,7 @@ from swarmsim.operations.models.seam import Equation
 
 MOST: Final = 1 << 25  # numbers kept of a field's past: 256 MB
 _NOBODY: Final = np.empty((0, 0))
+DIVERGED: Final = 1e100  # in the field's unit
 
 
 class ModelField(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -106,11 +108,17 @@ class Past:
         self._most, self._stride = max(8, most // self._states[0].size), 1
 
     def at(self, level: int) -> NDArray[np.float64]:
-        """The field (n,) after so many steps in time."""
+        """The field (n,) after so many steps in time. Raises InputError where it diverges."""
         known = max(one for one in self._states if one <= level)
         state = self._states[known]
         for step in range(known * self._exchanges, level * self._exchanges):
-            state = self._job.step(self._piece, state, _NOBODY, step)
+            with np.errstate(over="ignore", invalid="ignore"):  # told below
+                state = self._job.step(self._piece, state, _NOBODY, step)
+            if not (np.abs(state) < DIVERGED).all():
+                raise InputError(
+                    f"field: the model passes {DIVERGED:g} after step {step + 1}, so it diverges; expected shorter "
+                    "steps (field.dt) or weaker sources"
+                )
             if (step + 1) % self._exchanges == 0:
                 self._keep((step + 1) // self._exchanges, state)
         return self._job.answer(self._piece, state)
