@@ -116,8 +116,8 @@ class Past:
                 state = self._job.step(self._piece, state, _NOBODY, step)
             if not (np.abs(state) < DIVERGED).all():
                 raise InputError(
-                    f"field: the model passes {DIVERGED:g} after step {step + 1}, so it diverges; expected shorter "
-                    "steps (field.dt) or weaker sources"
+                    f"field.model: its solution passes {DIVERGED:g} after step {step + 1}, so it diverges; expected "
+                    "shorter steps (field.dt) or weaker sources"
                 )
             if (step + 1) % self._exchanges == 0:
                 self._keep((step + 1) // self._exchanges, state)

@@ -116,7 +116,7 @@ def test_what_diverges_ends_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     truth = field(
         method=Part("method", {"use": "explicit"}), dt=1.0, start=Part("field", {"use": "formula", "formula": "x"})
     )
-    with pytest.raises(InputError, match=r"field\.model: its solution is -?(inf|nan) in iteration 1000 .*finite"):
+    with pytest.raises(InputError, match=r"field\.model: its solution passes 1e\+100 after step 87, so it diverges"):
         truth.value(1000.0, centres())
 
 
