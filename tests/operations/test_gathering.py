@@ -13,7 +13,7 @@ from swarmsim.core.errors import InputError
 from swarmsim.core.messages import HEADER
 from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
-from swarmsim.operations.gathering.gather import GatherJob
+from swarmsim.jobs.facts.tellers import Tellers
 from swarmsim.operations.gathering.gatherer import NUMBER
 from swarmsim.operations.gathering.levels import WholeFloor
 from swarmsim.operations.gathering.ways import AFAR, Ways
@@ -135,7 +135,7 @@ def test_a_dead_base_ends_everything_and_a_dead_server_little(path: Path) -> Non
 
 @pytest.mark.parametrize("to", ["all", "base", "servers", "holders"])
 def test_bytes_are_those_of_the_packed_messages(path: Path, to: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    packed, say = [0, 0], GatherJob.say
+    packed, say = [0, 0], Tellers.say
 
     def counted(self, senses):
         said = say(self, senses)
@@ -149,7 +149,7 @@ def test_bytes_are_those_of_the_packed_messages(path: Path, to: str, monkeypatch
             packed[1] += size
         return said
 
-    monkeypatch.setattr(GatherJob, "say", counted)
+    monkeypatch.setattr(Tellers, "say", counted)
     known, moments = last(path, f"jobs.0.to={to}", "stop.when_done=continue", "stop.iterations=14")
     assert packed[1] == sum(moment.jobs[0].sent for moment in moments) > 0
     assert known.counts[:, 3:].sum() == packed[1] - packed[0] * HEADER.size

@@ -65,18 +65,19 @@ class Tellers(Generic[T]):
 
     def __init__(
         self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
-        written_by: type | None = None,
+        written_by: type | None = None, look: Callable[[Sequence[T], Senses], None] | None = None,
     ) -> None:  # fmt: skip
         """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
 
-        `written_by` is the class whose code it runs, if that is not this package's.
+        `written_by` is the class whose code it runs, if that is not this package's. `look` gives all parts what their
+        robots sense, before they say anything.
         """
         #: The class named in messages about broken contracts.
         self.written_by: type = written_by or type(self)
         #: The form of its messages.
         self.codec = FactCodec()
         self._ids, self._rounds = context.ids.tolist(), context.rounds
-        self._new, self._standing = new, standing
+        self._new, self._standing, self._look = new, standing, look
         self._parts = [new(robot) for robot in self._ids]
         self._awake = np.zeros(len(self._ids), np.bool_)
         self._clock = self._iteration = -1
@@ -86,6 +87,8 @@ class Tellers(Generic[T]):
         new = senses.iteration != self._iteration
         self._clock = senses.iteration * self._rounds if new else self._clock + 1
         self._iteration = senses.iteration
+        if self._look is not None:
+            self._look(self._parts, senses)
         told = [self._told(row, senses) for row in range(len(self._parts))]
         sizes = [HEADER.size + sum(fact.size for fact in facts) if facts else 0 for facts in told]
         ends = np.cumsum([len(facts) for facts in told], dtype=np.int64)

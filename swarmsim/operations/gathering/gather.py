@@ -6,15 +6,12 @@ from typing import Annotated, Literal
 
 import numpy as np
 from msgspec import Meta, Struct
-from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.scenario.part import Part
-from swarmsim.core.state import Senses
-from swarmsim.jobs.facts.tellers import JobStanding, Tellers
-from swarmsim.jobs.facts.wire import Facts, check_budget
+from swarmsim.jobs.facts.tellers import Tellers
+from swarmsim.jobs.facts.wire import check_budget
 from swarmsim.jobs.pieces import bisected, given
 from swarmsim.operations.gathering.eyes import Eyes
 from swarmsim.operations.gathering.gatherer import NUMBER, TAIL, Gatherer, GatherPlan
@@ -50,11 +47,30 @@ class Gather(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     rate: Annotated[float, Meta(gt=0.0)] = 1.0  # 1/s, at which the field is drawn to samples
     budget: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # bytes a message
 
-    def build(self, context: BuildContext) -> GatherJob:
+    def build(self, context: BuildContext) -> Tellers[Gatherer]:
         """The job. Raises InputError for what cannot be gathered."""
         if context.scalar_field is None or "field" not in context.channels.places:
             raise InputError("use: 'gather' needs samples of a field; expected a table [field]")
-        return GatherJob(self, context)
+        domain = given(context)
+        problem = problem_of(self.model, (), self.every * context.period, domain, context)
+        number = Faces.of(domain).number
+        cells = tuple(number[tuple(one.cells.T)] for one in bisected(domain, context.swarm, 0))
+        piece = np.empty(sum(map(len, cells)), np.int64)
+        for which, one in enumerate(cells):
+            piece[one] = which
+        computers = self.computers(context.swarm)
+        sinks = () if self.to in ("none", "all") else computers
+        every = tuple((one,) if self.to == "holders" else sinks for one in range(context.swarm))
+        scheme = GatherPlan(
+            self.to == "all", computers, every, piece, cells, self.down == "field", self.every, self.levels,
+            WholeFloor(problem, self.rate), self.budget,
+        )  # fmt: skip
+        largest = max(map(len, cells)) * NUMBER.itemsize + 1 if sinks else 0
+        check_budget(self.budget, [max(largest, TAIL.size + max(map(len, every)))], "a sample or an answer")
+        eyes, ledger = Eyes(context, number), FieldLedger(scheme, self.name or "gather", context)
+        return Tellers(
+            context, lambda robot: Gatherer(scheme, eyes, robot), ledger, look=lambda parts, senses: eyes.look(senses)
+        )
 
     def computers(self, swarm: int) -> tuple[int, ...]:
         """The robots that compute. Raises InputError for robots that there are not."""
@@ -64,51 +80,3 @@ class Gather(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         spread = tuple(swarm * number // self.servers for number in range(self.servers))
         everybody = tuple(range(swarm))
         return {"none": everybody, "all": everybody, "base": (self.base,), "servers": spread, "holders": ()}[self.to]
-
-
-class GatherJob:
-    """The job, for some robots or all."""
-
-    def __init__(self, keys: Gather, context: BuildContext) -> None:
-        """Raises InputError for what cannot be gathered."""
-        domain = given(context)
-        problem = problem_of(keys.model, (), keys.every * context.period, domain, context)
-        number = Faces.of(domain).number
-        cells = tuple(number[tuple(one.cells.T)] for one in bisected(domain, context.swarm, 0))
-        piece = np.empty(sum(map(len, cells)), np.int64)
-        for which, one in enumerate(cells):
-            piece[one] = which
-        computers = keys.computers(context.swarm)
-        sinks = () if keys.to in ("none", "all") else computers
-        every = tuple((one,) if keys.to == "holders" else sinks for one in range(context.swarm))
-        scheme = GatherPlan(
-            keys.to == "all", computers, every, piece, cells, keys.down == "field", keys.every, keys.levels,
-            WholeFloor(problem, keys.rate), keys.budget,
-        )  # fmt: skip
-        largest = max(map(len, cells)) * NUMBER.itemsize + 1 if sinks else 0
-        check_budget(keys.budget, [max(largest, TAIL.size + max(map(len, every)))], "a sample or an answer")
-        self._eyes = Eyes(context, number)
-        self._tellers = Tellers(
-            context,
-            lambda robot: Gatherer(scheme, self._eyes, robot),
-            FieldLedger(scheme, keys.name or "gather", context),
-        )
-        #: The form of its messages.
-        self.codec = self._tellers.codec
-
-    def say(self, senses: Senses) -> Broadcast[Facts]:
-        """Every robot's part in one exchange."""
-        self._eyes.look(senses)
-        return self._tellers.say(senses)
-
-    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> JobStanding:
-        """What robots know after an exchange."""
-        return self._tellers.hear(senses, inbox)
-
-    def reset(self, robots: NDArray[np.int64]) -> None:
-        """Erase all that these rows (r,) have of the job."""
-        self._tellers.reset(robots)
-
-    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give these rows (r,) what the row `source` knows."""
-        self._tellers.copy_from(robots, source)

@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Record, Senses
 from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.tellers import JobStanding, Tellers
-from swarmsim.jobs.facts.wire import Facts, check_budget
+from swarmsim.jobs.facts.wire import check_budget
 from swarmsim.jobs.pieces import given
 from swarmsim.operations.models.job import Seconds, at_key
 from swarmsim.operations.models.seam import Equation
@@ -55,7 +54,7 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     budget: Count | None = None  # bytes a message
     name: Annotated[str, Meta(pattern="^([a-z][a-z0-9_]*)?$")] = ""  # in recordings; default: the part's
 
-    def build(self, context: BuildContext) -> SourceSearch:
+    def build(self, context: BuildContext) -> Tellers[Searcher]:
         """The job. Raises InputError without a field, and for keys that do not fit together, which it names."""
         if context.scalar_field is None:
             raise InputError("use: 'locate-source' searches the source of a field; expected a table [field]")
@@ -73,57 +72,34 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             )
         inversion = Inversion(greens, candidates, self.noise, self.change)
         plan = SearchPlan.of(inversion, domain, context.period, (self.every, self.interval, self.budget))
-        return SourceSearch(plan, self.name or "locate_source", self.repeat * context.rounds, context)
+        name, longest = self.name or "locate_source", self.repeat * context.rounds
+        return Tellers(
+            context, lambda robot: Searcher(plan, robot, FactBoard(robot, longest)),
+            lambda parts, now: _located(parts, now, plan, name), look=_sample,
+        )  # fmt: skip
 
 
-class SourceSearch:
-    """The job for some robots, or all: samples go into each robot's table, which the robots share."""
+def _sample(parts: Sequence[Searcher], senses: Senses) -> None:
+    """All take samples."""
+    field = senses.readings["field"]
+    for row in np.flatnonzero(senses.alive).tolist():
+        parts[row].sample(senses.iteration, senses.pose[row, :2], float(field[row]))
 
-    def __init__(self, plan: SearchPlan, name: str, longest: int, context: BuildContext) -> None:
-        """Samples are told again after at most `longest` exchanges."""
-        self._plan, self._name, self._longest, self._ids = plan, name, longest, context.ids.tolist()
-        self._parts: dict[int, Searcher] = {}
-        self._tellers = Tellers(context, self._new, self._located)
-        #: The form of its messages.
-        self.codec = self._tellers.codec
 
-    def _new(self, robot: int) -> Searcher:
-        self._parts[robot] = Searcher(self._plan, robot, FactBoard(robot, self._longest))
-        return self._parts[robot]
-
-    def say(self, senses: Senses) -> Broadcast[Facts]:
-        """Take samples, and tell of them."""
-        field = senses.readings["field"]
-        for row in np.flatnonzero(senses.alive).tolist():
-            self._parts[self._ids[row]].sample(senses.iteration, senses.pose[row, :2], float(field[row]))
-        return self._tellers.say(senses)
-
-    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> JobStanding:
-        """What robots have found."""
-        return self._tellers.hear(senses, inbox)
-
-    def reset(self, robots: NDArray[np.int64]) -> None:
-        """Erase all samples of these rows (r,)."""
-        self._tellers.reset(robots)
-
-    def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
-        """Give these rows (r,) the samples of the row `source`."""
-        self._tellers.copy_from(robots, source)
-
-    def _located(self, parts: Sequence[Searcher], now: int) -> Located:
-        places, findings = self._plan.inversion.candidates.places, tuple(part.finding for part in parts)
-        nowhere = np.full(2, np.nan)
-        columns = (
-            np.array([nowhere if one is None else places[one.cell] for one in findings]).reshape(-1, 2),
-            np.array([np.nan if one is None else one.strengths[-1] for one in findings]),
-            np.array([np.nan if one is None else one.spread for one in findings]),
-            np.array([part.count() for part in parts], np.int64),
-            np.array([part.age(now) for part in parts]),
-            np.array([part.made for part in parts], np.int64),
-        )
-        for column in columns:
-            column.setflags(write=False)
-        return Located(self._name, self._plan, findings, tuple(part.tried for part in parts), *columns)
+def _located(parts: Sequence[Searcher], now: int, plan: SearchPlan, name: str) -> Located:
+    places, findings = plan.inversion.candidates.places, tuple(part.finding for part in parts)
+    nowhere = np.full(2, np.nan)
+    columns = (
+        np.array([nowhere if one is None else places[one.cell] for one in findings]).reshape(-1, 2),
+        np.array([np.nan if one is None else one.strengths[-1] for one in findings]),
+        np.array([np.nan if one is None else one.spread for one in findings]),
+        np.array([part.count() for part in parts], np.int64),
+        np.array([part.age(now) for part in parts]),
+        np.array([part.made for part in parts], np.int64),
+    )
+    for column in columns:
+        column.setflags(write=False)
+    return Located(name, plan, findings, tuple(part.tried for part in parts), *columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,8 +16,9 @@ from swarmsim.core.scenario.file import load
 from swarmsim.core.state import Senses
 from swarmsim.engine.build import BuiltRun, build
 from swarmsim.jobs.facts.board import FactBoard
+from swarmsim.jobs.facts.tellers import Tellers
 from swarmsim.jobs.facts.wire import ENTRY, FORM, Fact, Facts
-from swarmsim.operations.sources.locate import LocateSource, SourceSearch
+from swarmsim.operations.sources.locate import LocateSource
 from swarmsim.operations.sources.searcher import SAMPLE, Searcher
 from swarmsim.testing import check_locality, check_one_robot, check_permutation, check_strictly
 
@@ -117,7 +118,7 @@ def test_a_robot_without_a_finite_sample_says_so(path: Path) -> None:
     assert known.share(np.ones(4, bool)) == 0.0
 
 
-def search(path: Path) -> SourceSearch:
+def search(path: Path) -> Tellers[Searcher]:
     """The job alone, of four robots in the room."""
     run = built(path)
     keys = run.scenario.jobs[0].parameters
@@ -129,7 +130,7 @@ def read(values: np.ndarray) -> Readings:
     return Readings(Channels(Channel("field")), (values,))
 
 
-def heard(job: SourceSearch, now: int, values: np.ndarray):
+def heard(job: Tellers[Searcher], now: int, values: np.ndarray):
     """What robots know that stand in four places, measure these values and hear nobody."""
     pose = np.array([[1.0, 1.0, 0.0], [3.0, 1.0, 0.0], [1.0, 3.0, 0.0], [3.0, 3.0, 0.0]])
     senses = Senses(now, pose, np.zeros((4, 3)), np.ones(4, bool), read(values))
