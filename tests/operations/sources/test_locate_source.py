@@ -159,7 +159,7 @@ def test_a_budget_holds_and_samples_come_through(path: Path) -> None:
 
 
 def test_samples_that_cannot_be_are_left_out(path: Path) -> None:
-    plan = search(path)._plan
+    plan = search(path)._parts[0]._plan
     one = Searcher(plan, 0, FactBoard(0, 10))
     sound = Fact(ENTRY, 1 << 16, 3, 1, SAMPLE.pack(5, 5, 0.5))
     wrong = [
