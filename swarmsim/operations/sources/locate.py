@@ -12,8 +12,10 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
+from swarmsim.core.drawing import LARGEST
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Record, Senses
 from swarmsim.jobs.facts.board import FactBoard
@@ -29,6 +31,7 @@ from swarmsim.operations.sources.searcher import SAMPLE, Searcher, SearchPlan
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e9)]
 Count = Annotated[int, Meta(ge=1, le=1_000_000_000)]
+FIELDS = 5  # iterations between two fields in recordings
 
 
 class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -86,6 +89,13 @@ class SourceSearch:
         self._tellers = Tellers(context, self._new, self._located)
         #: The form of its messages.
         self.codec = self._tellers.codec
+        #: What it shows.
+        self.tables = (
+            ProbeTable("estimate", "f8", ("robots", 3), "m", "estimated source", -LARGEST, LARGEST,
+                       ("x", "y", "spread"), drawn="places"),
+            ProbeTable("field", "f4", plan.lattice.shape, meaning="surest robot's field",
+                       every=FIELDS, drawn="field"),
+        )  # fmt: skip
 
     def _new(self, robot: int) -> Searcher:
         self._parts[robot] = Searcher(self._plan, robot, FactBoard(robot, self._longest))
@@ -123,7 +133,7 @@ class SourceSearch:
         )
         for column in columns:
             column.setflags(write=False)
-        return Located(self._name, self._plan, findings, tuple(part.tried for part in parts), *columns)
+        return Located(self._name, self._plan, findings, tuple(part.tried for part in parts), *columns, now)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,6 +150,7 @@ class Located(JobStanding):
     samples: NDArray[np.int64]  # (n,): how many each has
     age: NDArray[np.float64]  # (n,): s, mean time since the newest sample of each other robot heard of
     made: NDArray[np.int64]  # (n,): iteration of the last inversion; -1 for none
+    now: int  # iteration
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns, in order, and all strengths one after another."""
@@ -151,6 +162,19 @@ class Located(JobStanding):
         """The places, and what they rest on."""
         names = ("place", "strength", "spread", "samples", "age", "made")
         return Record({f"{self.name}_{name}": getattr(self, name) for name in names})
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """All estimates, and the present field by that of the living robot with the smallest spread."""
+        lattice = self.plan.lattice
+        field = np.full(lattice.shape, np.nan, np.float32)
+        spread = np.where(alive, self.spread, np.nan)
+        if self.now % FIELDS == 0 and np.isfinite(spread).any():
+            best = self.findings[int(np.nanargmin(spread))]
+            greens, time = self.plan.inversion.greens, self.now * self.plan.period
+            cells = np.arange(greens.cells)
+            if best is not None and time <= greens.duration:
+                field[tuple(self.plan.cells.T)] = best.forecast(greens, time, cells)
+        return {"estimate": np.column_stack([self.place, spread]), "field": field}
 
     def of(self, robot: int) -> SimpleNamespace:
         """One robot's finding."""
