@@ -22,7 +22,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
 from swarmsim.engine.processors import check_memory, processors_of
-from swarmsim.jobs.runtime import Lockstep
+from swarmsim.jobs.onlooker import ObservedJob
 
 
 def bundled(
@@ -94,9 +94,9 @@ def _job(
         keys = {key: getattr(asked, key) for key in Shared.__struct_fields__ if hasattr(asked, key)}
         try:
             shared = convert({**keys, "name": name}, Shared)
-            found = Lockstep(found, shared, context)  # type: ignore[arg-type]
-            _check_channel(network, found.longest, context)
-            needs[name] = found.needs
+            found = ObservedJob(found, shared, context)  # type: ignore[arg-type]
+            _check_channel(network, found.inner.longest, context)
+            needs[name] = found.inner.needs
         except InputError as problem:
             raise problem.inside(place) from problem
     job: AnyJob = found  # type: ignore[assignment]

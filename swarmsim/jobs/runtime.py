@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import PieceJob, Shared, Values
-from swarmsim.core.lattice import Lattice
 from swarmsim.core.messages import HEADER, Broadcast, Inbox
 from swarmsim.core.probes import Row
 from swarmsim.core.processors import OwnProcessor, Processors
@@ -24,7 +23,7 @@ from swarmsim.core.state import Knowledge, Record, Senses
 from swarmsim.jobs.items import CLAIM, FORMS, KEEP, SHOW, STATE, Item, ItemCodec, Items
 from swarmsim.jobs.peer import Peer
 from swarmsim.jobs.plan import JobPlan
-from swarmsim.jobs.watched import Onlooker, Sighted, rows_of, tables_of
+from swarmsim.jobs.sighted import Sighted
 
 UNKNOWN = -1  #: the step of a piece that a robot does not have
 
@@ -40,8 +39,7 @@ class Parcel(Knowledge):
     kept: NDArray[np.int32]  # (n, p): the step of the newest state that the robot keeps; UNKNOWN for none
     silent: NDArray[np.int32]  # (n,): iterations since the robot heard anybody
     counts: NDArray[np.float64]  # (n, 5): steps, exchanges waited, pieces taken over, steps redone, operations
-    lattice: Lattice
-    seen: Sighted
+    seen: Sighted | None = None  # by who looks at all robots
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All numbers, and all states one after another."""
@@ -60,8 +58,8 @@ class Parcel(Knowledge):
         )  # fmt: skip
 
     def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
-        """A row of each table that the job declares."""
-        return rows_of(self.plan, self.lattice, self.seen, self.progress(alive), self.states)
+        """A row of each table that the job shows, if it was looked at."""
+        return {} if self.seen is None else self.seen.rows(self.plan, self.progress(alive), self.states)
 
     def of(self, robot: int) -> SimpleNamespace:
         """The answers of the pieces that a robot computes, as they are, by piece."""
@@ -100,11 +98,13 @@ class Lockstep:
         self._processors = context.processors or Processors.unlimited(len(context.ids))
         self._peers = [self._new(row) for row in range(len(context.ids))]
         self._begun, self._awake = np.zeros((2, len(context.ids)), np.bool_)
-        self._onlooker = Onlooker(self._plan, len(context.ids))
-        #: What it shows.
-        self.tables = tables_of(self._plan, context.lattice, context.swarm)
         self._clock = -1
         self._iteration = -1
+
+    @property
+    def plan(self) -> JobPlan:
+        """What all robots know before the run."""
+        return self._plan
 
     @property
     def longest(self) -> int:
@@ -143,8 +143,6 @@ class Lockstep:
     def _tick(self, senses: Senses) -> None:
         """Count exchanges."""
         new = senses.iteration != self._iteration
-        if new:
-            self._onlooker.begin()
         self._clock = senses.iteration * self._rounds if new else self._clock + 1
         self._iteration = senses.iteration
 
@@ -173,13 +171,10 @@ class Lockstep:
         for row, peer in enumerate(self._peers):
             if senses.alive[row] and self._begun[row]:
                 mine = items[ends[row] : ends[row + 1]]
-                for item, sender in zip(mine, inbox.senders[ends[row] : ends[row + 1]].tolist(), strict=True):
-                    if item.kind == SHOW and peer.worker.log.get(item.piece, item.step) is None:
-                        self._onlooker.heard(row, sender)
                 peer.hear(mine, senses.iteration, self._clock, senses.pose[row, :2])
-        return self._parcel(senses.iteration, senses.alive)
+        return self._parcel(senses.iteration)
 
-    def _parcel(self, now: int, alive: NDArray[np.bool_]) -> Parcel:
+    def _parcel(self, now: int) -> Parcel:
         peers, shape = self._peers, (len(self._peers), len(self._plan.pieces))
         step, kept = np.full((2, *shape), UNKNOWN, np.int32)
         for row, peer in enumerate(peers):
@@ -194,11 +189,7 @@ class Lockstep:
         states = tuple(
             {piece: (thread.step, thread.state) for piece, thread in peer.worker.threads.items()} for peer in peers
         )
-        seen = self._onlooker.see(
-            step, kept, alive, self._clock, lambda row, piece: peers[row].worker.log.newest(piece)
-        )
-        ended, lattice = tuple(peer.ended() for peer in peers), self._context.lattice
-        return Parcel(self._plan, states, ended, step, kept, silent, counts, lattice, seen)
+        return Parcel(self._plan, states, tuple(peer.ended() for peer in peers), step, kept, silent, counts)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Erase all that these rows (r,) have of the job; states that they alone knew are lost with it."""

@@ -22,7 +22,8 @@ class Takeovers:
         """What is new. A piece that nobody had yet, as before late robots come, is not lost."""
         found = list[Event]()
         for one in self._jobs.told if now.iteration else ():
-            holders = one.knowledge.seen.holder.tolist() if isinstance(one.knowledge, Parcel) else []
+            seen = one.knowledge.seen if isinstance(one.knowledge, Parcel) else None
+            holders = [] if seen is None else seen.holder.tolist()
             for piece, holder in enumerate(holders):
                 key = one.name, piece
                 before = self._had.get(key)
