@@ -11,13 +11,14 @@ from mcap.reader import make_reader
 
 from swarmsim.core.drawing import Circles, Lines, Polygons, Raster, Texts
 from swarmsim.core.errors import InputError
+from swarmsim.core.probes import NOBODY
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.engine.build import build
 from swarmsim.recording.reader import Recording
 from swarmsim.view.canvas import Canvas
 from swarmsim.view.layers import LayerStack
-from swarmsim.view.layers.jobs import SCALE
+from swarmsim.view.layers.jobs import FLASH, SCALE
 from swarmsim.view.legend import signs
 from swarmsim.view.page.tracks import Tracks
 from swarmsim.view.scene import Scene
@@ -132,8 +133,9 @@ def test_a_field_has_the_colours_of_its_scale(recording: Recording) -> None:
 
 def test_pieces_have_the_colours_of_their_holders_and_flash_when_taken_over(recording: Recording) -> None:
     holder = recording["fill.holder"]
-    taken = int(np.flatnonzero((holder[1:] != holder[:-1]).any(axis=1) & (holder[1:] >= 0).all(axis=1))[0]) + 1
     (piece,) = np.flatnonzero(holder[5] == 2)
+    taken = int(np.flatnonzero(holder[:, piece] == holder[-1, piece])[0])
+    assert set(holder[8:taken, piece]) == {NOBODY}
 
     def inks(iteration: int) -> list[object]:
         return [mark.edge for mark in drawn(recording, iteration, "piece") if isinstance(mark, Polygons)]
@@ -141,7 +143,7 @@ def test_pieces_have_the_colours_of_their_holders_and_flash_when_taken_over(reco
     assert inks(5) == ["edge", [f"robot {robot}" for robot in holder[5]]]
     assert inks(9)[1][piece] == "dead"  # type: ignore[index]
     assert inks(taken)[2:] == ["edge", ["mark"]]
-    assert len(inks(39)) == 2
+    assert [len(inks(iteration)) for iteration in (taken - 1, taken + FLASH - 1, taken + FLASH)] == [2, 4, 2]
     (labels,) = [mark for mark in drawn(recording, 9, "holder") if isinstance(mark, Texts)]
     assert labels.texts[piece] == "?"
     (rings,) = drawn(recording, 9, "holds a piece")

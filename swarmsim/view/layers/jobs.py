@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from swarmsim.core.drawing import Circles, Ink, Lines, Mark, Polygons, Raster, Reals, Texts, Whole, ends_of
-from swarmsim.core.probes import GONE, Declared, ProbeTable
+from swarmsim.core.probes import GONE, NOBODY, Declared, ProbeTable
 from swarmsim.view.layers.robots import bodies, forms, inks_of_robots
 from swarmsim.view.scene import Frame, Scene
 from swarmsim.view.signs import Sign, ramp
@@ -112,7 +112,7 @@ class HolderTable(DrawnTable):
         holder = np.asarray(self._values(shot), np.int64)
         inks = [f"robot {one}" if one >= 0 else "lost" if one == GONE else "dead" for one in holder.tolist()]
         found: list[Mark] = [*self._outlines(range(self._count), inks, 2.5)]
-        taken = [piece for piece in range(self._count) if self._was_taken(shot, piece, int(holder[piece]))]
+        taken = self._taken(shot)
         found += self._outlines(taken, ["mark"] * len(taken), 5.0) if taken else []
         words = [str(one) if one >= 0 else "x" if one == GONE else "?" for one in holder.tolist()]
         found.append(Circles(self._middles, self._disc, "#101420", None, 0.7, name="holder", z=PIECES + 0.2))
@@ -122,11 +122,11 @@ class HolderTable(DrawnTable):
         return [*found, Circles(shot.pose[robots, :2], 1.5, "curve", stroke=0.22, unit="body", of=robots, rides=True,
                                 name="holds a piece", z=RINGS)]  # fmt: skip
 
-    def _was_taken(self, shot: Frame, piece: int, holder: int) -> bool:
-        """Whether another robot held a piece some time ago."""
-        back = range(1, min(FLASH, shot.row) + 1)
-        earlier = (int(self._values(shot, one)[piece]) for one in back)
-        return holder >= 0 and any(one not in (holder, -1, GONE) for one in earlier)
+    def _taken(self, shot: Frame) -> list[int]:
+        """The pieces that went to another robot a short time ago."""
+        if self._row != self._scene.iterations:  # more has been recorded
+            self._row, self._changed = self._scene.iterations, _taken_over(self._scene.recording[self._of])
+        return np.flatnonzero(self._changed[max(shot.row + 1 - FLASH, 0) : shot.row + 1].any(axis=0)).tolist()
 
     def _outlines(self, pieces: Sequence[int], inks: Sequence[Ink], width: float) -> Iterator[Mark]:
         rings = [(ring, ink) for piece, ink in zip(pieces, inks, strict=True) for ring in self._rings[piece]]
@@ -141,9 +141,9 @@ class HolderTable(DrawnTable):
         pose = np.array([(0.0, 0.0, 0.5)])
         ring = Circles(pose[:, :2], 1.5, "curve", stroke=0.22, unit="body", of=ONE)
         found = [Sign("holder", self._said, [_square(square, "robot 0"), ring, *bodies(pose, ONE)])]
-        changed = (recorded[1:] != recorded[:-1]) & (recorded[1:] >= 0)
         for there, ink, text in (
-            (changed.any(), "mark", "piece just taken over"), ((recorded == -1).any(), "dead", "nobody computes it"),
+            (_taken_over(recorded).any(), "mark", "piece just taken over"),
+            ((recorded == NOBODY).any(), "dead", "nobody computes it"),
             ((recorded == GONE).any(), "lost", "lost: no living robot has it"),
         ):  # fmt: skip
             found += [Sign(text, text, [_square(square, ink)])] * bool(there)
@@ -212,6 +212,14 @@ def job_layers(scene: Scene) -> list[DrawnTable]:
             elif table.drawn == "holders" and pieces is not None:
                 found.append(HolderTable(scene, declared, table, pieces))
     return found
+
+
+def _taken_over(holders: NDArray[np.generic]) -> NDArray[np.bool_]:
+    """Where (t, p) a piece has come to another robot than the last one that held it."""
+    held = np.asarray(holders) >= 0
+    since = np.maximum.accumulate(np.where(held, np.arange(len(held))[:, None], 0), axis=0)  # the last row with one
+    last = np.take_along_axis(np.asarray(holders), since, axis=0)
+    return np.concatenate([np.zeros_like(held[:1]), held[1:] & (last[:-1] >= 0) & (last[1:] != last[:-1])])
 
 
 def _outline(scene: Scene, cells: NDArray[np.bool_]) -> Iterator[Reals]:
