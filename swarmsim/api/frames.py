@@ -51,20 +51,24 @@ def _iterations(recording: Recording) -> dict[str, object]:
 
 
 def _sampled(recording: Recording, name: str) -> dict[str, Row]:
-    """The columns of a probe: next to a table with a row per robot, the others' numbers are repeated."""
+    """The columns of a probe or job: next to a table with a row per robot, others' numbers are repeated.
+
+    Tables with a rate of their own are left out.
+    """
     known = {one.name: one for one in recording.probes}
     if name not in known:
         there = {**known, **recorded(recording)}
         raise InputError(f"{recording.path}: no probe or channel is called {name!r}; {nearest(name, there)}")
     declared, robots = known[name], recording.scenario.robots.count
-    of_each = [table.shape[:1] == ("robots",) for table in declared.tables]
+    tables = [table for table in declared.tables if not table.every]
+    of_each = [table.shape[:1] == ("robots",) for table in tables]
     repeats = robots if any(of_each) else 1
     iteration = declared.every * np.arange(declared.samples(recording.iterations))
     found: dict[str, Row] = {"iteration": iteration, "time (s)": iteration * recording.scenario.period}
     found = {title: np.repeat(values, repeats) for title, values in found.items()}
     if any(of_each):
         found["robot"] = np.tile(np.arange(robots), len(iteration))
-    for table, each in zip(declared.tables, of_each, strict=True):
+    for table, each in zip(tables, of_each, strict=True):
         rows = recording[declared.called(table)]
         width = int(np.prod(rows.shape[2 if each else 1 :]))
         flat = np.repeat(rows.reshape(-1, width) if width else np.empty((0, 0)), 1 if each else repeats, axis=0)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from swarmsim.api.recorded import Run
     from swarmsim.view.video import Film
 
-DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel", "own")  # as view.style has them
+DRAWN = ("beams", "tiles", "links", "ways", "people", "events", "panel", "jobs", "own")  # as view.style has them
 
 
 def video(

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from swarmsim.core.jobs import AnyJob
 from swarmsim.core.messages import HEADER, Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation
+from swarmsim.core.probes import ProbeTable
 from swarmsim.core.processors import Processors
 from swarmsim.core.state import JobReport, Knowledge, Senses
 
@@ -92,6 +93,11 @@ class Bundle:
         self._said: Broadcast[MessageBatch] | None = None
         self._sent, self._heard = ([0] * len(jobs) for _ in range(2))  # bytes of each job in the present iteration
         self._takes_in = np.zeros(0, np.bool_)  # (n,): which robots take anything in
+
+    @property
+    def tables(self) -> Mapping[str, tuple[ProbeTable, ...]]:
+        """What each job shows, by its name; see `core.jobs`."""
+        return {name: getattr(job, "tables", ()) for name, job in self._jobs.items()}
 
     @property
     def knowledge_type(self) -> type[Knowledge]:

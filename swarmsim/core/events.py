@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 Box = tuple[float, float, float, float]  # left, lower, right, upper edge in m
 
@@ -52,13 +52,28 @@ class BoxWaits(Happened, frozen=True, tag="box-waits"):
     box: Box
 
 
+class PieceTaken(Happened, frozen=True, tag="piece-taken"):
+    """A robot goes on with a piece of a job that another one has computed."""
+
+    job: Annotated[str, Meta(max_length=200)]
+    piece: Annotated[int, Meta(ge=0)]
+    robots: tuple[int, ...]  # who has taken it over, and who had it
+
+
+class PieceLost(Happened, frozen=True, tag="piece-lost"):
+    """No living robot has a state of a piece of a job any more."""
+
+    job: Annotated[str, Meta(max_length=200)]
+    piece: Annotated[int, Meta(ge=0)]
+
+
 class Ended(Happened, frozen=True, tag="ended"):
     """The run is over; `iteration` is its last one."""
 
     finished: bool  # whether the task was done
 
 
-Event = Begins | Ends | BoxStands | BoxGone | BoxWaits | Ended
+Event = Begins | Ends | BoxStands | BoxGone | BoxWaits | PieceTaken | PieceLost | Ended
 E = TypeVar("E", bound=Happened)
 
 

@@ -335,6 +335,11 @@ class Exchanges(Protocol):
         """What robots compute them on."""
         ...
 
+    @property
+    def tables(self) -> Mapping[str, tuple[ProbeTable, ...]]:
+        """What each shows, by its name."""
+        ...
+
     def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
         """All robots' messages in a further exchange."""
         ...

@@ -22,7 +22,7 @@ from swarmsim.core.scenario.part import Part
 from swarmsim.engine.foreign import make
 from swarmsim.engine.guard import Clock, held
 from swarmsim.engine.processors import check_memory, processors_of
-from swarmsim.jobs.runtime import Lockstep
+from swarmsim.jobs.onlooker import ObservedJob
 
 
 def bundled(
@@ -42,7 +42,7 @@ def bundled(
     jobs: dict[str, AnyJob] = {}
     needs: dict[str, NDArray[np.float64]] = {}
     for number, part in enumerate(scenario.jobs):
-        name = part.declares("name", "") or _name_of(part.use)
+        name = name_of(part)
         if name in jobs:
             raise InputError(f"jobs[{number}].name: {name!r} is that of an earlier job; expected another name")
         jobs[name] = _job(part, name, scenario.network, context, f"jobs[{number}]", clock, strict, needs)
@@ -76,8 +76,10 @@ def _check_channel(network: Network, longest: int, context: BuildContext) -> Non
             )
 
 
-def _name_of(use: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", use.rpartition(":")[2].lower()).strip("_")
+def name_of(part: Part[AnyJob]) -> str:
+    """What a job is called in recordings."""
+    given: str = part.declares("name", "")
+    return given or re.sub(r"[^a-z0-9]+", "_", part.use.rpartition(":")[2].lower()).strip("_")
 
 
 def _job(
@@ -92,9 +94,9 @@ def _job(
         keys = {key: getattr(asked, key) for key in Shared.__struct_fields__ if hasattr(asked, key)}
         try:
             shared = convert({**keys, "name": name}, Shared)
-            found = Lockstep(found, shared, context)  # type: ignore[arg-type]
-            _check_channel(network, found.longest, context)
-            needs[name] = found.needs
+            found = ObservedJob(found, shared, context)  # type: ignore[arg-type]
+            _check_channel(network, found.inner.longest, context)
+            needs[name] = found.inner.needs
         except InputError as problem:
             raise problem.inside(place) from problem
     job: AnyJob = found  # type: ignore[assignment]

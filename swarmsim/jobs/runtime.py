@@ -17,11 +17,13 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import PieceJob, Shared, Values
 from swarmsim.core.messages import HEADER, Broadcast, Inbox
+from swarmsim.core.probes import Row
 from swarmsim.core.processors import OwnProcessor, Processors
 from swarmsim.core.state import Knowledge, Record, Senses
 from swarmsim.jobs.items import CLAIM, FORMS, KEEP, SHOW, STATE, Item, ItemCodec, Items
 from swarmsim.jobs.peer import Peer
 from swarmsim.jobs.plan import JobPlan
+from swarmsim.jobs.sighted import Sighted
 
 UNKNOWN = -1  #: the step of a piece that a robot does not have
 
@@ -37,6 +39,7 @@ class Parcel(Knowledge):
     kept: NDArray[np.int32]  # (n, p): the step of the newest state that the robot keeps; UNKNOWN for none
     silent: NDArray[np.int32]  # (n,): iterations since the robot heard anybody
     counts: NDArray[np.float64]  # (n, 5): steps, exchanges waited, pieces taken over, steps redone, operations
+    seen: Sighted | None = None  # by who looks at all robots
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All numbers, and all states one after another."""
@@ -53,6 +56,10 @@ class Parcel(Knowledge):
                 f"{name}_redone": counts[:, 3], f"{name}_work": counts[:, 4],
             }
         )  # fmt: skip
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """A row of each table that the job shows, if it was looked at."""
+        return {} if self.seen is None else self.seen.rows(self.plan, self.progress(alive), self.states)
 
     def of(self, robot: int) -> SimpleNamespace:
         """The answers of the pieces that a robot computes, as they are, by piece."""
@@ -93,6 +100,11 @@ class Lockstep:
         self._begun, self._awake = np.zeros((2, len(context.ids)), np.bool_)
         self._clock = -1
         self._iteration = -1
+
+    @property
+    def plan(self) -> JobPlan:
+        """What all robots know before the run."""
+        return self._plan
 
     @property
     def longest(self) -> int:

@@ -128,7 +128,7 @@ def declared_by(probes: Iterable[Declared]) -> dict[str, Table]:
             if name in found or wrong_name(name, "probe"):
                 raise ValueError(f"table {name!r} is declared by a probe, and is something else already")
             low, high = ((one.low,), (one.high,)) if (one.low, one.high) != (-math.inf, math.inf) else ((), ())
-            found[name] = Table(np.dtype(one.dtype).str[1:], one.shape, EACH, low, high, every=probe.every)
+            found[name] = Table(np.dtype(one.dtype).str[1:], one.shape, EACH, low, high, every=probe.due(one))
     return found
 
 

@@ -21,12 +21,11 @@ class Watching:
     probe: Probe
 
     def rows(self, moment: Moment[Knowledge]) -> dict[str, Row]:
-        """A row of each table by its name in the recording; empty in iterations without a sample."""
-        if moment.state.iteration % self.declared.every:
-            return {}
-        found = self.probe.sample(moment)
-        robots = moment.state.robots
-        return {self.declared.called(one): one.row(found[one.name], robots) for one in self.declared.tables}
+        """A row of each table that is due, by its name in the recording."""
+        now, robots = moment.state.iteration, moment.state.robots
+        due = [one for one in self.declared.tables if now % self.declared.due(one) == 0]
+        found = self.probe.sample(moment) if due else {}
+        return {self.declared.called(one): one.row(found[one.name], robots) for one in due}
 
 
 class Batteries(Sampled, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -21,7 +21,7 @@ from swarmsim.core.errors import InputError, StorageError, is_of_the_machine, ne
 from swarmsim.core.events import Ended, Event, decoded
 from swarmsim.core.lattice import Lattice
 from swarmsim.core.parts import Curve
-from swarmsim.core.probes import Declared, Row
+from swarmsim.core.probes import Declared, Row, wrong_picture
 from swarmsim.core.renamed import in_new_words
 from swarmsim.core.scenario import files
 from swarmsim.core.scenario.file import Scenario, shape
@@ -133,9 +133,12 @@ class Recording:
         self.curve = msgspec.json.decode(text["curve"], type=Curve)
         self._rows = set(msgspec.json.decode(text["rows"], type=list[str]))  # tables with one row for each iteration
         self._names = set(file)
-        #: The probes' declarations.
+        #: The declarations of probes, and of what jobs show.
         self.probes = msgspec.json.decode(layout.text(file, "probes", b"[]"), type=list[Declared])
         robots = self.scenario.robots.count
+        for table in (table for probe in self.probes for table in probe.tables):
+            if wrong := wrong_picture(table, self.lattice.shape, robots):
+                raise ValueError(wrong)
         #: The channels of the robots' sensors; empty in recordings older than declarations.
         self.channels = declarations.read(layout.text(file, "channels", b"[]").decode(), robots)
         #: The channels of the robots' actuators; empty without any.

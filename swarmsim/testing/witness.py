@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy, Exchanges
+from swarmsim.core.probes import ProbeTable
 from swarmsim.core.processors import Processors
 from swarmsim.core.state import Intents, JobReport, Knowledge, Senses
 from swarmsim.faults.delegate import ComputationDelegate
@@ -90,6 +91,11 @@ class WitnessedJobs:
     def processors(self) -> Processors:
         """What robots compute them on."""
         return self._inner.processors
+
+    @property
+    def tables(self) -> Mapping[str, tuple[ProbeTable, ...]]:
+        """What the jobs show."""
+        return self._inner.tables
 
     def say_more(self, senses: Senses) -> Broadcast[MessageBatch]:
         self._said = self._inner.say_more(senses)

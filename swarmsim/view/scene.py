@@ -109,7 +109,7 @@ class Scene:
         """Raises InputError if the recording holds no whole iteration."""
         if not recording.iterations:
             raise InputError(f"{recording.path}: no whole iteration was recorded; there is nothing to show")
-        self._recording = recording
+        self.recording = self._recording = recording
         self.scenario = scenario = recording.scenario
         self._plan = plan = floor_plan(recording.world, scenario.world)
         beyond = [plan.border, *([plan.unknown] if scenario.world.unknown == "wall" else [])]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,9 @@ class Sign(NamedTuple):
     radius: float = 3.5  # of a robot
 
 
-def ramp(low: Ink, high: Ink) -> list[Mark]:
-    """A strip from one ink to another."""
-    values = np.arange(1, 8, dtype=np.uint8)[None].repeat(4, axis=0)
-    return [Raster(values, (-10.0, -5.0), 20.0 / 7.0, ((1, 7, low, high),))]
+def ramp(*inks: Ink) -> list[Mark]:
+    """A strip from one ink over others to the last."""
+    steps = len(inks) - 1
+    values = np.arange(1, 7 * steps + 1, dtype=np.uint8)[None].repeat(4 * steps, axis=0)
+    palette = tuple((7 * step + 1, 7 * step + 7, *pair) for step, pair in enumerate(pairwise(inks)))
+    return [Raster(values, (-10.0, -5.0), 20.0 / (7 * steps), palette)]

@@ -18,6 +18,7 @@ LAYERS: Final = {
     "people": "people who walk about",
     "events": "what has just happened",
     "panel": "numbers, curves and the legend",
+    "jobs": "what jobs compute, and who computes it",
     "own": "layers that the scenario or its parts add",
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event
+from swarmsim.core.events import Begins, BoxStands, BoxWaits, Ended, Ends, Event, PieceLost, PieceTaken
 from swarmsim.core.parts import Fault
 from swarmsim.core.scenario.file import Scenario
 from swarmsim.core.scenario.part import Part
@@ -32,6 +32,8 @@ def worded(event: Event, scenario: Scenario) -> str:
     """An event in a word or two, as in `motor off over`."""
     if isinstance(event, Ended):
         return "finished" if event.finished else "not finished"
+    if isinstance(event, PieceTaken | PieceLost):
+        return f"{event.job}: piece {event.piece} {'lost' if isinstance(event, PieceLost) else 'taken over'}"
     fault = scenario.faults[event.fault]
     name = _name(fault)
     plain = f"{name} {fault.declares('failure', '')}".rstrip()
@@ -48,6 +50,10 @@ def cause_of(event: Event, scenario: Scenario) -> str:
             return f"limit of {scenario.limit} iterations"
         name, share = _name(scenario.task), scenario.task.declares("share", None)
         return f"{100.0 * share:g} % {name} reached" if isinstance(share, float) else f"{name} done"
+    if isinstance(event, PieceLost):
+        return "no living robot has it"
+    if isinstance(event, PieceTaken):
+        return f"by robot {event.robots[0]} from robot {event.robots[-1]}" if event.robots else "by a robot"
     if isinstance(event, Begins | Ends):
         return described(scenario.faults[event.fault])
     left, low, right, high = event.box

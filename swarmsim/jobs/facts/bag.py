@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import Piece, PieceJob, Values
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.state import Record
 from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.tellers import JobStanding, Tellers
@@ -26,6 +27,7 @@ from swarmsim.jobs.facts.wire import LONGEST, Fact, check_budget, within
 DONE: Final = (1 << 32) - 1  #: the version of a result: higher than that of any claim
 SIGNS: Final = 6  # of life within the patience that others have
 NUMBER: Final = np.dtype(">f8")
+RESULTS: Final = ProbeTable("results", "i4", ("robots",), "", "results known", 0.0, drawn="robots")
 
 
 class BagWork(Protocol):
@@ -109,9 +111,8 @@ def bag(work: BagWork, keys: Carried, context: BuildContext) -> Tellers[Hand]:
     if not 0 < size <= LONGEST:
         raise InputError(f"items: results of {size} bytes; expected 1 to {LONGEST // NUMBER.itemsize} numbers")
     check_budget(keys.budget, [size], "a result")
-    return Tellers(
-        context, lambda robot: Hand(work, keys, context, robot), BagTally(work, keys.name, len(context.ids)), type(work)
-    )
+    tally = BagTally(work, keys.name, len(context.ids))
+    return Tellers(context, lambda robot: Hand(work, keys, context, robot), tally, type(work), (RESULTS,))
 
 
 class Hand:
@@ -216,6 +217,10 @@ class Results(JobStanding):
         """What is known and done."""
         columns = zip(("known", "did", "stolen"), self.arrays(), strict=False)
         return Record({f"{self.name}_{column}": rows for column, rows in columns})
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """How many results each robot has."""
+        return {"results": self.known.sum(axis=1)}
 
     def share(self, alive: NDArray[np.bool_]) -> float:
         """The share of items of which the living robot with the most results has the results."""

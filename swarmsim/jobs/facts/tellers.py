@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import HEADER, Broadcast, Inbox
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.jobs.facts.wire import Fact, FactCodec, Facts
 
@@ -59,6 +60,10 @@ class JobStanding(Knowledge, ABC):
         """What living robots have found in the end, by name."""
         return {}
 
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """A row of each table that the job declares."""
+        return {}
+
 
 class Tellers(Generic[T]):
     """A job of facts for some robots, or all."""
@@ -66,12 +71,16 @@ class Tellers(Generic[T]):
     def __init__(
         self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
         written_by: type | None = None, look: Callable[[Sequence[T], Senses], None] | None = None,
+        tables: tuple[ProbeTable, ...] = (),
     ) -> None:  # fmt: skip
         """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
 
         `written_by` is the class whose code it runs, if that is not this package's. `look` gives all parts what their
-        robots sense, before they say anything.
+        robots sense, before they say anything. `tables` are those that `JobStanding.sample` gives rows of, for
+        recordings and pictures.
         """
+        #: What it shows.
+        self.tables = tables
         #: The class named in messages about broken contracts.
         self.written_by: type = written_by or type(self)
         #: The form of its messages.

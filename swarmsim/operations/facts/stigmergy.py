@@ -12,12 +12,14 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.state import Record
 from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import Fact, check_budget, within
 
 VALUE: Final = struct.Struct(">d")
+NEWEST: Final = ProbeTable("newest", "i4", ("robots",), "", "newest entries known", 0.0, drawn="robots")
 
 Name = Annotated[str, Meta(pattern="^([a-z][a-z0-9_]*)?$")]
 
@@ -51,7 +53,8 @@ class Stigmergy(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
             mine = [(when, key, value) for when, who, key, value in plan if who == robot]
             return Writer(FactBoard(robot, self.repeat * context.rounds), mine, self.budget)
 
-        return Tellers(context, new, lambda parts, now: _standing(parts, self.keys, self.name or "stigmergy"))
+        name = self.name or "stigmergy"
+        return Tellers(context, new, lambda parts, now: _standing(parts, self.keys, name), tables=(NEWEST,))
 
 
 class Writer:
@@ -103,19 +106,23 @@ class SharedTable(JobStanding):
         columns = zip(("version", "robot", "value", "left"), self.arrays(), strict=True)
         return Record({f"{self.name}_{column}": rows for column, rows in columns})
 
-    def equal(self, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Which robots (n,) have the newest entry of each key that any living robot has."""
-        same = np.ones(len(alive), np.bool_)
+    def newest(self, alive: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Whether each living robot has the newest entry that any of them has, of each key (n, k)."""
+        same = np.repeat(alive[:, None], self.version.shape[1], axis=1)
         for key in range(self.version.shape[1]) if alive.any() else ():
             columns = self.value[:, key], self.robot[:, key], self.version[:, key]
             last = np.flatnonzero(alive)[np.lexsort([column[alive] for column in columns])[-1]]
             for column in columns:
-                same &= np.equal(column, column[last]) | (np.isnan(column) & np.isnan(column[last]))
-        return same & alive
+                same[:, key] &= np.equal(column, column[last]) | (np.isnan(column) & np.isnan(column[last]))
+        return same
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """How many keys each robot knows as they are; keys that nobody has written do not count."""
+        return {"newest": (self.newest(alive) & (self.version > 0)).sum(axis=1)}
 
     def share(self, alive: NDArray[np.bool_]) -> float:
         """The share of living robots whose table is the newest."""
-        return float(self.equal(alive)[alive].mean()) if alive.any() else 0.0
+        return float(self.newest(alive)[alive].all(axis=1).mean()) if alive.any() else 0.0
 
     def ended(self, alive: NDArray[np.bool_]) -> bool:
         """Whether all tables are equal, and nobody has anything left to write."""

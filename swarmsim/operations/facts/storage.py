@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.state import Record
 from swarmsim.jobs.facts.board import FIRST, FactBoard
 from swarmsim.jobs.facts.tellers import JobStanding, Tellers
@@ -24,6 +25,7 @@ from swarmsim.operations.facts.stigmergy import Name
 
 SIGNS: Final = 6  # of life within the patience that others have
 NUMBER: Final = np.dtype(">u2")  # of an item, in what a robot says that it holds
+ITEMS: Final = ProbeTable("items", "i4", ("robots",), "", "items held", 0.0, drawn="robots")
 
 
 class Storage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -50,7 +52,7 @@ class Storage(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         """The job. Raises InputError for what cannot be kept."""
         self._check(context.swarm)
         goods = Goods.of(self, context)
-        return Tellers(context, lambda robot: Keeper(goods, robot), Ledger(goods, len(context.ids)))
+        return Tellers(context, lambda robot: Keeper(goods, robot), Ledger(goods, len(context.ids)), tables=(ITEMS,))
 
     def _check(self, swarm: int) -> None:
         if self.smallest > self.largest:
@@ -221,6 +223,10 @@ class Stocks(JobStanding):
         """Who holds and made what, and the bytes."""
         columns = zip(("held", "made", "refused", "used"), self.arrays(), strict=False)
         return Record({f"{self.goods.keys.name or 'storage'}_{column}": rows for column, rows in columns})
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """How many items each robot holds."""
+        return {"items": self.held.sum(axis=1)}
 
     def _holders(self, alive: NDArray[np.bool_]) -> NDArray[np.int64]:
         """The living holders of each item that was made and not refused."""

@@ -132,6 +132,10 @@ class ModelJob:
     def work(self, piece: Piece) -> float:
         return self._solver(piece).work
 
+    def time(self, step: int) -> float:
+        """The time (s) that the field has reached after so many steps of a piece."""
+        return step // self.method.exchanges * self.problem.dt
+
     def answer(self, piece: Piece, state: Values) -> Values:
         return np.asarray(self._solver(piece).fields(state)[:, 0])
 

@@ -12,7 +12,9 @@ from msgspec import Meta, Struct
 from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
+from swarmsim.core.drawing import LARGEST
 from swarmsim.core.errors import InputError
+from swarmsim.core.probes import ProbeTable, Row
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Record, Senses
 from swarmsim.jobs.facts.board import FactBoard
@@ -28,6 +30,7 @@ from swarmsim.operations.sources.searcher import SAMPLE, Searcher, SearchPlan
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e9)]
 Count = Annotated[int, Meta(ge=1, le=1_000_000_000)]
+FIELDS = 5  # iterations between two fields in recordings
 
 
 class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -75,8 +78,17 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         name, longest = self.name or "locate_source", self.repeat * context.rounds
         return Tellers(
             context, lambda robot: Searcher(plan, robot, FactBoard(robot, longest)),
-            lambda parts, now: _located(parts, now, plan, name), look=_sample,
+            lambda parts, now: _located(parts, now, plan, name), look=_sample, tables=_tables(plan.lattice.shape),
         )  # fmt: skip
+
+
+def _tables(shape: tuple[int, int]) -> tuple[ProbeTable, ...]:
+    """What recordings and pictures show, on a lattice of this shape."""
+    return (
+        ProbeTable("estimate", "f8", ("robots", 3), "m", "estimated source", -LARGEST, LARGEST,
+                   ("x", "y", "spread"), drawn="places"),
+        ProbeTable("field", "f4", shape, meaning="surest robot's field", every=FIELDS, drawn="field"),
+    )  # fmt: skip
 
 
 def _sample(parts: Sequence[Searcher], senses: Senses) -> None:
@@ -99,7 +111,7 @@ def _located(parts: Sequence[Searcher], now: int, plan: SearchPlan, name: str) -
     )
     for column in columns:
         column.setflags(write=False)
-    return Located(name, plan, findings, tuple(part.tried for part in parts), *columns)
+    return Located(name, plan, findings, tuple(part.tried for part in parts), *columns, now)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +128,7 @@ class Located(JobStanding):
     samples: NDArray[np.int64]  # (n,): how many each has
     age: NDArray[np.float64]  # (n,): s, mean time since the newest sample of each other robot heard of
     made: NDArray[np.int64]  # (n,): iteration of the last inversion; -1 for none
+    now: int  # iteration
 
     def arrays(self) -> tuple[NDArray[np.generic], ...]:
         """All columns, in order, and all strengths one after another."""
@@ -127,6 +140,19 @@ class Located(JobStanding):
         """The places, and what they rest on."""
         names = ("place", "strength", "spread", "samples", "age", "made")
         return Record({f"{self.name}_{name}": getattr(self, name) for name in names})
+
+    def sample(self, alive: NDArray[np.bool_]) -> dict[str, Row]:
+        """All estimates, and the present field by that of the living robot with the smallest spread."""
+        lattice = self.plan.lattice
+        field = np.full(lattice.shape, np.nan, np.float32)
+        spread = np.where(alive, self.spread, np.nan)
+        if self.now % FIELDS == 0 and np.isfinite(spread).any():
+            best = self.findings[int(np.nanargmin(spread))]
+            greens, time = self.plan.inversion.greens, self.now * self.plan.period
+            cells = np.arange(greens.cells)
+            if best is not None and time <= greens.duration:
+                field[tuple(self.plan.cells.T)] = best.forecast(greens, time, cells)
+        return {"estimate": np.column_stack([self.place, spread]), "field": field}
 
     def of(self, robot: int) -> SimpleNamespace:
         """One robot's finding."""

@@ -27,6 +27,7 @@ class SearchPlan:
     inversion: Inversion
     lattice: Lattice
     nearest: NDArray[np.int64]  # (rows, columns): the number of the free cell nearest to each
+    cells: NDArray[np.int64]  # (c, 2): row and column of each free cell, by number
     period: float  # s
     every: int  # iterations between a robot's samples
     interval: int  # iterations between inversions
@@ -35,7 +36,7 @@ class SearchPlan:
     @classmethod
     def of(cls, inversion: Inversion, domain: Domain, period: float, keys: tuple[int, int, int | None]) -> Self:
         """A plan with the keys `every`, `interval` and `budget`."""
-        return cls(inversion, domain.lattice, nearest_cells(domain), period, *keys)
+        return cls(inversion, domain.lattice, nearest_cells(domain), np.argwhere(domain.free), period, *keys)
 
     @property
     def last(self) -> float:

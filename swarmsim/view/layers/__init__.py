@@ -8,6 +8,7 @@ from typing import Protocol
 from swarmsim.core.drawing import Mark
 from swarmsim.view.layers.building import BoxLayer, BuildingLayer
 from swarmsim.view.layers.doing import BeamLayer, LinkLayer, TileLayer, WayLayer
+from swarmsim.view.layers.jobs import job_layers
 from swarmsim.view.layers.known import FieldLayer, MapLayer
 from swarmsim.view.layers.own import own_layers
 from swarmsim.view.layers.robots import BeliefLayer, FaultLayer, LightLayer, PeopleLayer, RobotLayer
@@ -41,7 +42,7 @@ class LayerStack:
         self.all: tuple[OurLayer, ...] = (
             RobotLayer(), TileLayer(scene), BeamLayer(scene), WayLayer(), LinkLayer(),
             BeliefLayer(), FaultLayer(), LightLayer(), PeopleLayer(), BoxLayer(),
-            FieldLayer(scene), MapLayer(scene), BuildingLayer(scene),
+            FieldLayer(scene), MapLayer(scene), BuildingLayer(scene), *job_layers(scene),
         )  # fmt: skip
         self._own = own_layers(scene.scenario, scene.at(0))
         self.all += tuple(self._own)
