@@ -15,7 +15,7 @@ from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.scenario.part import Part
-from swarmsim.core.state import Record, Senses
+from swarmsim.core.state import Knowledge, Record, Senses
 from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.tellers import JobStanding, Tellers
 from swarmsim.jobs.facts.wire import Facts, check_budget
@@ -77,18 +77,25 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
 
 class SourceSearch:
-    """The job for some robots, or all: samples go into each robot's table, which the robots share."""
+    """The job for some robots, or all: samples go into each robot's table, which the robots share.
+
+    It may be their mind's computation too.
+    """
 
     def __init__(self, plan: SearchPlan, name: str, longest: int, context: BuildContext) -> None:
         """Samples are told again after at most `longest` exchanges."""
-        self._plan, self._name, self._longest, self._ids = plan, name, longest, context.ids.tolist()
+        self._name, self._longest, self._ids = name, longest, context.ids.tolist()
+        #: What all robots know before the run.
+        self.plan = plan
         self._parts: dict[int, Searcher] = {}
         self._tellers = Tellers(context, self._new, self._located)
         #: The form of its messages.
         self.codec = self._tellers.codec
+        #: What it tells.
+        self.knowledge_type: type[Knowledge] = Located
 
     def _new(self, robot: int) -> Searcher:
-        self._parts[robot] = Searcher(self._plan, robot, FactBoard(robot, self._longest))
+        self._parts[robot] = Searcher(self.plan, robot, FactBoard(robot, self._longest))
         return self._parts[robot]
 
     def say(self, senses: Senses) -> Broadcast[Facts]:
@@ -111,7 +118,7 @@ class SourceSearch:
         self._tellers.copy_from(robots, source)
 
     def _located(self, parts: Sequence[Searcher], now: int) -> Located:
-        places, findings = self._plan.inversion.candidates.places, tuple(part.finding for part in parts)
+        places, findings = self.plan.inversion.candidates.places, tuple(part.finding for part in parts)
         nowhere = np.full(2, np.nan)
         columns = (
             np.array([nowhere if one is None else places[one.cell] for one in findings]).reshape(-1, 2),
@@ -123,7 +130,7 @@ class SourceSearch:
         )
         for column in columns:
             column.setflags(write=False)
-        return Located(self._name, self._plan, findings, tuple(part.tried for part in parts), *columns)
+        return Located(self._name, self.plan, findings, tuple(part.tried for part in parts), *columns)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
