@@ -475,6 +475,7 @@ SCENARIOS = {
     "field-estimate": "operations/field",
     "reactive": "operations/wandering",
     "positions": "operations/rendezvous",
+    "locate-source": "computing/buoys-disputed",
 }
 GOALS = ("market", "reserved-frontier")
 RULES = [name for name, kind in registry.known("strategy").items() if issubclass(kind, Exploring)]

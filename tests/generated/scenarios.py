@@ -33,6 +33,7 @@ TOGETHER: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "average-consensus": ((), ("agreement",)),
     "field-estimate": (("most-uncertain",), ("field-error",)),
     "reactive": (("wander",), ()),
+    "locate-source": (("most-disputed",), ("source-found",)),
 }  # fmt: skip
 ANY_STRATEGY = ("stand", "wander", "random-waypoint")
 ANY_TASK = ("gathered", "spacing", "locational-cost", "guarded", "formation-error", "travelled")
@@ -125,6 +126,8 @@ class _Draw:
             table["physics"] = self._any("physics")
         if "field-estimate" in computation or "field-error" in task or dice.random() < 0.1:
             table["field"] = self._any("field")
+        if "locate-source" in computation:
+            table["field"] = self._smell()
         if dice.random() < 0.55:
             tiles = sensor.get("use", "ir-ring") == "ir-ring" and not isinstance(robots, list)
             group = ""
@@ -162,10 +165,14 @@ class _Draw:
                 tasks = {"solve": "computed", "locate-source": "source-found"}
                 table["task"] = self._part("task", tasks.get(job["use"], "settled"))
             if job["use"] == "locate-source":
-                table["field"] = self._part("field", "model", hidden=lambda: [{"strength": 0.02, "begin": 1.0}])
+                table["field"] = self._smell()
             if dice.random() < 0.5:
                 self._processors(table)
         return Scenario(self._number, table, self._place.files, self._place.solid)
+
+    def _smell(self) -> Table:
+        """A field with a source, wherever it is."""
+        return self._part("field", "model", hidden=lambda: [{"strength": 0.02, "begin": 1.0}])
 
     def _pursuit(self, robots: Table) -> Table:
         """Two groups with minds of their own, in the place of what robots are, sense, do and suffer."""
@@ -316,6 +323,7 @@ class _Draw:
                 **noise, "model": self._equation, "method": lambda: self._maybe({"use": "block-jacobi"}),
                 "dt": lambda: self._maybe(dice.choice((0.25, 2.0))),
                 "sources": lambda: self._maybe(self._emitters(), 0.2), "hidden": lambda: OMITTED,
+                "refine": lambda: self._maybe(2),
                 "start": lambda: self._maybe({"use": "formula", "formula": "exp(-hypot(x, y))"}),
             },
             "solve": {

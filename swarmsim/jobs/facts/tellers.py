@@ -71,14 +71,16 @@ class Tellers(Generic[T]):
     def __init__(
         self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
         written_by: type | None = None, look: Callable[[Sequence[T], Senses], None] | None = None,
-        tables: tuple[ProbeTable, ...] = (),
+        tables: tuple[ProbeTable, ...] = (), knowledge_type: type[Knowledge] = JobStanding,
     ) -> None:  # fmt: skip
         """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
 
         `written_by` is the class whose code it runs, if that is not this package's. `look` gives all parts what their
         robots sense, before they say anything. `tables` are those that `JobStanding.sample` gives rows of, for
-        recordings and pictures.
+        recordings and pictures. `knowledge_type` is what `standing` gives.
         """
+        #: What it tells, where it is the minds' computation too.
+        self.knowledge_type = knowledge_type
         #: What it shows.
         self.tables = tables
         #: The class named in messages about broken contracts.

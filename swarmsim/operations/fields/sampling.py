@@ -47,9 +47,16 @@ class Waypoints:
     def step(self, senses: Senses, inbox: Inbox[MessageBatch], knowledge: Knowledge) -> Intents:
         """On to the place, or to a new one."""
         robots = self._legs.arrived(senses)
-        legs = self._legs.counts[robots]
+        return self._legs.intents(senses, robots, self.drawn(robots, self._legs.counts[robots]))
+
+    def drawn(self, robots: NDArray[np.int64], legs: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Random places (r, 2) for robots (r,) that have had so many (r,)."""
         part = np.stack([chance.uniform(self._salt, self._ids[robots], legs, axis) for axis in (0, 1)], axis=1)
-        return self._legs.intents(senses, robots, self._low + part * self._size)
+        return np.asarray(self._low + part * self._size)
+
+    def inside(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Which of places (k, 2) are within the margin (i,)."""
+        return np.flatnonzero(((places >= self._low) & (places <= self._low + self._size)).all(axis=1))
 
 
 class MostUncertain(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

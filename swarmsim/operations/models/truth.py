@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Annotated, Final
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Meta, Struct
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -35,12 +35,14 @@ class ModelField(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     The floor is that of the floor plan, from where robots enter; doors and furniture that come later do not change it.
     It is solved in one piece with steps of `dt` as they are needed; a point has the value of its cell, one in a wall
     that of the nearest free cell, and between two steps values change linearly. Without a `method`, each step is
-    solved exactly by the implicit method of Euler; waves need `explicit`.
+    solved exactly by the implicit method of Euler; waves need `explicit`. With `refine`, its cells are smaller than the
+    lattice's, so that robots that solve the same model on the lattice do not solve the very same equations.
     """
 
     model: Part[Equation]
     method: Part[Scheme] = NONE
     dt: Seconds | None = None  # s; default: the period
+    refine: Annotated[int, Meta(ge=1, le=16)] = 1  # cells along the side of each of the lattice's
     start: Part[Field] = NONE  # the field at time 0; default: 0
     sources: tuple[Emitter, ...] = ()
     hidden: tuple[Hidden, ...] = ()  # besides, at random places
@@ -48,8 +50,8 @@ class ModelField(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def build(self, context: BuildContext) -> EmittedField:
         """The field. Raises InputError, which starts with the key at fault."""
-        domain, dt = given(context), self.dt or context.period
-        emitters = (*self.sources, *self._drawn(domain, context))
+        coarse, dt = given(context), self.dt or context.period
+        emitters, domain = (*self.sources, *self._drawn(coarse, context)), refined(coarse, self.refine)
         problem = problem_of(self.model, emitters, dt, domain, context)
         method: Scheme = self.method.build(context, "method") if self.method else BlockJacobi(sweeps=1)
         job = ModelJob.of(problem, method, domain, 1, method.level)
@@ -131,6 +133,13 @@ class Past:
             self._states = {
                 one: kept for one, kept in self._states.items() if one % self._stride == 0 or abs(one - level) < near
             }
+
+
+def refined(domain: Domain, times: int) -> Domain:
+    """The same floor in cells so many times smaller."""
+    coarse = domain.lattice
+    fine = replace(coarse, cell=coarse.cell / times, rows=coarse.rows * times, columns=coarse.columns * times)
+    return Domain(fine, np.kron(domain.free, np.ones((times, times), np.bool_)))
 
 
 def nearest_cells(domain: Domain) -> NDArray[np.int64]:

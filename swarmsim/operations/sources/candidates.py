@@ -23,7 +23,8 @@ class SourceCandidates:
 
     def __init__(self, domain: Domain, spacing: float) -> None:
         """Raises InputError for a spacing (m) smaller than a cell."""
-        cell = domain.lattice.cell
+        #: The side of a cell, m.
+        self.cell = cell = domain.lattice.cell
         if spacing < cell:
             raise InputError(f"spacing: {spacing:g} m is less than a cell, {cell:g} m; expected at least that")
         #: The centres (n, 2) of free cells: x, y in m.

@@ -18,7 +18,7 @@ from swarmsim.operations.models.emitters import Emitter
 from swarmsim.operations.sources.errors import Errors, errors_of
 from swarmsim.operations.sources.locate import Located
 
-CURVE: Final = Curve("source_distance", "distance from the source, m", low=0.0, robots="distances", rises=False)
+CURVE: Final = Curve("near_share", "robots that know the source, %", scale=100.0, high=100.0, format=".0f")
 
 Positive = Annotated[float, Meta(gt=0.0, le=1e6)]
 
@@ -44,11 +44,6 @@ class SourceFound(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True)
     share: Annotated[float, Meta(gt=0.0, le=1.0)] = 1.0  # of living robots
     hold: Annotated[int, Meta(ge=1, le=1_000_000_000)] = 30  # iterations
     ahead: Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=10)] = (30.0, 60.0, 120.0)  # s
-
-    @property
-    def needs_jobs(self) -> bool:
-        """Whether it measures jobs, which a scenario then has to have."""
-        return True
 
     def build(self, context: BuildContext) -> SourceTask:
         """The task. Raises InputError without a field that has sources."""
@@ -97,11 +92,14 @@ class SourceTask:
 
 
 def located_by(done: Done[Knowledge] | Moment[Knowledge]) -> Located:
-    """What the first job that searches a source has found. Raises InputError without one."""
-    for one in done.jobs:
-        if isinstance(one.knowledge, Located):
-            return one.knowledge
-    raise InputError("task.use: 'source-found' measures a job 'locate-source', and there is none; expected one")
+    """What robots' minds, or the first job that searches a source, have found. Raises InputError without one."""
+    for one in (done.knowledge, *(job.knowledge for job in done.jobs)):
+        if isinstance(one, Located):
+            return one
+    raise InputError(
+        "task.use: 'source-found' measures 'locate-source', and it is neither a job nor the minds' computation; "
+        "expected either"
+    )
 
 
 class SourceSummary:

@@ -79,6 +79,7 @@ class LocateSource(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         return Tellers(
             context, lambda robot: Searcher(plan, robot, FactBoard(robot, longest)),
             lambda parts, now: _located(parts, now, plan, name), look=_sample, tables=_tables(plan.lattice.shape),
+            knowledge_type=Located,
         )  # fmt: skip
 
 

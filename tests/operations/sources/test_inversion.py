@@ -78,9 +78,65 @@ def test_without_noise_the_cell_the_strengths_and_the_future_are_exact(model) ->
         assert found is not None
         assert found.cell == cell
         np.testing.assert_allclose(found.strengths, [0.0, 0.0, *[0.3] * 5], atol=1e-3)
-        ahead = found.forecast(its.greens, 60.0, np.arange(len(places)))
+        ahead = found.forecast(its.greens, 60.0, np.arange(len(places)), lasting=np.inf)
         np.testing.assert_allclose(ahead, field.value(60.0, places), atol=2e-3 * ahead.max())
-        assert found.spread < 1e-6
+        assert found.spread == pytest.approx(0.15 / 6.0**0.5), "that within a cell"
+
+
+def test_a_prediction_lies_between_those_of_a_source_that_ends_now_and_one_that_never_ends() -> None:
+    domain, cells = rooms(), np.arange(len(Faces.of(rooms()).places))
+    its = inversion(domain)
+    found = its.find(sampled(truth(domain, source(domain, 300, 12.0, 99.0)), domain, 34.0))
+    assert found is not None
+    ends, by_age, goes_on = (found.forecast(its.greens, 60.0, cells, lasting) for lasting in (0.0, None, np.inf))
+    stopped = truth(domain, source(domain, 300, 12.0, 36.0)).value(60.0, Faces.of(domain).places)
+    np.testing.assert_allclose(ends, stopped, atol=2e-3 * stopped.max())
+    assert (ends <= by_age).all()
+    assert (by_age <= goes_on).all()
+    # on for 24 s, so after 3, 9, 15 and 21 s it is still on with these chances
+    later = [24.0 / (24.0 + after) for after in (3.0, 9.0, 15.0, 21.0)]
+    mixed = its.greens.reading(cells, np.full(len(cells), 60.0), 10).of(its.greens.of(300))
+    expected = mixed[:, 2:6].sum(axis=1) * 0.3 + mixed[:, 6:] @ np.array(later) * 0.3
+    np.testing.assert_allclose(by_age, expected, atol=5e-3 * expected.max())
+
+
+def test_candidates_disagree_where_a_sample_would_tell_most() -> None:
+    """The variance is that of fields drawn from what is known: of candidates by weight, and of strengths."""
+    domain, dice = rooms(), np.random.default_rng(1)
+    its = inversion(domain, noise=0.1)
+    found = its.find(sampled(truth(domain, source(domain, 300, 6.0, 60.0, 0.6)), domain, 24.0, 0.1))
+    assert found is not None
+    assert len(found.fits) > 1
+    cells = np.arange(its.greens.cells)
+    told = found.variance(its.greens, np.full(len(cells), 30.0), cells)
+    reading = its.greens.reading(cells, np.full(len(cells), 30.0), 6)
+    best, drawn = found.fits[0], []
+    for which in dice.choice(len(found.fits), 4000, p=found.weights):
+        fit = found.fits[which]
+        wrong = np.linalg.solve(best.upper, dice.standard_normal(5))
+        last = np.append(fit.strengths, fit.strengths[-1])
+        drawn.append(reading.of(its.greens.of(fit.cell)) @ last)
+        drawn[-1] += reading.of(its.greens.of(best.cell)) @ np.append(wrong, wrong[-1])
+    np.testing.assert_allclose(told, np.var(drawn, axis=0), rtol=0.15, atol=0.02 * told.max())
+
+
+def test_an_unlikely_candidate_that_could_explain_anything_does_not_win() -> None:
+    """The probability of samples is that of a normal distribution with the prior's and the noise's variance."""
+    domain = rooms()
+    its = inversion(domain, noise=0.1)
+    samples = sampled(truth(domain, source(domain, 300, 6.0, 60.0, 0.6)), domain, 11.0, 0.1)
+    reading, right = its.greens.reading(samples.cells, samples.times, 2), samples.values / its.noise
+    fits = [its._fit(cell, reading, right) for cell in (300, 30)]
+    steps = np.eye(2) - np.eye(2, k=-1)
+    prior = np.linalg.inv(steps.T @ steps) * its.change**2
+    expected = []
+    for fit in fits:
+        matrix = reading.of(its.greens.of(fit.cell))
+        spread = matrix @ prior @ matrix.T + its.noise**2 * np.eye(len(matrix))
+        free = samples.values @ np.linalg.solve(spread, samples.values)
+        expected.append(free + np.linalg.slogdet(spread)[1] - len(matrix) * np.log(its.noise**2))
+        assert fit.unlikely - fit.left == pytest.approx(expected[-1] - free)
+        assert fit.left >= free - 1e-6
 
 
 def test_with_noise_it_comes_within_half_a_metre_and_says_how_sure_it_is() -> None:

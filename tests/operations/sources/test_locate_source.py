@@ -18,7 +18,8 @@ from swarmsim.engine.build import BuiltRun, build
 from swarmsim.jobs.facts.board import FactBoard
 from swarmsim.jobs.facts.tellers import Tellers
 from swarmsim.jobs.facts.wire import ENTRY, FORM, Fact, Facts
-from swarmsim.operations.sources.locate import LocateSource
+from swarmsim.operations.models.truth import EmittedField
+from swarmsim.operations.sources.locate import Located, LocateSource
 from swarmsim.operations.sources.searcher import SAMPLE, Searcher
 from swarmsim.testing import check_locality, check_one_robot, check_permutation, check_strictly
 
@@ -109,6 +110,87 @@ def test_who_hears_nobody_knows_its_own_samples_alone_and_others_poison_does_not
     assert np.isfinite(runs[0].place[:2]).all()
 
 
+@pytest.mark.parametrize("told", [(0,), (1, 3), (0, 1, 2, 3)])
+def test_the_truth_where_a_robot_was_not_told_of_it_reaches_nobody(
+    path: Path, told: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is NaN but for the samples of some robots, which hear each other and nobody else: they find the same."""
+    apart = ["robots.count=4", 'network.topology={use="none"}'] if len(told) == 1 else []
+    if len(told) == 2:  # the others are dead before their first sample
+        apart = ['faults=[{use="remove", at=0, robots=[0, 2], min_alive=0}]']
+    plain = moments_of(built(path, *apart))[-1].jobs[0].knowledge
+    run, value = built(path, *apart), EmittedField.value
+
+    def poisoned(field: EmittedField, time: float, points: np.ndarray) -> np.ndarray:
+        asked = np.full(len(points), np.nan)
+        if len(points) == 4:  # the robots' sensors ask
+            asked[list(told)] = value(field, time, points)[list(told)]
+        return asked
+
+    monkeypatch.setattr(EmittedField, "value", poisoned)
+    found = moments_of(run)[-1].jobs[0].knowledge
+    for one, other in zip(plain.arrays()[:6], found.arrays()[:6], strict=True):
+        assert one[list(told)].tobytes() == other[list(told)].tobytes()
+    assert np.isfinite(found.place[list(told)]).all()
+
+
+def test_with_a_quarter_dead_the_rest_find_the_same_place_and_keep_what_the_dead_have_told(path: Path) -> None:
+    eight, crash = "robots.count=8", 'faults=[{use="crash", at=16, robots=[2, 5], min_alive=0}]'
+    whole = moments_of(built(path, eight))[-1].jobs[0].knowledge
+    moments = moments_of(built(path, eight, crash))
+    last, alive = moments[-1].jobs[0].knowledge, moments[-1].state.alive
+    assert alive.tolist() == [True, True, False, True, True, False, True, True]
+    assert (last.samples[alive] == 6 * 30 + 2 * 16).all()
+    assert (last.made[alive] == 28).all()
+    assert np.ptp(whole.place, axis=0).max() == 0.0
+    assert (last.place[alive] == whole.place[0]).all()
+
+
+def test_robots_that_go_where_candidates_disagree_find_it_with_their_mind_alone(path: Path) -> None:
+    run = built(seeking(path))
+    moments = moments_of(run)
+    assert isinstance(moments[-1].knowledge, Located)
+    assert not moments[-1].jobs
+    assert (moments[-1].measured.robots["distances"] < 0.5).all()
+    driven = [np.array([one.state.pose[:, :2] for one in ran]) for ran in (moments, moments_of(built(path)))]
+    found = next(number for number, one in enumerate(moments) if np.isfinite(one.knowledge.strength).any())
+    np.testing.assert_array_equal(driven[0][:found], driven[1][:found], "random ways until then")
+    assert np.abs(driven[0][-1] - driven[1][-1]).max() > 0.1
+
+
+@pytest.mark.parametrize("check", [check_strictly, check_locality, check_one_robot, check_permutation])
+def test_as_a_mind_it_keeps_its_contracts(path: Path, check) -> None:
+    check(seeking(path), ('network.channel={use="bernoulli", loss=0.2}',), 9, True)
+
+
+def test_where_robots_go_is_drawn_by_what_a_sample_tells_and_how_far_it_is(path: Path) -> None:
+    """Of many draws of one robot, cells get their shares of ln(1 + v / noise^2) exp(-d / nearness)."""
+    run = built(seeking(path))
+    known = moments_of(run)[12].knowledge
+    strategy, finding, inversion = run.simulation.parts.strategy, known.findings[1], known.plan.inversion
+    senses = Senses(12, np.full((4, 3), 1.2), np.zeros((4, 3)), np.ones(4, bool), read(np.zeros(4)))
+    places = inversion.candidates.places
+    inside = np.flatnonzero(((places >= 0.4) & (places <= 3.6)).all(axis=1))
+    away = np.hypot(*(places[inside] - 1.2).T)
+    speed = run.context.robots.speed
+    variance = finding.variance(inversion.greens, np.minimum(12.0 + away / speed, 34.0), inside)
+    share = np.log1p(variance / 0.002**2) * np.exp(-away / 3.0)
+    dice = (np.arange(2000) + 0.5) / 2000
+    drawn = np.array([strategy._place(1, die, senses, known, np.full(2, np.nan)) for die in dice.tolist()])
+    counts = [int((np.abs(drawn - places[cell]).max(axis=1) < 1e-9).sum()) for cell in inside.tolist()]
+    np.testing.assert_allclose(np.array(counts) / 2000, share / share.sum(), atol=1.01 / 2000)
+
+
+def seeking(path: Path) -> Path:
+    """The scenario in which the job is the robots' mind, which says where they go."""
+    text = path.read_text()
+    head, job = text.split("[[jobs]]")
+    mind = head.index("mind = ")
+    head = head[:mind] + head[head.index("\n", mind) + 1 :]
+    path.with_name("seek.toml").write_text(f'{head}[mind.strategy]\nuse = "most-disputed"\n[mind.computation]{job}')
+    return path.with_name("seek.toml")
+
+
 def test_a_robot_without_a_finite_sample_says_so(path: Path) -> None:
     job = search(path)
     for now in range(9):
@@ -197,7 +279,6 @@ JOB = 'jobs=[{{use="locate-source", model={{use="diffusion"}}, dt=1, pulse=2, du
         ([JOB.format(", noise=0")], r"jobs\[0\]\.noise: .*> 0"),
         ([JOB.replace("pulse=2", "pulse=2.5").format("")], r"jobs\[0\]\.pulse: 2\.5 s; expected a whole number"),
         ([JOB.replace("diffusion", "wave").format("")], r"jobs\[0\]\.model: responses"),
-        (["jobs=[]"], r"task\.use: 'source-found' measures jobs, and there are none"),
     ],
 )
 def test_what_cannot_be_is_refused_before_the_run(path: Path, overrides: list[str], told: str) -> None:
@@ -205,11 +286,12 @@ def test_what_cannot_be_is_refused_before_the_run(path: Path, overrides: list[st
         built(path, *overrides)
 
 
-def test_another_job_in_its_place_ends_the_run_with_a_sentence(path: Path) -> None:
+@pytest.mark.parametrize("jobs", ['[{use="stigmergy"}]', "[]"])
+def test_another_job_in_its_place_or_none_ends_the_run_with_a_sentence(path: Path, jobs: str) -> None:
     with pytest.raises(
-        InputError, match=r"task\.use: 'source-found' measures a job 'locate-source', and there is none"
+        InputError, match=r"task\.use: 'source-found' measures 'locate-source', and it is neither a job nor"
     ):
-        built(path, 'jobs=[{use="stigmergy"}]').simulation.run()
+        built(path, f"jobs={jobs}").simulation.run()
 
 
 @pytest.mark.parametrize("name", ["buoys", "basilica-source"])
