@@ -116,7 +116,7 @@ def _check_waiting(links: Sequence[RobotLink]) -> None:
 
 def _check_channel(links: Sequence[RobotLink]) -> None:
     try:
-        world, robot = (link.channel("testing/order") for link in links[:2])
+        world, robot = (link.channel("testing/0") for link in links[:2])
     except InputError:  # it has none
         return
     _until(lambda: _answers(world, robot), "a channel that both have opened carries nothing")

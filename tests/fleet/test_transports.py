@@ -9,14 +9,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 
 import pytest
+from fleet.places import free, transport, until
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.part import Part
 from swarmsim.fleet.mailbox import CONTROL, Mailbox
 from swarmsim.fleet.transport import WORLD, Heard, LinkError, RobotLink, Transport
 from swarmsim.testing import BrokenError, check_transport
@@ -25,29 +25,6 @@ from swarmsim.testing.transports import collected
 OURS = ("memory", "udp", "zenoh")
 BETWEEN = ("udp", "zenoh")  # processes
 PERIOD = 1.0  # s, the paper's
-
-
-def free() -> str:
-    """An address that nothing listens at, nor at the port above; below those that systems give to connections."""
-    while True:
-        port = random.SystemRandom().randrange(20_000, 32_000)
-        with socket.socket() as one, socket.socket(type=socket.SOCK_DGRAM) as other, suppress(OSError):
-            one.bind(("127.0.0.1", port))
-            other.bind(("127.0.0.1", port + 1))
-            return f"127.0.0.1:{port}"
-
-
-def transport(use: str, **keys: object) -> Transport:
-    return Part[Transport]("transport", {"use": use, **keys}).build(None)
-
-
-def until(reached: Callable[[], bool], seconds: float = 5.0) -> float:
-    """How long it takes until something is so."""
-    begun = time.monotonic()
-    while not reached():
-        assert time.monotonic() < begun + seconds
-        time.sleep(0.005)
-    return time.monotonic() - begun
 
 
 def test_there_are_no_others() -> None:
