@@ -15,7 +15,7 @@ _ADDRESS, _BROADCAST = 0x8915, 0x8919  # SIOCGIFADDR, SIOCGIFBRDADDR of Linux
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Address:
     """An address: that of the world's process, or where one would be."""
 
     host: str  # a number such as 192.168.1.20
@@ -63,7 +63,7 @@ class Interface:
         """Whether only this machine is on it."""
         return ipaddress.ip_address(self.number).is_loopback
 
-    def check_reaches(self, place: Place, kind: str) -> None:
+    def check_reaches(self, place: Address, kind: str) -> None:
         """Raise InputError for a place beyond loopback, if links listen on loopback alone."""
         if self.is_loopback and not ipaddress.ip_address(place.host).is_loopback:
             raise InputError(

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from typing import Final, final
 
 from swarmsim.core.errors import InputError
-from swarmsim.fleet.addresses import Place
+from swarmsim.fleet.addresses import Address
 from swarmsim.fleet.mailbox import CONTROL, Mailbox
 
 LARGEST: Final = 2**24  # bytes of a telegram
@@ -99,7 +99,7 @@ class Switch:
     channel by then: `open` returns when the world knows of it.
     """
 
-    def __init__(self, place: Place, listening: socket.socket | None, selector: selectors.BaseSelector) -> None:
+    def __init__(self, place: Address, listening: socket.socket | None, selector: selectors.BaseSelector) -> None:
         """`listening` accepts connections; None for a robot. The selector's owner calls `ready` and `flush`."""
         self._place, self._listening, self._selector = place, listening, selector
         self._boxes: defaultdict[str, list[Mailbox]] = defaultdict(list)

@@ -17,7 +17,7 @@ class LinkError(Exception):
     """A link that stood has ended, so its process cannot go on; the message says which and why."""
 
 
-class Link(Protocol):
+class RobotLink(Protocol):
     """One robot's end of a transport. It never hears itself, and no verb but `wait` waits for anybody.
 
     Frames are taken and given as they are: bytes that a codec packed, with nothing before or after them.
@@ -59,7 +59,7 @@ class Link(Protocol):
         """The numbers of the others that are there, WORLD among them: what is said from now on reaches them."""
         ...
 
-    def channel(self, name: str) -> Link:
+    def channel(self, name: str) -> RobotLink:
         """A link to all who open a channel of this name, on which frames arrive whole, once and in order.
 
         It is for commands and what a simulated world tells; robots talk on the link itself. A channel ends with its
@@ -75,7 +75,7 @@ class Link(Protocol):
 class Transport(Protocol):
     """Carries frames between robots that are processes of their own."""
 
-    def open(self, address: str, robot: int) -> Link:
+    def open(self, address: str, robot: int) -> RobotLink:
         """Join at an address as the robot of this number, or as WORLD.
 
         Raises InputError, in a sentence, for an address that is none, is taken or does not answer.

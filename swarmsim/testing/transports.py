@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 
 from swarmsim.core.errors import InputError
-from swarmsim.fleet.transport import WORLD, Heard, Link, LinkError, Transport
+from swarmsim.fleet.transport import WORLD, Heard, LinkError, RobotLink, Transport
 from swarmsim.testing.broken import BrokenError
 
 _PATIENCE = 5.0  # s, for others to be seen and frames to arrive
@@ -47,14 +47,14 @@ def _until(reached: Callable[[], bool], what: str) -> None:
         time.sleep(0.01)
 
 
-def _check_presence(links: Sequence[Link]) -> None:
+def _check_presence(links: Sequence[RobotLink]) -> None:
     numbers = (WORLD, 0, 1)
     for number, link in zip(numbers, links, strict=True):
         others = set(numbers) - {number}
         _until(lambda link=link, others=others: link.present() == others, f"{number} sees not just {sorted(others)}")  # type: ignore[misc]
 
 
-def collected(link: Link, enough: int, seconds: float = 1.0) -> list[Heard]:
+def collected(link: RobotLink, enough: int, seconds: float = 1.0) -> list[Heard]:
     """What a link hears until it is enough, or nothing more has come for so long."""
     found = link.heard()
     while len(found) < enough and link.wait(seconds):
@@ -62,7 +62,7 @@ def collected(link: Link, enough: int, seconds: float = 1.0) -> list[Heard]:
     return found
 
 
-def _check_frames(links: Sequence[Link]) -> None:
+def _check_frames(links: Sequence[RobotLink]) -> None:
     """Numbered frames of several lengths, to all."""
     most = min(links[1].mtu, 1000)
     said = [bytes([i]) + bytes(i * j % 256 for j in range(i * (most - 1) // (_FRAMES - 1))) for i in range(_FRAMES)]
@@ -81,7 +81,7 @@ def _check_frames(links: Sequence[Link]) -> None:
         raise _broken("a robot hears itself")
 
 
-def _check_limits(link: Link) -> None:
+def _check_limits(link: RobotLink) -> None:
     for length in (link.mtu + 1, 2 * link.mtu):
         try:
             link.say(bytes(length))
@@ -95,7 +95,7 @@ def _check_limits(link: Link) -> None:
         raise _broken(f"airtime: {times} s for 1 and {link.mtu} bytes; expected more for more")
 
 
-def _check_waiting(links: Sequence[Link]) -> None:
+def _check_waiting(links: Sequence[RobotLink]) -> None:
     begun = time.monotonic()
     if links[2].heard() or links[2].wait(0.1):
         raise _broken("something is heard that nobody said")
@@ -114,9 +114,9 @@ def _check_waiting(links: Sequence[Link]) -> None:
     collected(links[0], _FLOOD, 0.1)
 
 
-def _check_channel(links: Sequence[Link]) -> None:
+def _check_channel(links: Sequence[RobotLink]) -> None:
     try:
-        world, robot = (link.channel("testing/order") for link in links[:2])
+        world, robot = (link.channel("testing/0") for link in links[:2])
     except InputError:  # it has none
         return
     _until(lambda: _answers(world, robot), "a channel that both have opened carries nothing")
@@ -132,7 +132,7 @@ def _check_channel(links: Sequence[Link]) -> None:
     robot.close()
 
 
-def _answers(world: Link, robot: Link) -> bool:
+def _answers(world: RobotLink, robot: RobotLink) -> bool:
     """Whether a telegram gets through; until both know of each other it may be lost."""
     world.say(b"there?")
     arrived = robot.wait(0.2)
@@ -141,7 +141,7 @@ def _answers(world: Link, robot: Link) -> bool:
     return arrived
 
 
-def _check_flood(links: Sequence[Link]) -> None:
+def _check_flood(links: Sequence[RobotLink]) -> None:
     frame, longest = bytes(min(links[1].mtu, 10_000)), 0.0
     for _ in range(_FLOOD):
         begun = time.monotonic()
@@ -157,7 +157,7 @@ def _check_flood(links: Sequence[Link]) -> None:
         collected(link, 2 * _FLOOD, 0.2)
 
 
-def _check_leaving(transport: Transport, address: str, links: Sequence[Link]) -> None:
+def _check_leaving(transport: Transport, address: str, links: Sequence[RobotLink]) -> None:
     links[2].close()
     links[2].close()
     _until(lambda: 1 not in links[1].present(), "a robot that has closed its link is not gone")
@@ -175,6 +175,6 @@ def _check_leaving(transport: Transport, address: str, links: Sequence[Link]) ->
         _until(lambda: _hears(links[1], again), "a robot that comes back hears nothing")
 
 
-def _hears(one: Link, other: Link) -> bool:
+def _hears(one: RobotLink, other: RobotLink) -> bool:
     one.say(b"welcome")
     return other.wait(0.2) and any(frame == b"welcome" for frame, _ in other.heard())

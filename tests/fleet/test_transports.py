@@ -13,12 +13,12 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from fleet.places import free, transport, until
 
 from swarmsim.core.errors import InputError
 from swarmsim.core.scenario import registry
-from swarmsim.core.scenario.part import Part
 from swarmsim.fleet.mailbox import CONTROL, Mailbox
-from swarmsim.fleet.transport import WORLD, Heard, Link, LinkError, Transport
+from swarmsim.fleet.transport import WORLD, Heard, LinkError, RobotLink, Transport
 from swarmsim.testing import BrokenError, check_transport
 from swarmsim.testing.transports import collected
 
@@ -27,28 +27,8 @@ BETWEEN = ("udp", "zenoh")  # processes
 PERIOD = 1.0  # s, the paper's
 
 
-def free() -> str:
-    """An address that nothing listens at, nor at the port above."""
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return f"127.0.0.1:{one.getsockname()[1] & ~1}"
-
-
-def transport(use: str, **keys: object) -> Transport:
-    return Part[Transport]("transport", {"use": use, **keys}).build(None)
-
-
-def until(reached: Callable[[], bool], seconds: float = 5.0) -> float:
-    """How long it takes until something is so."""
-    begun = time.monotonic()
-    while not reached():
-        assert time.monotonic() < begun + seconds
-        time.sleep(0.005)
-    return time.monotonic() - begun
-
-
 def test_there_are_no_others() -> None:
-    assert set(registry.known("transport")) == set(OURS)
+    assert set(registry.known("transport")) == {*OURS, "signed"}
 
 
 @pytest.mark.parametrize("use", OURS)
@@ -62,7 +42,7 @@ class Lossy:
     def __init__(self, over: Transport, lost: float = 0.0, doubled: float = 0.0, bent: float = 0.0) -> None:
         self.over, self.shares, self.dice = over, (lost, doubled, bent), random.Random(1)
 
-    def open(self, address: str, robot: int) -> Link:
+    def open(self, address: str, robot: int) -> RobotLink:
         link = self.over.open(address, robot)
         say = link.say
 
@@ -132,14 +112,14 @@ def echo() -> Iterator[Callable[[str, str, int], subprocess.Popen[str]]]:
 
 
 @pytest.fixture(params=BETWEEN)
-def world(request: pytest.FixtureRequest) -> Iterator[tuple[str, str, Link]]:
+def world(request: pytest.FixtureRequest) -> Iterator[tuple[str, str, RobotLink]]:
     """The transport's name, an address, and the world's link there, which misses robots soon."""
     address, keys = free(), {"silence": 0.8} if request.param == "udp" else {}
     with closing(transport(request.param, **keys).open(address, WORLD)) as link:
         yield request.param, address, link
 
 
-def test_processes_hear_one_another(world: tuple[str, str, Link], echo: Callable) -> None:
+def test_processes_hear_one_another(world: tuple[str, str, RobotLink], echo: Callable) -> None:
     use, address, link = world
     orders, answers = ([link.channel(f"{one}/{robot}") for robot in (3, 4)] for one in ("to", "from"))
     robots = [echo(use, address, robot) for robot in (3, 4)]
@@ -157,7 +137,9 @@ def test_processes_hear_one_another(world: tuple[str, str, Link], echo: Callable
     until(lambda: link.present() == set())
 
 
-def test_a_killed_robot_is_gone_within_a_second_and_can_come_back(world: tuple[str, str, Link], echo: Callable) -> None:
+def test_a_killed_robot_is_gone_within_a_second_and_can_come_back(
+    world: tuple[str, str, RobotLink], echo: Callable
+) -> None:
     use, address, link = world
     robot = echo(use, address, 7)
     until(lambda: link.present() == {7})
@@ -169,7 +151,7 @@ def test_a_killed_robot_is_gone_within_a_second_and_can_come_back(world: tuple[s
     until(lambda: (b"ba", None) in link.heard())
 
 
-def test_a_paused_robot_holds_nobody_up(world: tuple[str, str, Link], echo: Callable) -> None:
+def test_a_paused_robot_holds_nobody_up(world: tuple[str, str, RobotLink], echo: Callable) -> None:
     """Beyond what sockets take: its telegrams wait for it, frames do not, and others hear both."""
     use, address, link = world
     orders, answers = ([link.channel(f"{one}/{robot}") for robot in (1, 2)] for one in ("to", "from"))

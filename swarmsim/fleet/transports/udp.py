@@ -13,7 +13,7 @@ from typing import Annotated, Final
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
-from swarmsim.fleet.addresses import LOOPBACK, Interface, Place
+from swarmsim.fleet.addresses import LOOPBACK, Address, Interface
 from swarmsim.fleet.mailbox import AIR, BoxedLink, Mailbox
 from swarmsim.fleet.switch import LARGEST, Switch
 from swarmsim.fleet.transport import WORLD
@@ -42,7 +42,7 @@ class Udp(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     def open(self, address: str, robot: int) -> BoxedLink:
         """Join all on the interface. Raises InputError for an address that is none or is taken."""
-        place, interface = Place.of(address, "udp"), Interface.of(self.interface, "udp")
+        place, interface = Address.of(address, "udp"), Interface.of(self.interface, "udp")
         interface.check_reaches(place, "udp")
         return _Station(self, place, interface, robot).link()
 
@@ -54,7 +54,7 @@ class Udp(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class _Station:
     """The sockets of one link, and the thread that listens to them."""
 
-    def __init__(self, keys: Udp, place: Place, interface: Interface, robot: int) -> None:
+    def __init__(self, keys: Udp, place: Address, interface: Interface, robot: int) -> None:
         self._keys, self._place, self._interface, self._robot = keys, place, interface, robot
         self._box = Mailbox(AIR)
         self._seen: dict[int, float] = {}  # when each other's beacon was last heard, s
@@ -163,7 +163,7 @@ def _bound(to: tuple[str, int]) -> socket.socket:
     return made
 
 
-def _listening(place: Place) -> socket.socket:
+def _listening(place: Address) -> socket.socket:
     """A socket that accepts the connections of channels. Raises InputError."""
     made = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -6,12 +6,14 @@ import json
 import socket
 import threading
 from collections import deque
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from msgspec import Meta, Struct
 
 from swarmsim.core.errors import InputError
-from swarmsim.fleet.addresses import LOOPBACK, Interface, Place
+from swarmsim.fleet.addresses import LOOPBACK, Address, Interface
+from swarmsim.fleet.keyring import key_of, read_keys, user
 from swarmsim.fleet.mailbox import AIR, CONTROL, BoxedLink, Mailbox
 from swarmsim.fleet.transport import WORLD, LinkError
 
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
 _LARGEST: Final = 2**24
 _FRAMING: Final = 16 + 52 + 38  # bytes: zenoh's own, TCP and IP with timestamps, Ethernet with its gap
+_SAYS: Final = ["put", "liveliness_token"]  # what zenoh calls speaking and being there
+_HEARS: Final = ["declare_subscriber", "liveliness_query", "declare_liveliness_subscriber"]
 _FLUSH: Final = 1.0  # s, in which telegrams that wait still get out on closing
 
 
@@ -27,18 +31,21 @@ class Zenoh(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Frames by eclipse-zenoh over TCP, from each to each; `WORLD` listens at the address, HOST:PORT.
 
     A robot joins there, hears of all others and connects to them; when the world has gone they stay connected. Frames
-    to a robot that takes none are dropped; telegrams to it wait in a thread of their channel.
+    to a robot that takes none are dropped; telegrams to it wait in a thread of their channel. With `keys`, all goes
+    through the world instead, which lets a robot in by its number and its key alone, to speak on the air as itself and
+    on channels whose names end in its number. Nothing is encrypted.
     """
 
     interface: str = LOOPBACK  # name or number of the interface to listen on
     swarm: Annotated[str, Meta(pattern=r"^[\w-]+$")] = "swarm"  # swarms of different names share a network unheard
+    keys: str = ""  # a file of keys, from `swarmsim fleet keys`: who has none stays out, and nobody speaks for another
     patience: Annotated[float, Meta(gt=0.0, le=3600.0)] = 5.0  # s, in which the host has to answer
     mtu: Annotated[int, Meta(ge=1, le=_LARGEST)] = 65_535  # bytes of the longest frame
     rate: Annotated[float, Meta(gt=0.0)] = 1e8  # bit/s, for the airtime that is told
 
     def open(self, address: str, robot: int) -> BoxedLink:
         """Join the swarm. Raises InputError for an address that is none, is taken, or does not answer."""
-        place, interface = Place.of(address, "zenoh"), Interface.of(self.interface, "zenoh")
+        place, interface = Address.of(address, "zenoh"), Interface.of(self.interface, "zenoh")
         interface.check_reaches(place, "zenoh")
         return _Session(self, robot, _opened(self, place, interface, robot)).link()
 
@@ -47,7 +54,7 @@ class Zenoh(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
         return 8.0 * (length + _FRAMING) / self.rate
 
 
-def _opened(keys: Zenoh, place: Place, interface: Interface, robot: int) -> zenoh.Session:
+def _opened(keys: Zenoh, place: Address, interface: Interface, robot: int) -> zenoh.Session:
     try:
         import zenoh  # an extra
     except ImportError as problem:
@@ -55,17 +62,7 @@ def _opened(keys: Zenoh, place: Place, interface: Interface, robot: int) -> zeno
             "transport zenoh: needs eclipse-zenoh; install it with: pip install 'swarmsim-lab[fleet]'"
         ) from problem
     config = zenoh.Config()
-    listens, connects = ([str(place)], []) if robot == WORLD else ([f"{interface.number}:0"], [str(place)])
-    for key, value in {
-        "mode": "peer",
-        "scouting/multicast/enabled": False,
-        "listen/endpoints": [f"tcp/{one}" for one in listens],
-        "listen/timeout_ms": 0,
-        "listen/exit_on_failure": True,
-        "connect/endpoints": [f"tcp/{one}" for one in connects],
-        "connect/timeout_ms": int(1000 * keys.patience),
-        "connect/exit_on_failure": True,
-    }.items():
+    for key, value in (_meshed(keys, place, interface, robot) | (_guarded(keys, robot) if keys.keys else {})).items():
         config.insert_json5(key, json.dumps(value))
     try:
         return zenoh.open(config)
@@ -73,13 +70,57 @@ def _opened(keys: Zenoh, place: Place, interface: Interface, robot: int) -> zeno
         raise InputError(f"transport zenoh: {_why(place, robot, keys.patience)}") from problem
 
 
-def _why(place: Place, robot: int, patience: float) -> str:
+def _meshed(keys: Zenoh, place: Address, interface: Interface, robot: int) -> dict[str, object]:
+    """The configuration of a session that is connected to every other."""
+    return {
+        "mode": "peer",
+        "scouting/multicast/enabled": False,
+        "listen/endpoints": [f"tcp/{place if robot == WORLD else f'{interface.number}:0'}"],
+        "listen/timeout_ms": 0,
+        "listen/exit_on_failure": True,
+        "connect/endpoints": [] if robot == WORLD else [f"tcp/{place}"],
+        "connect/timeout_ms": int(1000 * keys.patience),
+        "connect/exit_on_failure": True,
+    }
+
+
+def _guarded(keys: Zenoh, robot: int) -> dict[str, object]:
+    """What changes in it if there are keys: a robot logs in at the world, which says who may say what.
+
+    Only who is connected to learns the other's name, so a mesh could not do that. Raises InputError.
+    """
+    known, swarm = read_keys(keys.keys, "zenoh"), keys.swarm
+    own = key_of(robot, known, keys.keys, "zenoh")
+    if robot != WORLD:
+        logs_in = {"transport/auth/usrpwd/user": user(robot), "transport/auth/usrpwd/password": own.hex()}
+        return {"mode": "client", "listen/endpoints": [], **logs_in}
+    robots = [user(one) for one in known if one != WORLD]
+    rules = [_rule("hear", "ingress", _HEARS, f"{swarm}/**"), _rule("tell", "egress", _HEARS + _SAYS, f"{swarm}/**")]
+    policies, subjects = [{"rules": ["hear", "tell"], "subjects": robots}], []
+    for one in (number for number in known if number != WORLD):
+        own_places = (f"{swarm}/air/{one}", f"{swarm}/here/{one}", f"{swarm}/control/**/{one}")
+        rules.append(_rule(f"as {user(one)}", "ingress", _SAYS, *own_places))
+        subjects.append({"id": user(one), "usernames": [user(one)]})
+        policies.append({"rules": [f"as {user(one)}"], "subjects": [user(one)]})
+    access = {"default_permission": "deny", "rules": rules, "subjects": subjects, "policies": policies}
+    return {
+        "mode": "router",
+        "transport/auth/usrpwd/dictionary_file": str(Path(keys.keys).resolve()),
+        "access_control": {"enabled": True, **access},
+    }
+
+
+def _rule(name: str, flow: str, messages: list[str], *places: str) -> dict[str, object]:
+    return {"id": name, "permission": "allow", "flows": [flow], "messages": messages, "key_exprs": list(places)}
+
+
+def _why(place: Address, robot: int, patience: float) -> str:
     """Why a session could not be opened."""
     if robot == WORLD:
         return f"cannot listen at {place}: the port is taken, or the host is not this machine; expected a free one"
     try:
         with socket.create_connection((place.host, place.port), timeout=1.0):
-            return f"{place} answers, but does not let robot {robot} in; expected zenoh there, and its password"
+            return f"{place} answers, but does not let robot {robot} in; expected a world over zenoh, and the same keys"
     except OSError:
         return f"nobody answers at {place} within {patience:g} s; expected a world that has been started there"
 

@@ -9,7 +9,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from swarmsim.core.scenario.part import Part
-from swarmsim.fleet.transport import Heard, Link, Transport
+from swarmsim.fleet.transport import Heard, RobotLink, Transport
 
 
 class Drizzle(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -19,7 +19,7 @@ class Drizzle(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.3  # of frames that are lost
     seed: int = 0  # of which ones
 
-    def open(self, address: str, robot: int) -> Link:
+    def open(self, address: str, robot: int) -> RobotLink:
         """Join what carries the frames. Raises InputError."""
         return Damp(self.over.build(None, "over").open(address, robot), self.share, self.seed + robot)
 
@@ -27,7 +27,7 @@ class Drizzle(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 class Damp:
     """A link that loses some of what it says."""
 
-    def __init__(self, dry: Link, share: float, seed: int) -> None:
+    def __init__(self, dry: RobotLink, share: float, seed: int) -> None:
         self._dry, self._share, self._dice = dry, share, random.Random(seed)
 
     @property
@@ -54,7 +54,7 @@ class Damp:
     def present(self) -> set[int]:
         return self._dry.present()
 
-    def channel(self, name: str) -> Link:
+    def channel(self, name: str) -> RobotLink:
         return self._dry.channel(name)
 
     def close(self) -> None:
