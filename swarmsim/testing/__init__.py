@@ -16,6 +16,7 @@ from swarmsim.testing.every import check_contracts, parametrize_with_checks
 from swarmsim.testing.jobs import check_job
 from swarmsim.testing.locality import check_locality, check_one_robot, check_permutation
 from swarmsim.testing.runs import ITERATIONS, check_alone, check_determinism, check_silence, check_strictly
+from swarmsim.testing.transports import check_transport
 
 __all__ = [
     "ITERATIONS",
@@ -29,5 +30,6 @@ __all__ = [
     "check_permutation",
     "check_silence",
     "check_strictly",
+    "check_transport",
     "parametrize_with_checks",
 ]

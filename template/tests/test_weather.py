@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 import swarmsim as sw
-from swarmsim.testing import parametrize_with_checks
+from swarmsim.core.scenario.part import Part
+from swarmsim.testing import check_transport, parametrize_with_checks
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 WARMEST, STORM = SCENARIOS / "warmest.toml", SCENARIOS / "storm.toml"
@@ -63,3 +64,14 @@ def test_thermometers_are_read_back() -> None:
     np.testing.assert_allclose(run.recording["warmth.mean"], run.recording["warmth.there"].mean(axis=1))
     assert "there (degrees)" in run.frame("warmth").columns
     assert len(run.plot("climate").axes[0].lines) == 5 + 1
+
+
+def test_drizzle_loses_some_frames_and_changes_none() -> None:
+    check_transport(Part("transport", {"use": "drizzle", "over": {"use": "memory"}}).build(None), "garden")
+    sheltered = Part("transport", {"use": "drizzle", "over": {"use": "memory"}}).build(None)
+    one, other = (sheltered.open("terrace", robot) for robot in (0, 1))
+    for _ in range(1000):
+        one.say(b"drop")
+    assert 650 < len(other.heard()) < 750
+    one.close()
+    other.close()

@@ -55,7 +55,7 @@ def test_every_seam_has_its_field_in_scenarios_and_its_entry_points() -> None:
 
 def test_every_seam_has_a_skeleton_or_a_reason_why_not() -> None:
     kinds = set(skeletons.kinds()) - {"mind"}
-    assert kinds | set(skeletons.WITHOUT) == set(PLACED)
+    assert kinds | set(skeletons.WITHOUT) == {*PLACED, "transport"}
     assert not kinds & set(skeletons.WITHOUT)
     with pytest.raises(InputError, match=r"new physics: .*start from swarmsim/robots/particles\.py"):
         skeletons.new("physics", "mine")
@@ -256,7 +256,7 @@ def declared(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callab
 
 def test_a_distribution_can_declare_a_seam_for_parts_in_its_parts(declared: Callable[[str], None]) -> None:
     declared("BATTERY")
-    assert list(SEAMS)[-5:] == ["battery", "figure", "method", "model", "sharing"]
+    assert list(SEAMS)[-6:] == ["battery", "figure", "method", "model", "sharing", "transport"]
     assert registry.known("battery") == {"cell": Cell}
     read = file.load(ROOT / "scenarios" / "room.toml", ['network.topology={use="torch"}'])
     assert read.network.topology.table == {"use": "torch", "battery": {"use": "cell", "energy": 3.0}}

@@ -1,7 +1,7 @@
 """Parts to start from, each with a test that passes.
 
 Each kind is a file KIND.txt, a Python template. If its test needs more of a scenario than the part itself, dotted keys
-with TOML values come first, up to a line `---`.
+with TOML values come first, up to a line `---`. A part that stands in no scenario brings its test, after a line `===`.
 """
 
 from __future__ import annotations
@@ -66,28 +66,29 @@ def _why_not(kind: str) -> str | None:
     from swarmsim.core.scenario import registry
     from swarmsim.core.seams import PLACED, SEAMS
 
-    if kind in PLACED or kind not in SEAMS:
+    if kind in PLACED or kind not in SEAMS or kind in kinds():
         return WITHOUT.get(kind)
     files = {name: one.module.replace(".", "/") + ".py" for name, one in registry.entries(kind).items()}
     start = files.get(SEAMS[kind].default or "", ", ".join(files.values()))
     return f"its parts stand in the tables of other parts; start from {start}"
 
 
-def _skeleton(kind: str) -> tuple[dict[str, str], str]:
-    """A scenario's keys to try such a part, as TOML by dotted key, and the code. Raises InputError."""
+def _skeleton(kind: str) -> tuple[dict[str, str], str, str]:
+    """A scenario's keys to try such a part, as TOML by dotted key, the code, and its test. Raises InputError."""
     if why := _why_not(kind):
         raise InputError(f"new {kind}: no skeleton: {why}")
     known = {one: one for one in kinds()}
     if kind not in known:
         raise InputError(f"new {kind}: no such kind of part; {nearest(kind, known)}")
-    head, _, code = (_HERE / f"{kind}.txt").read_text(encoding="utf-8").rpartition("---\n")
+    text, _, test = (_HERE / f"{kind}.txt").read_text(encoding="utf-8").partition("===\n")
+    head, _, code = text.rpartition("---\n")
     lines = [one.partition(" = ") for one in head.splitlines()]
-    return {key: value for key, _, value in lines}, code
+    return {key: value for key, _, value in lines}, code, test or TEST
 
 
 def _names(kind: str, name: str) -> tuple[str, str]:
     """The names of the module and of the part in it. Raises InputError."""
-    _, code = _skeleton(kind)
+    _, code, _ = _skeleton(kind)
     module = name.replace("-", "_").lower()
     if not module.isidentifier() or keyword.iskeyword(module):
         raise InputError(f"new {kind} {name}: not a name for a part; expected letters, digits and _, as in my_rule")
@@ -106,11 +107,11 @@ def new(kind: str, name: str, to: str | Path = ".") -> list[Path]:
     for path in files:
         if path.exists():
             raise InputError(f"{path}: exists already; expected a new name, nothing is overwritten")
-    beside, code = _skeleton(kind)
+    beside, code, tried = _skeleton(kind)
     (place, listed), use = _place(kind), f'{{use = "HERE/{module}.py:{part}"}}'
     scenario = {**SCENARIO, **beside, place: f"[{use}]" if listed else use}
     lines = "\n".join(f"{key} = {value}" for key, value in scenario.items())
-    test = Template(TEST).substitute(name=module, scenario=lines)
+    test = Template(tried).substitute(name=module, Name=part, scenario=lines)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for path, text in zip(files, (Template(code).substitute(name=module, Name=part), test), strict=True):
@@ -122,8 +123,13 @@ def new(kind: str, name: str, to: str | Path = ".") -> list[Path]:
 
 def advice(kind: str, name: str) -> str:
     """The scenario's line, and how to run both."""
+    from swarmsim.core.seams import SEAMS
+
     module, part = _names(kind, name)
     place, listed = _place(kind)
+    if not place:
+        named = f"{SEAMS[kind].elsewhere.strip('`')} ./{module}.py:{part}"
+        return f"named by: {named}\nits test: python -m pytest test_{module}.py"
     return (
         f'in the scenario beside it: {f"[[{place}]]" if listed else f"[{place}]"} use = "./{module}.py:{part}"\n'
         f"then: swarmsim run SCENARIO.toml --allow-code\nits test: python -m pytest test_{module}.py"

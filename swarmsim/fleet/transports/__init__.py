@@ -1,0 +1,1 @@
+"""What carries frames from one robot's process to the others."""
