@@ -19,6 +19,7 @@ from swarmsim.cli import (
     films,
     network,
     parts,
+    radios,
     reports,
     reproductions,
     runs,
@@ -67,6 +68,7 @@ app.add_typer(benchmark.app, name="benchmark")
 app.add_typer(figures.app, name="figure")
 app.add_typer(worlds.app, name="world")
 app.add_typer(examples.app, name="examples")
+app.add_typer(radios.app, name="radio")
 
 
 def main() -> None:

@@ -38,7 +38,7 @@ class Zenoh(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     interface: str = LOOPBACK  # name or number of the interface to listen on
     swarm: Annotated[str, Meta(pattern=r"^[\w-]+$")] = "swarm"  # swarms of different names share a network unheard
-    keys: str = ""  # a file of keys, from `swarmsim fleet keys`: who has none stays out, and nobody speaks for another
+    keys: str = ""  # a file of keys, from `swarmsim radio keys`: who has none stays out, and nobody speaks for another
     patience: Annotated[float, Meta(gt=0.0, le=3600.0)] = 5.0  # s, in which the host has to answer
     mtu: Annotated[int, Meta(ge=1, le=_LARGEST)] = 65_535  # bytes of the longest frame
     rate: Annotated[float, Meta(gt=0.0)] = 1e8  # bit/s, for the airtime that is told
