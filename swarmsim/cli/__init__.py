@@ -17,6 +17,7 @@ from swarmsim.cli import (
     exports,
     figures,
     films,
+    fleets,
     network,
     parts,
     radios,
@@ -69,6 +70,8 @@ app.add_typer(figures.app, name="figure")
 app.add_typer(worlds.app, name="world")
 app.add_typer(examples.app, name="examples")
 app.add_typer(radios.app, name="radio")
+app.add_typer(fleets.fleet, name="fleet")
+app.add_typer(fleets.robot, name="robot")
 
 
 def main() -> None:

@@ -63,7 +63,7 @@ def run(
         if video is not None:
             with told_if_interrupted(lambda: f"no film was written; the run is in {folder}"):
                 film(done, video, progress)
-    progress.console.print(_table(done))
+    progress.console.print(table(done))
     raise typer.Exit(FINISHED if done.finished else NOT_FINISHED)
 
 
@@ -82,7 +82,7 @@ def show(
     if as_json:
         print(json.dumps(opened.summary, indent=2))
     else:
-        VisibleConsole().print(_table(opened))
+        VisibleConsole().print(table(opened))
 
 
 def verify(
@@ -128,7 +128,8 @@ def schema() -> None:
     print(json.dumps(scenario_schema(), indent=2))
 
 
-def _table(run: Run) -> Table:
+def table(run: Run) -> Table:
+    """A run's summary, for a terminal."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -136,7 +137,7 @@ def _table(run: Run) -> Table:
     from swarmsim.view.timeline import noted
 
     summary, recording = run.summary, run.recording
-    table = Table(title=summary["title"], show_header=False)
+    found = Table(title=summary["title"], show_header=False)
     lines = [noted(event, recording.scenario).text for event in recording.events()]
     hidden = len(lines) - EVENT_LINES
     shown: dict[str, object] = {}
@@ -152,8 +153,8 @@ def _table(run: Run) -> Table:
     shown["versions"] = ", ".join(f"{name} {version}" for name, version in summary["versions"].items())
     for name, value in {**shown, "run": run.path}.items():
         if name not in ("title", "domain cells"):
-            table.add_row(name, escape(str(value)))
-    return table
+            found.add_row(name, escape(str(value)))
+    return found
 
 
 def _measures(values: dict[str, float], recording: Recording) -> dict[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.jobs import AnyJob
-from swarmsim.core.messages import HEADER, Broadcast, Codec, Inbox, MessageBatch
+from swarmsim.core.messages import HEADER, Broadcast, Codec, FrameError, Inbox, MessageBatch, header_of
 from swarmsim.core.parts import AnyComputation
 from swarmsim.core.processors import Processors
 from swarmsim.core.state import JobReport, Knowledge, Senses
@@ -54,16 +54,23 @@ class EnvelopeCodec:
         return HEADER.pack(sender, iteration) + b"".join(LENGTH.pack(len(one)) + one for one in packed)
 
     def unpack(self, data: bytes) -> tuple[int, int, Envelope]:
-        """Its sender, exchange and parts; an empty one has no columns. Raises ValueError for a wrong length."""
-        sender, iteration = HEADER.unpack_from(data)
+        """Its sender, exchange and parts; an empty one has no columns. Raises FrameError, also for a part's bytes."""
+        head = header_of(data)
         at, parts = HEADER.size, list[MessageBatch]()
         for codec in self._codecs:
+            if at + LENGTH.size > len(data):
+                raise FrameError(f"an envelope of {len(data)} bytes, without the length of part {len(parts)}")
             (length,) = LENGTH.unpack_from(data, at)
             at += LENGTH.size + length
             if at > len(data):
-                raise ValueError(f"an envelope of {len(data)} bytes with parts up to {at}")
-            parts.append(codec.unpack(data[at - length : at])[2] if length else Nothing())
-        return sender, iteration, Envelope(tuple(parts))
+                raise FrameError(f"an envelope of {len(data)} bytes with parts up to {at}")
+            *its, part = codec.unpack(data[at - length : at]) if length else (*head, Nothing())
+            if tuple(its) != head or (length and not len(part)):
+                raise FrameError(f"part {len(parts)} of an envelope has another header, or is empty")
+            parts.append(part)
+        if at < len(data):
+            raise FrameError(f"an envelope of {len(data)} bytes with parts up to {at}")
+        return *head, Envelope(tuple(parts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

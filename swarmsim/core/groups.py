@@ -14,6 +14,7 @@ from swarmsim.core.kinds import FromKind, KindCodec, Roster, sorted_out, togethe
 from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
 from swarmsim.core.parts import AnyComputation, AnyStrategy
 from swarmsim.core.readings import Channels, Column, Readings
+from swarmsim.core.reports import Report, adopt, report
 from swarmsim.core.state import Intents, Knowledge, Record, Senses
 
 Held = Column | Mapping[str, Column] | None  # the type of a field of intents
@@ -181,6 +182,19 @@ class GroupComputation:
         ]
         return GroupKnowledge(groups.bands, tuple(known), groups.robots)
 
+    def report(self, knowledge: GroupKnowledge) -> Report:
+        """What the only robot has learned, by its group's mind."""
+        return report(self._groups.bands[0].computation, knowledge.known[0])
+
+    def adopt(self, reports: Sequence[Report], inbox: Inbox[MessageBatch]) -> GroupKnowledge:
+        """What all robots know, group by group. Raises FrameError."""
+        groups = self._groups
+        known = [
+            adopt(band.computation, [reports[row] for row in band.rows], heard)
+            for band, heard in zip(groups.bands, groups.heard(inbox), strict=True)
+        ]
+        return GroupKnowledge(groups.bands, tuple(known), groups.robots)
+
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Erase what robots (r,) know."""
         for number, band in enumerate(self._groups.bands):
@@ -236,6 +250,12 @@ def _made(give: Callable[[str], Held]) -> Intents:
     """Intents with each field from `give(name)`."""
     columns: dict[str, Any] = {one.name: give(one.name) for one in fields(Intents)}
     return Intents(**columns)
+
+
+def merged(intents: Sequence[Intents]) -> Intents:
+    """Intents of one robot each, as those of all."""
+    rows, count = [np.array([row]) for row in range(len(intents))], len(intents)
+    return _made(lambda name: _whole(rows, [getattr(each, name) for each in intents], count))
 
 
 def _whole(rows: Sequence[NDArray[np.int64]], given: Sequence[Held], robots: int) -> Held:

@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.messages import Broadcast, Codec, Inbox, MessageBatch
+from swarmsim.core.messages import Broadcast, Codec, FrameError, Inbox, MessageBatch
 
 MOST: Final = 256  # kinds, which a byte tells apart
 
@@ -76,11 +76,13 @@ class KindCodec:
         return bytes([kind]) + self._codecs[kind].pack(sender, iteration, items.of(kind))
 
     def unpack(self, data: bytes) -> tuple[int, int, Mixed]:
-        """Its sender, iteration and items. Raises ValueError for an unknown kind."""
-        kind = data[0]
+        """Its sender, iteration and items. Raises FrameError for an unknown kind, or one that is not the sender's."""
+        kind = data[0] if data else -1
         if kind not in self._codecs:
-            raise ValueError(f"a message of the kind {kind}; expected one of {sorted(self._codecs)}")
+            raise FrameError(f"a message of the kind {kind}; expected one of {sorted(self._codecs)}")
         sender, iteration, items = self._codecs[kind].unpack(data[1:])
+        if sender >= len(self._kinds) or self._kinds[sender] != kind:
+            raise FrameError(f"a message of the kind {kind} from robot {sender}, which says none")
         return sender, iteration, Mixed(np.full(len(items), kind, np.uint8), np.arange(len(items)), {kind: items})
 
 

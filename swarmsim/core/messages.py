@@ -15,6 +15,28 @@ Packets = NDArray[np.int32]  # (m, 4): receiver, sender, the iteration in which 
 
 #: The header of every message: sender (2 bytes) and iteration (4), big-endian.
 HEADER: Final = struct.Struct(">HI")
+LATEST: Final = (1 << 31) - 1  #: iteration that a message can tell of
+
+
+class FrameError(ValueError):
+    """Bytes that no robot of this scenario can have packed, found before memory is taken for what they claim."""
+
+
+def check_length(data: bytes, least: int, most: int | None = None) -> None:
+    """Raise FrameError unless there are from `least` to `most` bytes; None: exactly `least`."""
+    most = least if most is None else most
+    if not least <= len(data) <= most:
+        raise FrameError(f"{len(data)} bytes; expected {least}{f' to {most}' if most > least else ''}")
+
+
+def header_of(data: bytes) -> tuple[int, int]:
+    """The sender and iteration of a message. Raises FrameError if it ends before, or lies in no run's time."""
+    if len(data) < HEADER.size:
+        raise FrameError(f"{len(data)} bytes; expected a header of {HEADER.size} and what follows")
+    sender, iteration = HEADER.unpack_from(data)
+    if iteration > LATEST:
+        raise FrameError(f"iteration {iteration}; expected {LATEST} at most")
+    return sender, iteration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +148,10 @@ class Codec(Protocol[C]):
         ...
 
     def unpack(self, data: bytes) -> tuple[int, int, C]:
-        """Its sender, the iteration in which it was sent, and its items, exactly as packed."""
+        """Its sender, the iteration in which it was sent, and its items, exactly as packed.
+
+        Raises FrameError for bytes that `pack` cannot have made, before it takes memory for what they claim.
+        """
         ...
 
 
@@ -151,10 +176,13 @@ class PlainCodec(Generic[C]):
 
     def unpack(self, data: bytes) -> tuple[int, int, C]:
         """Its sender, iteration and item."""
-        sender, iteration = HEADER.unpack_from(data)
+        check_length(data, self.size)
+        sender, iteration = header_of(data)
         at, columns = HEADER.size, []
         for kind, shape in self._columns:
             count = int(np.prod(shape))
+            if kind.kind == "b" and max(data[at : at + count], default=0) > 1:
+                raise FrameError("a truth value that is neither 0 nor 1")
             column = np.frombuffer(data, kind, count, at).reshape(1, *shape)
             columns.append(column.astype(kind.newbyteorder("=")))
             at += kind.itemsize * count

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from swarmsim.core.assembly import BuiltMind
 from swarmsim.core.errors import InputError
 from swarmsim.core.parts import AnyComputation, AnyStrategy, AnyTask, Parts
 from swarmsim.core.readings import Channels
@@ -11,7 +12,6 @@ from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.seams import SEAMS
 from swarmsim.engine.foreign import announced
-from swarmsim.engine.minds import BuiltMind
 from swarmsim.recording import layout
 
 TASK = SEAMS["task"].at

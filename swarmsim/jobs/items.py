@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.jobs import Values
-from swarmsim.core.messages import HEADER, MessageBatch
+from swarmsim.core.messages import HEADER, LATEST, FrameError, MessageBatch, header_of
 from swarmsim.jobs.plan import JobPlan
 
 #: The kinds of items: who computes a piece, who keeps a copy of it, what it shows to others, and its state.
@@ -108,8 +108,8 @@ class ItemCodec:
         )  # fmt: skip
 
     def unpack(self, data: bytes) -> tuple[int, int, Items]:
-        """Its sender, exchange and items. Raises ValueError for an unknown kind or piece."""
-        sender, iteration = HEADER.unpack_from(data)
+        """Its sender, exchange and items. Raises FrameError."""
+        sender, iteration = header_of(data)
         at, items = HEADER.size, list[Item]()
         while at < len(data):
             item = self._unpacked(data, at)
@@ -120,15 +120,21 @@ class ItemCodec:
     def _unpacked(self, data: bytes, at: int) -> Item:
         kind = data[at]
         if kind >= len(FORMS):
-            raise ValueError(f"an item of the kind {kind}; expected 0 to {len(FORMS) - 1}")
+            raise FrameError(f"an item of the kind {kind}; expected 0 to {len(FORMS) - 1}")
+        if at + FORMS[kind].size > len(data):
+            raise FrameError(f"{len(data) - at} bytes at the end; expected an item of {FORMS[kind].size} or more")
         told = FORMS[kind].unpack_from(data, at)
         at, piece = at + FORMS[kind].size, told[1]
         if piece >= len(self._plan.pieces):
-            raise ValueError(f"piece {piece}; expected 0 to {len(self._plan.pieces) - 1}")
+            raise FrameError(f"piece {piece}; expected 0 to {len(self._plan.pieces) - 1}")
+        if max(told[2:]) > LATEST:
+            raise FrameError(f"piece {piece}: {max(told[2:])}; expected {LATEST} at most")
         if kind in (CLAIM, KEEP):
             return Item(kind, piece, told[3], told[2], *told[4:])
         shape = self._plan.shown[piece] if kind == SHOW else self._plan.state[piece]
         aims = len(self._plan.readers[piece]) if kind == SHOW else 0
-        form = self._shown if kind == SHOW else np.dtype(">f8")
-        values = np.frombuffer(data, form, int(np.prod(shape)), at + aims).astype(np.float64).reshape(shape)
+        form, count = self._shown if kind == SHOW else np.dtype(">f8"), int(np.prod(shape))
+        if at + aims + count * form.itemsize > len(data):
+            raise FrameError(f"piece {piece}: {len(data) - at} bytes; expected {aims + count * form.itemsize}")
+        values = np.frombuffer(data, form, count, at + aims).astype(np.float64).reshape(shape)
         return Item(kind, piece, told[2], values=values, aims=np.frombuffer(data, np.uint8, aims, at).copy())

@@ -1,4 +1,7 @@
-"""The cache of compiled kernels, and those being compiled: the first run on a machine compiles many."""
+"""What compiles kernels, its cache, and those being compiled: the first run on a machine compiles many.
+
+Without numba kernels are plain Python: slower, and equal to the bit.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from numba.core import config, event
-from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+import numpy as np
+
+try:
+    from numba import njit as njit
+    from numba.core import config, event
+    from numba.core.caching import InTreeCacheLocator, UserProvidedCacheLocator, UserWideCacheLocator
+except ImportError:  # a robot without a compiler
+    config = None
+
+    def njit(**options):
+        """Plain Python in the place of numba's decorator."""
+        return lambda function: function
+
+
+def compiles() -> bool:
+    """Whether kernels are compiled."""
+    return config is not None and not config.DISABLE_JIT
+
+
+def wrapping(function):
+    """The same function of integers that wrap around, as compiled ones do: plain Python warns of that."""
+    return function if compiles() else np.errstate(over="ignore")(function)
 
 
 def find_a_place() -> None:
@@ -19,6 +42,8 @@ def find_a_place() -> None:
     Those are NUMBA_CACHE_DIR, the package's own folder and the user's cache. Raises OSError if there is no temporary
     folder either.
     """
+    if config is None:
+        return
     known = (UserProvidedCacheLocator, InTreeCacheLocator, UserWideCacheLocator)
     if not any(place.from_function(find_a_place, __file__) for place in known):
         config.CACHE_DIR = str(_own_folder())
@@ -26,6 +51,8 @@ def find_a_place() -> None:
 
 def makeshift() -> str | None:
     """The temporary folder in which kernels are kept, or None if they have a lasting place."""
+    if config is None:
+        return None
     return config.CACHE_DIR if os.environ.get("NUMBA_CACHE_DIR", "") != config.CACHE_DIR else None
 
 
@@ -44,23 +71,23 @@ def _own_folder() -> Path:
         raise OSError(problem.errno, told, "NUMBA_CACHE_DIR") from problem
 
 
-class _Watch(event.Listener):
-    def __init__(self, told):
-        self._told = told
-
-    def on_start(self, event):
-        kernel = event.data["dispatcher"].py_func
-        if kernel.__module__.startswith(__package__):  # and not one of numba's own
-            self._told(kernel.__name__)
-
-    def on_end(self, event):
-        pass
-
-
 @contextmanager
 def watched(told) -> Iterator[None]:
     """Within the block, call `told` with the name of each kernel whose compilation begins."""
-    watch = _Watch(told)
+    if config is None:
+        yield
+        return
+
+    class Watch(event.Listener):
+        def on_start(self, event):
+            kernel = event.data["dispatcher"].py_func
+            if kernel.__module__.startswith(__package__):  # and not one of numba's own
+                told(kernel.__name__)
+
+        def on_end(self, event):
+            pass
+
+    watch = Watch()
     event.register("numba:compile", watch)
     try:
         yield

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numba import config, njit
 from numpy.typing import NDArray
 
 from swarmsim.kernels import search
+from swarmsim.kernels.compiling import compiles, njit
 from swarmsim.kernels.search import (
     DCOLUMNS,
     DROWS,
@@ -302,7 +302,7 @@ def way_ahead(plans, rules, columns, waypoints):
 
 def _forget_what_is_stale() -> None:
     """Drop numba's cache of this file if `search` is newer: the cache does not notice its edits."""
-    if config.DISABLE_JIT:  # nothing is compiled or cached
+    if not compiles():  # and caches
         return
     edited = Path(search.__file__).stat().st_mtime
     for index in Path(decide.stats.cache_path).glob(f"{Path(__file__).stem}.*.nbi"):

@@ -7,10 +7,12 @@ All functions that call each other live in this file: numba's cache does not not
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from swarmsim.kernels.compiling import njit, wrapping
 
 
 @njit(cache=True)
+@wrapping
 def scramble(value):
     """A well-mixed 64-bit hash of a number (the finaliser of splitmix64, Steele et al. 2014)."""
     z = np.uint64(value) + np.uint64(0x9E3779B97F4A7C15)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from swarmsim.kernels.compiling import njit
 
 ARRIVED = 0.1  # of the look-ahead distance: nearer than this to its last waypoint, a robot stands
 

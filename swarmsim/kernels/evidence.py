@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from swarmsim.kernels.compiling import njit
 
 PASSED = 2.0 / 3.0  # probability that a beam gets through an occupied cell
 STOPPED = 0.5 * (1.0 - PASSED)  # that an unknown cell stops a beam

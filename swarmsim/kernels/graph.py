@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from swarmsim.kernels.compiling import njit
 
 FEW = 48  # robots: up to here, comparing all pairs costs less than sorting first
 ROUNDING = 1e-12  # relative: more than the error of a distance or of a sum of two

@@ -6,7 +6,8 @@ Grids are indexed (robot, row, column).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from swarmsim.kernels.compiling import njit
 
 
 @njit(cache=True)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from swarmsim.kernels.compiling import njit
 
 ENDPOINT_SLACK = 1e-12  # of a segment's length: beams at a shared corner must not slip between two walls
 INSIDE = 1e-6  # m behind the surface at which a hit is looked up, so that it falls into the wall's own cell

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from swarmsim.kernels.compiling import njit
 
 THIRD = 2.0 * math.pi / 3.0  # rad between two of three wheels
 RELEASED = 0.5  # of the tightest bend: a car that backs out goes on once the bend to its aim is this wide

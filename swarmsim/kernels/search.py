@@ -9,8 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from swarmsim.kernels.compiling import njit, wrapping
 
 SQRT2 = math.sqrt(2.0)
 DROWS = np.array([0, -1, 1, 0, -1, -1, 1, 1])  # west, south, north, east, then the diagonal neighbours ...
@@ -102,6 +103,7 @@ def fits(maps, i, now, rules, r, c):
 
 
 @njit(cache=True)
+@wrapping
 def scramble(value):
     """A well-mixed 64-bit hash of a number (the finaliser of splitmix64, Steele et al. 2014)."""
     z = np.uint64(value) + np.uint64(0x9E3779B97F4A7C15)

@@ -15,6 +15,7 @@ from swarmsim.core.adapters.forms import Last
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
 from swarmsim.core.parts import Curve, Summary
+from swarmsim.core.reports import Report
 from swarmsim.core.state import Done, Intents, Knowledge, Measured, Record, Senses, State
 from swarmsim.kernels import wander
 
@@ -106,6 +107,14 @@ class Reacting:
         return self._said
 
     def hear(self, senses: Senses, inbox: Inbox[EmptyMessage]) -> NoKnowledge:
+        """Nothing."""
+        return NoKnowledge()
+
+    def report(self, knowledge: NoKnowledge) -> Report:
+        """Nothing."""
+        return ()
+
+    def adopt(self, reports: Sequence[Report], inbox: Inbox[EmptyMessage]) -> NoKnowledge:
         """Nothing."""
         return NoKnowledge()
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeGuard, cast
+from typing import Annotated, Any, Final, Literal, Protocol, TypeGuard, cast
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -290,7 +290,17 @@ class Minded:
     groups: tuple[int, ...]  # the numbers of these robots' groups; empty: all robots
 
 
-def minds_of(scenario: Scenario) -> list[Minded]:
+class Manned(Protocol):
+    """What has robots with minds: a scenario, or what one robot is told of it."""
+
+    @property
+    def robots(self) -> Robots: ...
+
+    @property
+    def mind(self) -> Mind: ...
+
+
+def minds_of(scenario: Manned) -> list[Minded]:
     """The minds of a scenario: groups with equal ones share them; one entry if all robots have the same.
 
     A half that a group does not name is the scenario's.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarmsim.core.errors import InputError
-from swarmsim.core.messages import HEADER, MessageBatch
+from swarmsim.core.messages import HEADER, FrameError, MessageBatch, header_of
 
 #: The kinds: the teller's checksum of all that it knows, a key with its value, and a data item.
 SIGN, ENTRY, ITEM = range(3)
@@ -114,15 +114,15 @@ class FactCodec:
         return HEADER.pack(sender, iteration) + b"".join(fact.packed() for fact in items.rows())
 
     def unpack(self, data: bytes) -> tuple[int, int, Facts]:
-        """Its sender, exchange and facts. Raises ValueError for an unknown kind or a wrong length."""
-        sender, iteration = HEADER.unpack_from(data)
+        """Its sender, exchange and facts. Raises FrameError for an unknown kind or a wrong length."""
+        sender, iteration = header_of(data)
         at, facts = HEADER.size, list[Fact]()
         while at < len(data):
             if len(data) - at < FORM.size:
-                raise ValueError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
+                raise FrameError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
             *numbers, length = FORM.unpack_from(data, at)
             at += FORM.size + length
             if numbers[0] > ITEM or at > len(data):
-                raise ValueError(f"a fact of the kind {numbers[0]} up to byte {at} of {len(data)}")
+                raise FrameError(f"a fact of the kind {numbers[0]} up to byte {at} of {len(data)}")
             facts.append(Fact._make((*numbers, data[at - length : at])))
         return sender, iteration, Facts.of(facts)

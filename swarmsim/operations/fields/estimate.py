@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Annotated
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
+from swarmsim.core.reports import Report
 from swarmsim.core.state import Knowledge, Record, Senses
 
 
@@ -145,6 +147,15 @@ class FieldComputation:
         view = self._precision.view()
         view.flags.writeable = False
         return Reconstruction(weights, view, self._samples.copy(), self._basis)
+
+    def report(self, knowledge: Reconstruction) -> Report:
+        """Its only robot's weights, and how many samples made them."""
+        return knowledge.weights, knowledge.samples
+
+    def adopt(self, reports: Sequence[Report], inbox: Inbox[Sample]) -> Reconstruction:
+        """All robots' estimates, whose precision nobody has reported: NaN."""
+        weights, samples = (np.concatenate(column) for column in zip(*reports, strict=True))
+        return Reconstruction(weights, np.broadcast_to(np.nan, self._precision.shape), samples, self._basis)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Reset robots (r,) to the prior."""

@@ -7,6 +7,7 @@ Multi-Robot Systems Operations" (2018).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Final, Literal, TypeVar
 
@@ -20,10 +21,12 @@ from swarmsim.core.errors import InputError, PlacedError
 from swarmsim.core.lending import lent
 from swarmsim.core.messages import Broadcast, Codec, Inbox
 from swarmsim.core.readings import Tiles
+from swarmsim.core.reports import Report
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.part import Part
 from swarmsim.core.state import Knowledge, Senses
 from swarmsim.kernels import occupancy
+from swarmsim.operations.mapping import reporting
 from swarmsim.operations.mapping.grids import OccupancyGrids, QuorumGrids
 from swarmsim.operations.mapping.lies import LIES
 from swarmsim.operations.mapping.maps import Frames, Maps, PlainTiles, TileItems
@@ -125,6 +128,8 @@ class MapComputation:
         self._robots = np.arange(count, dtype=np.int32)  # their rows
         self._shown = memory.zeros((count, lattice.rows * lattice.columns), np.uint8)  # the states last reported
         self._rewritten = False  # whether maps have since changed other than by readings
+        #: Of the last `hear`: own tiles, whether changes were looked for everywhere, whether all heard was taken in.
+        self._how: tuple[Tiles, bool, bool] | None = None
         nobody = np.empty(0, np.int32)
         nothing = PlainTiles(np.empty((0, 0, 0), np.uint8), np.empty((0, 2), np.int32), nobody, nobody)
         #: The robots' knowledge, as `hear` gave it last.
@@ -154,7 +159,25 @@ class MapComputation:
         fresh = self._grids.update(alive, tiles, accepted)
         new_cells = fresh[: len(alive)].copy()
         np.add.at(new_cells, accepted.receivers, fresh[len(new_cells) :])
+        self._how = tiles, self._forgets or self._rewritten, accepted is inbox
         self.maps = self._maps(self._changes(tiles, accepted), new_cells, accepted)
+        return self.maps
+
+    def report(self, knowledge: Maps) -> Report:
+        """The changes of its only robot's map, and what it took in. Raises RuntimeError before it has heard."""
+        if self._how is None:
+            raise RuntimeError("a report of a robot that has not heard yet")
+        return reporting.told(knowledge, *self._how, self._columns)
+
+    def adopt(self, reports: Sequence[Report], inbox: Inbox[TileItems]) -> Maps:
+        """The maps that reports make; of log-odds they have the signs. Raises FrameError."""
+        shape = self._shown.shape
+        changes = reporting.changes_of(reports, shape[1], self._rewritten)
+        self._rewritten = False
+        reporting.write(changes, self._grids.observed.reshape(shape), self._grids.log_odds.reshape(shape))
+        reporting.take_frames(reports, self._frames)
+        new_cells = np.array([report[reporting.HEAD][1] for report in reports], np.int32)
+        self.maps = self._maps(changes, new_cells, reporting.accepted_of(reports, inbox))
         return self.maps
 
     def _without_robots(self, tiles: Tiles, accepted: Inbox[TileItems], now: int) -> tuple[Tiles, Inbox[TileItems]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core.context import BuildContext
 from swarmsim.core.messages import Broadcast, Inbox, MessageBatch, PlainCodec
+from swarmsim.core.reports import Report
 from swarmsim.core.state import Knowledge, Record, Senses
 
 
@@ -78,6 +80,16 @@ class PositionComputation:
         newest[:-1] = (receivers[:-1] != receivers[1:]) | (senders[:-1] != senders[1:])  # sorted by iteration sent
         place = np.stack([inbox.content.x, inbox.content.y], axis=1)
         return Positions(receivers[newest], senders[newest], place[newest])
+
+    def report(self, knowledge: Positions) -> Report:
+        """The positions that its only robot knows."""
+        return knowledge.senders, knowledge.place
+
+    def adopt(self, reports: Sequence[Report], inbox: Inbox[Position]) -> Positions:
+        """The positions that all robots know."""
+        receivers = np.repeat(np.arange(len(reports), dtype=np.int32), [len(senders) for senders, _ in reports])
+        senders, place = (np.concatenate(column) for column in zip(*reports, strict=True))
+        return Positions(receivers, senders, place)
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Nothing to forget."""

@@ -11,7 +11,7 @@ from swarmsim.operations.mapping.sharing.codecs import RelayedTile
 checked = settings(max_examples=150, deadline=None, derandomize=True)
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
 ids = st.integers(0, 2**16 - 1)
-iterations = st.integers(0, 2**32 - 1)
+iterations = st.integers(0, 2**31 - 1)
 places = st.tuples(st.integers(-(2**15), 2**15 - 1), st.integers(-(2**15), 2**15 - 1))
 
 

@@ -12,7 +12,6 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from swarmsim.operations.mapping.exploration.strategy import Candidates, Exploring, Grain
 
@@ -134,7 +133,7 @@ class AssignedFrontier(Exploring, frozen=True, forbid_unknown_fields=True, kw_on
 
     def choose(self, candidates: Candidates) -> int:
         """The robot's own piece; the nearest if there are not enough of them."""
-        robots, pieces = linear_sum_assignment(np.minimum(candidates.ways, NO_WAY))
+        robots, pieces = assigned(np.minimum(candidates.ways, NO_WAY))
         mine = pieces[robots == 0]
         return int(mine[0]) if len(mine) else 0
 
@@ -271,7 +270,15 @@ def shared_out(
     second = np.sort(closeness, axis=0)[-2] if len(ways) > 1 else np.zeros_like(best)
     prices = ways + weight * np.where(closeness == best, second, best) - revenues
     chosen = prices.argmin(axis=1)
-    robots, pieces = linear_sum_assignment(prices)
+    robots, pieces = assigned(prices)
     reached = ways[robots, pieces] < NO_WAY / 2
     chosen[robots[reached]] = pieces[reached]
     return np.asarray(chosen, np.int64)
+
+
+def assigned(prices: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The rows and columns of the cheapest assignment of rows to columns."""
+    from scipy.optimize import linear_sum_assignment  # which robots with other rules can do without
+
+    rows, columns = linear_sum_assignment(prices)
+    return rows, columns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,8 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from swarmsim.core.state import UNKNOWN
+from swarmsim.core.messages import LATEST, FrameError, check_length, header_of
+from swarmsim.core.state import OCCUPIED, UNKNOWN
 from swarmsim.operations.mapping.maps import PlainTiles, TileItems
 
 #: Sender (2 bytes), iteration (4) and the tile's origin as row and column (2 each, signed), big-endian.
@@ -90,10 +92,14 @@ def pack_cells(values: NDArray[np.uint8]) -> bytes:
 
 
 def unpack_cells(data: bytes, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    """The cells that `pack_cells` packed."""
-    count = int(np.prod(shape))
-    bits = np.unpackbits(np.frombuffer(data, np.uint8), count=2 * count).reshape(-1, 2)
-    return np.asarray((bits[:, 0] << 1) | bits[:, 1], np.uint8).reshape(shape)
+    """The cells that `pack_cells` packed. Raises FrameError."""
+    count = math.prod(shape)
+    check_length(data, packed_bytes(count))
+    bits = np.unpackbits(np.frombuffer(data, np.uint8)).reshape(-1, 2)
+    cells = np.asarray((bits[:, 0] << 1) | bits[:, 1], np.uint8)
+    if cells.max(initial=0) > OCCUPIED or cells[count:].any():
+        raise FrameError(f"a cell of value {cells.max(initial=0)}, or one after the last")
+    return cells[:count].reshape(shape)
 
 
 def pack(sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[np.uint8]) -> bytes:
@@ -102,10 +108,11 @@ def pack(sender: int, iteration: int, origin: NDArray[np.int32], tile: NDArray[n
 
 
 def unpack(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8]]:
-    """The sender, iteration, origin (2,) and tile of `shape` that `pack` packed."""
+    """The sender, iteration, origin (2,) and tile of `shape` that `pack` packed. Raises FrameError."""
+    check_length(data, current_tile_bytes(*shape))
     numbers: tuple[int, ...] = HEADER.unpack_from(data)
-    sender, iteration, row, column = numbers
-    return sender, iteration, np.array([row, column], np.int32), unpack_cells(data[HEADER.size :], shape)
+    _, _, row, column = numbers
+    return *header_of(data), np.array([row, column], np.int32), unpack_cells(data[HEADER.size :], shape)
 
 
 def pack_goal(goal: NDArray[np.int32], left: np.int32) -> bytes:
@@ -114,7 +121,8 @@ def pack_goal(goal: NDArray[np.int32], left: np.int32) -> bytes:
 
 
 def unpack_goal(data: bytes, start: int) -> tuple[NDArray[np.int32], int]:
-    """The goal (2,) and the cells left that `pack_goal` packed, from this byte on."""
+    """The goal (2,) and the cells left that `pack_goal` packed, from this byte on. Raises FrameError."""
+    check_length(data, start + GOAL.size, len(data))
     row, column, left = GOAL.unpack_from(data, start)
     return np.array([row, column], np.int32), left
 
@@ -134,12 +142,19 @@ def pack_relay(
 def unpack_relay(
     data: bytes, shape: tuple[int, int]
 ) -> tuple[int, int, NDArray[np.int32], NDArray[np.uint8], list[RelayedTile]]:
-    """The sender, iteration, origin (2,), tile of `shape` and relayed readings that `pack_relay` packed."""
+    """The sender, iteration, origin (2,), tile of `shape` and relayed readings that `pack_relay` packed.
+
+    Raises FrameError.
+    """
     own = current_tile_bytes(*shape)
+    rest = (len(data) - own) % relayed_tile_bytes(*shape)
+    check_length(data, max(own, len(data) - rest))
     relayed = []
     for start in range(own, len(data), relayed_tile_bytes(*shape)):
         numbers: tuple[int, ...] = RELAYED.unpack_from(data, start)
         source, sensed, row, column, hops = numbers
+        if sensed > LATEST:
+            raise FrameError(f"a tile of iteration {sensed}; expected {LATEST} at most")
         tile = unpack_cells(data[start + RELAYED.size : start + relayed_tile_bytes(*shape)], shape)
         relayed.append(RelayedTile(source, sensed, hops, np.array([row, column], np.int32), tile))
     return *unpack(data[:own], shape), relayed
@@ -155,12 +170,19 @@ def pack_map(sender: int, iteration: int, cells: NDArray[np.uint8]) -> bytes:
 
 
 def unpack_map(data: bytes, shape: tuple[int, int]) -> tuple[int, int, NDArray[np.uint8]]:
-    """The sender, iteration and map of `shape` that `pack_map` packed."""
+    """The sender, iteration and map of `shape` that `pack_map` packed. Raises FrameError."""
+    check_length(data, MAP.size, MAP.size + packed_bytes(shape[0] * shape[1]))
     numbers: tuple[int, ...] = MAP.unpack_from(data)
-    sender, iteration, row, column, rows, columns = numbers
+    _, _, row, column, rows, columns = numbers
+    place = f"{rows} x {columns} cells from ({row}, {column}) on"
+    if min(row, column) < 0 or row + rows > shape[0] or column + columns > shape[1]:
+        raise FrameError(f"{place}; expected them within {shape[0]} x {shape[1]}")
     cells = np.full(shape, UNKNOWN, np.uint8)
-    cells[row : row + rows, column : column + columns] = unpack_cells(data[MAP.size :], (rows, columns))
-    return sender, iteration, cells
+    part = cells[row : row + rows, column : column + columns]
+    part[:] = unpack_cells(data[MAP.size :], (rows, columns))
+    if not all(edge.any() for edge in (part[:1], part[-1:], part[:, :1], part[:, -1:])) and any(numbers[2:]):
+        raise FrameError(f"{place} with nothing at an edge; expected the smallest rectangle of known cells")
+    return *header_of(data), cells
 
 
 class TileCodec:
@@ -191,7 +213,7 @@ class GoalCodec:
 
     def unpack(self, data: bytes) -> tuple[int, int, GoalItems]:
         """Its sender, iteration, tile and goal."""
-        sender, iteration, items = self._tile.unpack(data[: -GOAL.size])
+        sender, iteration, items = self._tile.unpack(data[: max(0, len(data) - GOAL.size)])
         goal, left = unpack_goal(data, len(data) - GOAL.size)
         return sender, iteration, GoalItems.of(items, goal[None], _ints(left))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swarmsim.core import memory
 from swarmsim.core.context import BuildContext
-from swarmsim.core.messages import Broadcast, Inbox
+from swarmsim.core.messages import Broadcast, FrameError, Inbox
 from swarmsim.core.state import FREE, OCCUPIED, Senses
 from swarmsim.operations.mapping.maps import Maps, PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.codecs import (
@@ -130,11 +130,14 @@ class GossipCodec:
         return pack(sender, iteration, items.origins[0], items.values[0]) + goal + told
 
     def unpack(self, data: bytes) -> tuple[int, int, TileItems]:
-        """Its sender, iteration, tile, goal and piece of map."""
+        """Its sender, iteration, tile, goal and piece of map. Raises FrameError."""
         own = current_tile_bytes(*self._shape)
         sender, iteration, origin, tile = unpack(data[:own], self._shape)
         origins, values, sources = [origin], [tile], [sender]
         piece = own + self._goals * GOAL.size
+        whole = piece + piece_bytes(*self._shape)
+        if len(data) not in (piece, whole):
+            raise FrameError(f"{len(data)} bytes; expected {piece}, or {whole} with a piece of map")
         if len(data) > piece:
             origins.append(np.array(PIECE.unpack_from(data, piece), np.int32))
             values.append(unpack_cells(data[piece + PIECE.size :], self._shape))

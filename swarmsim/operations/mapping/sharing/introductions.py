@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from swarmsim.core.messages import LATEST, FrameError, check_length
 from swarmsim.operations.mapping.maps import PlainTiles, TileItems
 from swarmsim.operations.mapping.sharing.codecs import MapCodec, current_tile_bytes
 from swarmsim.operations.mapping.sharing.gossip import GossipCodec, piece_bytes
@@ -96,17 +97,27 @@ class MergeCodec:
         return b"".join(parts)
 
     def unpack(self, data: bytes) -> tuple[int, int, MergeItems]:
-        """Its sender, iteration and items."""
+        """Its sender, iteration and items. Raises FrameError."""
+        if not data or data[0] > 7:
+            raise FrameError("no first byte from 0 to 7, which says what follows")
         end = 1 + current_tile_bytes(*self._shape) + (piece_bytes(*self._shape) if data[0] & 1 else 0)
         sender, iteration, gossip = self._gossip.unpack(data[1:end])
         items = [MergeItems.of(gossip, TILE)]
         if data[0] & 2:
+            check_length(data, end + FRAME.size, len(data))
             first, second, found, excess, *place = FRAME.unpack_from(data, end)
+            if found > LATEST:
+                raise FrameError(f"a link of iteration {found}; expected {LATEST} at most")
             link = Link((first, second), found, excess, Transform(*place))
             items.append(MergeItems.telling([link], self._shape, iteration))
             end += FRAME.size
         if data[0] & 4:
-            items.append(MergeItems.of(self._map.unpack(data[end:])[2], MAP))
+            *head, whole = self._map.unpack(data[end:])
+            if tuple(head) != (sender, iteration) or not len(whole):
+                raise FrameError("a whole map with another header, or without cells")
+            items.append(MergeItems.of(whole, MAP))
+        else:
+            check_length(data, end)
         return sender, iteration, MergeItems.joined(items)
 
 

@@ -1,0 +1,166 @@
+"""One robot's mind behind bytes: what it senses and the frames that it hears go in, frames and deeds come out.
+
+It is built for one row, under its robot's number, and knows of others only what they say. Nothing here, nor anything
+imported, has a world: the same mind runs in a simulated swarm, in a process of its own, and on a robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swarmsim.core import assembly, reports
+from swarmsim.core.charge import Charge
+from swarmsim.core.context import BuildContext
+from swarmsim.core.messages import Broadcast, Codec, FrameError, Inbox, MessageBatch
+from swarmsim.core.parts import AnyComputation, AnyStrategy
+from swarmsim.core.readings import Column, Readings
+from swarmsim.core.reports import Report
+from swarmsim.core.scenario.file import minds_of
+from swarmsim.core.state import Intents, Senses
+
+NONE_YET = np.empty(0, np.int64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """What one robot senses at the start of an iteration."""
+
+    iteration: int
+    alive: bool
+    pose: NDArray[np.float64]  # (3,): its estimate of it: x, y in m, yaw in rad
+    velocity: NDArray[np.float64]  # (3,): m/s, m/s, rad/s, in the world frame
+    readings: tuple[Column, ...]  # a row of each channel of its sensors
+    decided: Intents | None = None  # what it did in the last iteration, if that was not its own decision
+    forget: bool = False  # whether its memory is lost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Letter:
+    """A frame that was read."""
+
+    sender: int
+    sent: int  # iteration
+    items: MessageBatch
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Deed:
+    """What one robot decides until the next iteration, and what it has learned in this one."""
+
+    iteration: int
+    intents: Intents  # of one row
+    report: Report
+
+
+class Robot:
+    """A robot's mind. In each iteration it senses first, then hears."""
+
+    def __init__(
+        self,
+        number: int,
+        context: BuildContext,
+        computation: AnyComputation,
+        strategy: AnyStrategy,
+        codec: Codec[MessageBatch],
+    ) -> None:
+        """The `codec` reads and writes the messages of all its swarm."""
+        #: Its number in the swarm.
+        self.number = number
+        self._context, self._computation, self._strategy, self._codec = context, computation, strategy, codec
+        self._decided: Intents | None = None
+        self._senses: Senses | None = None
+        self._said: Broadcast[MessageBatch] | None = None
+
+    @classmethod
+    def of(cls, charge: Charge) -> Self:
+        """The robot that a charge describes, with an empty memory. Raises InputError."""
+        context = charge.context()
+        computation, strategy = assembly.together(assembly.built_for(charge, context), charge)
+        return cls(charge.robot, context, computation, strategy, _codec(charge, computation))
+
+    @property
+    def context(self) -> BuildContext:
+        """What its mind was built from."""
+        return self._context
+
+    def read(self, frame: bytes) -> Letter:
+        """A frame of another robot. Raises FrameError for bytes that none of its swarm can have packed."""
+        sender, sent, items = self._codec.unpack(frame)
+        if sender >= self._context.swarm or sender == self.number:
+            raise FrameError(f"a frame of robot {sender}; expected another one of {self._context.swarm}")
+        return Letter(sender, sent, items)
+
+    def sense(self, sensed: Sensed) -> list[bytes]:
+        """Take in what it senses; what it says, as frames: one or, if it has nothing to say, none."""
+        if sensed.forget:
+            self._computation.reset(np.zeros(1, np.int64))
+        if sensed.decided is not None:
+            self._decided = sensed.decided
+        readings = Readings(self._context.channels, tuple([column[None] for column in sensed.readings]))
+        alive = np.array([sensed.alive])
+        self._senses = Senses(
+            sensed.iteration, sensed.pose[None], sensed.velocity[None], alive, readings, self._decided
+        )
+        self._said = said = self._computation.say(self._senses)
+        if not said.sizes[0]:
+            return []
+        return [self._codec.pack(self.number, sensed.iteration, said.of(0))]
+
+    def hear(self, letters: Sequence[Letter], awake: bool = True, oldest: int = 0) -> Deed:
+        """Take in what it hears; what it does until the next iteration.
+
+        A robot that is not `awake` takes nothing in, and decides as if dead. No letter still under way was sent before
+        the iteration `oldest`. Raises RuntimeError before it has sensed.
+        """
+        if self._senses is None or self._said is None:
+            raise RuntimeError("a robot that hears before it has sensed")
+        senses = self._senses
+        if not awake:
+            nobody = np.zeros(1, np.bool_)
+            senses = replace(senses, alive=nobody, readings=senses.readings.blanked(~nobody))
+        inbox = self._inbox(letters, self._said, oldest)
+        knowledge = self._computation.hear(senses, inbox)
+        self._decided = self._strategy.step(replace(self._senses, alive=senses.alive), inbox, knowledge)
+        return Deed(senses.iteration, self._decided, reports.report(self._computation, knowledge))
+
+    def _inbox(self, letters: Sequence[Letter], said: Broadcast[MessageBatch], oldest: int) -> Inbox[MessageBatch]:
+        """The letters, sorted by sender and iteration sent, item by item."""
+        found = sorted((one for one in letters if len(one.items)), key=lambda one: (one.sender, one.sent))
+        counts = [len(one.items) for one in found]
+        senders, sent = (
+            np.repeat(np.array(column, np.int32), counts)
+            for column in ([one.sender for one in found], [one.sent for one in found])
+        )
+        content = said.content.take(NONE_YET)
+        if found:
+            content = type(found[0].items).joined([one.items for one in found])
+        return Inbox(np.zeros(len(senders), np.int32), senders, sent, content, oldest)
+
+
+def _codec(charge: Charge, computation: AnyComputation) -> Codec[MessageBatch]:
+    """The codec of all messages in a swarm, whose groups may have computations of several kinds."""
+    firsts = np.cumsum([0, *(group.count for group in charge.robots.groups)])
+    minds = minds_of(charge)
+    if len(minds) == 1:
+        return computation.codec
+    everybody = assembly.built_for(charge, charge.context(*(int(firsts[one.groups[0]]) for one in minds)))
+    return assembly.together(everybody, charge)[0].codec
+
+
+def warm(charge: Charge) -> None:
+    """Go through an iteration with a robot that is then forgotten: what has to be compiled or imported is."""
+    robot = Robot.of(charge)
+    context = robot.context
+    x, y, cell, rows, columns = charge.lattice
+    pose = np.array([x + cell * (columns // 2), y + cell * (rows // 2), 0.0])
+    blank = tuple(channel.blanks(1)[0] for channel in context.channels)
+    for iteration in range(2):
+        frames = robot.sense(Sensed(iteration, True, pose, np.zeros(3), blank))
+        others = [number for number in range(context.swarm) if number != robot.number][:1]
+        items = [robot._codec.unpack(frame)[2] for frame in frames]
+        robot.hear([Letter(other, iteration, one) for other in others for one in items])
