@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from swarmsim.api.expectations import Expectations, open_expectations, test
     from swarmsim.api.imports import world_import
     from swarmsim.api.papers import reproduce
+    from swarmsim.api.radios import radio_airtime
     from swarmsim.api.recorded import Run
     from swarmsim.api.runs import compare, open, run, simulate  # noqa: A004
     from swarmsim.api.sizes import size
@@ -42,12 +43,14 @@ if TYPE_CHECKING:
     from swarmsim.core.scenario.schema import schema
     from swarmsim.core.scenario.shipped import copy as examples_copy
     from swarmsim.core.scenario.shipped import example, examples
+    from swarmsim.fleet.keyring import write_keys as radio_keys
 
 __version__ = "0.1.0"
 __all__ = [
     "Expectations", "InputError", "PartError", "Run", "StorageError", "StudyRun", "benchmark_board",
     "benchmark_explore", "benchmark_import", "benchmark_references", "benchmark_verify", "compare", "doctor",
-    "example", "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "reproduce",
+    "example", "examples", "examples_copy", "new", "open", "open_expectations", "open_study", "parts", "radio_airtime",
+    "radio_keys", "reproduce",
     "run", "schema", "simulate", "size", "study", "study_worst", "test", "world_check", "world_convert",
     "world_generate", "world_import", "world_preview",
 ]  # fmt: skip
@@ -74,6 +77,8 @@ _PLACES = {
     "open_expectations": "api.expectations:open_expectations",
     "open_study": "api.studies:open_study",
     "parts": "core.scenario.describe:parts",
+    "radio_airtime": "api.radios:radio_airtime",
+    "radio_keys": "fleet.keyring:write_keys",
     "reproduce": "api.papers:reproduce",
     "run": "api.runs:run",
     "schema": "core.scenario.schema:schema",

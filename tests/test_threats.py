@@ -1,4 +1,4 @@
-"""Attacks by untrusted files, line by line of docs/threats.md."""
+"""Attacks by untrusted files and frames, line by line of docs/threats.md."""
 
 from __future__ import annotations
 
@@ -6,22 +6,31 @@ import gzip
 import json
 import os
 import pty
+import random
 import re
 import shutil
 import socket
 import subprocess
 import sys
+import time
+import tracemalloc
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 from conftest import ROOT, made
+from fleet.places import free, transport, until
 from typer.testing import CliRunner
 
 from swarmsim.cli import app
 from swarmsim.core.errors import InputError
+from swarmsim.core.messages import HEADER
+from swarmsim.fleet.keyring import write_keys
+from swarmsim.fleet.transport import WORLD, RobotLink
 from swarmsim.studies.results import write_csv
+from swarmsim.testing.transports import collected
 
 ROOM = ROOT / "worlds" / "room.svg"
 EMPTY = (f'world="{ROOT}/worlds/arena.svg"', 'robots.spawn="middle"', 'sensor={use="none"}')
@@ -292,3 +301,143 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exists"):
         done("run", scenario(tmp_path), "--out", run)
     assert json.loads((run / "summary.json").read_text()) == before
+
+
+def test_forged_and_repeated_frames_are_not_heard(tmp_path: Path) -> None:
+    """A hundred thousand; tests/fleet/test_trust.py tells the reasons apart."""
+    keys, air = str(write_keys(4, tmp_path / "swarm.keys")), str(tmp_path)
+    with ExitStack() as opened:
+        signed = transport("signed", over={"use": "memory"}, keys=keys)
+        robot, listener = (opened.enter_context(closing(signed.open(air, number))) for number in (1, 2))
+        check_refused(robot, listener, opened.enter_context(closing(transport("memory").open(air, 9))))
+
+
+def check_refused(robot: RobotLink, listener: RobotLink, stranger: RobotLink) -> None:
+    """What the stranger says is not heard, whether made up, changed or repeated."""
+    good = []
+    for iteration in range(1000):
+        robot.say(HEADER.pack(1, iteration) + bytes(15))
+        good += [one for one, _ in stranger.heard()]
+    assert len(listener.heard()) == 1000
+    dice, sent = random.Random(3), 0
+    for i in range(100_000):
+        if i == 80_000:  # it is slow
+            tracemalloc.start()
+        kind, old = i % 4, good[dice.randrange(len(good))]
+        if kind == 0:
+            hostile = dice.randbytes(dice.randrange(200))
+        elif kind == 1:
+            hostile = old
+        elif kind == 2:
+            at = dice.randrange(len(old))
+            hostile = old[:at] + bytes([old[at] ^ (1 << dice.randrange(8))]) + old[at + 1 :]
+        else:
+            hostile = HEADER.pack(dice.randrange(4), dice.randrange(2**32)) + dice.randbytes(23)
+        stranger.say(hostile)
+        sent += 1
+        if i % 1000 == 999:
+            assert listener.heard() == []
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert sum(listener.counts.values()) == sent == 100_000
+    assert set(listener.counts) == {"forged", "replayed", "too short", "unknown"}
+    assert peak < 500_000
+
+
+def test_floods_take_bounded_memory() -> None:
+    with closing(transport("memory").open("flood", 0)) as idle, closing(transport("memory").open("flood", 1)) as loud:
+        for i in range(100_000):
+            if i == 80_000:
+                tracemalloc.start()
+            loud.say(i.to_bytes(4) * 100)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert peak < 5_000_000
+        heard = idle.heard()
+        assert len(heard) + idle.counts["full"] == 100_000
+        assert heard[-1][0][:4] == (99_999).to_bytes(4)
+
+
+def test_garbage_at_ports_moves_nobody() -> None:
+    """Datagrams on the air and for beacons, and connections to the channels, all with random bytes."""
+    address, dice = free(), random.Random(4)
+    host, port = address.split(":")
+    with ExitStack() as opened:
+        world, robot = (
+            opened.enter_context(closing(transport("udp", mtu=60).open(address, one))) for one in (WORLD, 0)
+        )
+        orders, told = world.channel("to/0"), robot.channel("to/0")
+        until(lambda: world.present() == {0})
+        air = opened.enter_context(socket.socket(type=socket.SOCK_DGRAM))
+        air.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        for i in range(100_000):
+            if i == 80_000:
+                tracemalloc.start()
+            air.sendto(dice.randbytes(i % 120), ("127.255.255.255", int(port) + i % 2))
+            if i % 1000 == 999:
+                world.heard()
+        for _ in range(300):
+            with socket.create_connection((host, int(port))) as stranger:
+                stranger.sendall(dice.randbytes(400))
+        with socket.create_connection((host, int(port))) as stranger:
+            stranger.sendall(b"\x02\x04" + (2**24 - 1).to_bytes(4) + b"to/0")  # and never what it announces
+            until(lambda: world.counts["malformed"] > 200)
+            _, peak = tracemalloc.get_traced_memory()
+            tracemalloc.stop()
+            assert peak < 20_000_000
+            assert world.counts["too long"] > 1000
+            orders.say(b"go on")
+            assert [one for one, _ in collected(told, 1)] == [b"go on"]
+        world.heard()
+        robot.say(b"here")
+        until(lambda: (b"here", None) in world.heard())
+        assert world.present() == {0}
+
+
+def test_who_has_no_key_stays_out_and_nobody_speaks_for_another(tmp_path: Path) -> None:
+    keys = str(write_keys(4, tmp_path / "swarm.keys"))
+    other = write_keys(4, tmp_path / "other.keys")
+    own = tmp_path / "robot1.keys"  # all that a robot needs
+    own.write_text("".join(line for line in Path(keys).read_text().splitlines(True) if line.startswith("robot1:")))
+    address = free()
+    with ExitStack() as opened:
+        world = opened.enter_context(closing(transport("zenoh", keys=keys).open(address, WORLD)))
+        one = opened.enter_context(closing(transport("zenoh", keys=str(own)).open(address, 1)))
+        two = opened.enter_context(closing(transport("zenoh", keys=keys).open(address, 2)))
+        until(lambda: one.present() == {WORLD, 2} and two.present() == {WORLD, 1} and world.present() == {1, 2})
+        for wrong in ("", str(other)):
+            with pytest.raises(InputError, match=r"answers, but does not let robot 3 in; expected .* the same keys"):
+                transport("zenoh", keys=wrong, patience=0.5).open(address, 3)
+        with pytest.raises(InputError, match=r"robot1\.keys has none for robot3; expected a line robot3:KEY"):
+            transport("zenoh", keys=str(own)).open(address, 3)
+        mine, others = ([link.channel(f"do/{number}") for link in (world, one, two)] for number in (1, 2))
+        time.sleep(0.2)
+        one.say(b"by one")
+        mine[1].say(b"done by one")
+        others[1].say(b"done by two, says one")
+        others[0].say(b"said by the world")
+        until(lambda: [frame for frame, _ in two.heard()] == [b"by one"])
+        assert [frame for frame, _ in collected(mine[0], 1)] == [b"done by one"]
+        assert [frame for frame, _ in collected(others[2], 2)] == [b"said by the world"]
+        assert others[0].heard() == []
+
+
+def test_nothing_listens_beyond_loopback() -> None:
+    before = listening()
+    for use in ("udp", "zenoh"):
+        with closing(transport(use).open(free(), WORLD)) as link:
+            link.channel("orders")
+            assert listening() - before
+            assert {place for place in listening() - before if not place.endswith("7F")} == set()  # 127, backwards
+
+
+def listening() -> set[str]:
+    """The local addresses, as Linux writes them, of our sockets that take connections or datagrams."""
+    found = set[tuple[str, str]]()
+    for name in ("tcp", "udp", "tcp6", "udp6"):
+        for line in Path(f"/proc/self/net/{name}").read_text().splitlines()[1:]:
+            words = line.split()
+            if words[3] in ("0A", "07"):
+                found.add((words[1].split(":")[0], words[9]))
+    own = {str(one.readlink())[8:-1] for one in Path("/proc/self/fd").iterdir() if one.is_symlink()}
+    return {place for place, inode in found if inode in own}

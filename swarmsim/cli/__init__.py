@@ -20,6 +20,7 @@ from swarmsim.cli import (
     fleets,
     network,
     parts,
+    radios,
     reports,
     reproductions,
     runs,
@@ -68,6 +69,7 @@ app.add_typer(benchmark.app, name="benchmark")
 app.add_typer(figures.app, name="figure")
 app.add_typer(worlds.app, name="world")
 app.add_typer(examples.app, name="examples")
+app.add_typer(radios.app, name="radio")
 app.add_typer(fleets.fleet, name="fleet")
 app.add_typer(fleets.robot, name="robot")
 

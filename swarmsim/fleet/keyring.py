@@ -30,7 +30,7 @@ def read_keys(path: str | Path, kind: str) -> Mapping[int, bytes]:
     try:
         if not file.is_file() or file.stat().st_size > _LARGEST:
             raise InputError(
-                f"transport {kind}: keys: {file} is no file of keys; expected one by `swarmsim fleet keys`"
+                f"transport {kind}: keys: {file} is no file of keys; expected one by `swarmsim radio keys`"
             )
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeError) as problem:
@@ -59,7 +59,7 @@ def key_of(robot: int, keys: Mapping[int, bytes], path: str | Path, kind: str) -
 
 
 def write_keys(robots: int, out: str | Path) -> Path:
-    """Write new secrets for a world and so many robots, readable by you alone: `swarmsim fleet keys`.
+    """Write to `out` new secrets for a world and so many `robots`, readable by you alone: `swarmsim radio keys`.
 
     Give each robot a copy: whoever has the file can pass for any of them. Raises InputError for a file that exists, or
     that cannot be written.

@@ -48,6 +48,8 @@ FUNCTIONS = {
     "benchmark board": "benchmark_board",
     "benchmark references": "benchmark_references",
     "benchmark import": "benchmark_import",
+    "radio airtime": "radio_airtime",
+    "radio keys": "radio_keys",
     "plot": "Run.figure Run.plot",
     "figure local-maps": "Run.figure_local_maps",
     "figure network": "Run.figure_network",

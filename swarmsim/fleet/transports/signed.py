@@ -30,7 +30,7 @@ class Signed(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """
 
     over: Part[Transport] = Part("transport")  # what carries the frames
-    keys: str  # the file of keys, from `swarmsim fleet keys`
+    keys: str  # the file of keys, from `swarmsim radio keys`
     window: Annotated[int, Meta(ge=1, le=10**6)] = 64  # iterations that a frame may be late
     header: Annotated[int, Meta(ge=0, le=255)] = 0  # bytes before the sender's number: 1 if robots merge maps
 

@@ -38,7 +38,7 @@ class Zenoh(Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
     interface: str = LOOPBACK  # name or number of the interface to listen on
     swarm: Annotated[str, Meta(pattern=r"^[\w-]+$")] = "swarm"  # swarms of different names share a network unheard
-    keys: str = ""  # a file of keys, from `swarmsim fleet keys`: who has none stays out, and nobody speaks for another
+    keys: str = ""  # a file of keys, from `swarmsim radio keys`: who has none stays out, and nobody speaks for another
     patience: Annotated[float, Meta(gt=0.0, le=3600.0)] = 5.0  # s, in which the host has to answer
     mtu: Annotated[int, Meta(ge=1, le=_LARGEST)] = 65_535  # bytes of the longest frame
     rate: Annotated[float, Meta(gt=0.0)] = 1e8  # bit/s, for the airtime that is told
@@ -98,7 +98,12 @@ def _guarded(keys: Zenoh, robot: int) -> dict[str, object]:
     rules = [_rule("hear", "ingress", _HEARS, f"{swarm}/**"), _rule("tell", "egress", _HEARS + _SAYS, f"{swarm}/**")]
     policies, subjects = [{"rules": ["hear", "tell"], "subjects": robots}], []
     for one in (number for number in known if number != WORLD):
-        own_places = (f"{swarm}/air/{one}", f"{swarm}/here/{one}", f"{swarm}/control/**/{one}")
+        own_places = (
+            f"{swarm}/air/{one}",
+            f"{swarm}/here/{one}",
+            f"{swarm}/control/**/{one}",
+            f"{swarm}/control/robots",
+        )
         rules.append(_rule(f"as {user(one)}", "ingress", _SAYS, *own_places))
         subjects.append({"id": user(one), "usernames": [user(one)]})
         policies.append({"rules": [f"as {user(one)}"], "subjects": [user(one)]})
