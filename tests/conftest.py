@@ -7,11 +7,13 @@ import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import typer.main
 from hypothesis import HealthCheck, settings
 from offspring import Offspring
 
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent.parent
 settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # even a busy one
 settings.load_profile("any machine")
+typer.main.get_command = cache(typer.main.get_command)  # each call would make all commands anew, in 60 ms
 
 
 @pytest.fixture(scope="session")

@@ -41,16 +41,20 @@ class Envelope(MessageBatch):
 
 
 class EnvelopeCodec:
-    """The sender and the exchange; then each part, packed by its own codec, after its length. Empty parts have none."""
+    """The sender and the exchange; then each part, packed by its own codec, after its length. Empty parts have none.
 
-    def __init__(self, codecs: Sequence[Codec[MessageBatch]]) -> None:
-        self._codecs = codecs
+    Jobs date by exchanges, a computation by iterations, of `rounds` exchanges each.
+    """
+
+    def __init__(self, codecs: Sequence[Codec[MessageBatch]], rounds: int) -> None:
+        self._codecs, self._rounds = codecs, rounds
 
     def pack(self, sender: int, iteration: int, items: Envelope) -> bytes:
-        """One message."""
+        """One message, of an exchange that is given as `iteration`."""
+        dates = [iteration // self._rounds, *[iteration] * (len(self._codecs) - 1)]
         packed = [
-            codec.pack(sender, iteration, one) if len(one) else b""
-            for codec, one in zip(self._codecs, items.parts, strict=True)
+            codec.pack(sender, date, one) if len(one) else b""
+            for codec, date, one in zip(self._codecs, dates, items.parts, strict=True)
         ]
         return HEADER.pack(sender, iteration) + b"".join(LENGTH.pack(len(one)) + one for one in packed)
 
@@ -90,8 +94,12 @@ class Bundle:
     stands still is as if dead.
     """
 
-    def __init__(self, computation: AnyComputation, jobs: Mapping[str, AnyJob], processors: Processors) -> None:
+    def __init__(
+        self, computation: AnyComputation, jobs: Mapping[str, AnyJob], processors: Processors, rounds: int
+    ) -> None:
+        """An iteration has `rounds` exchanges."""
         self._computation: Final = computation
+        self._rounds: Final = rounds
         self._jobs: Final = dict(jobs)
         #: What robots compute the jobs on.
         self.processors: Final = processors
@@ -114,7 +122,8 @@ class Bundle:
     @property
     def codec(self) -> EnvelopeCodec:
         """The envelope's."""
-        return EnvelopeCodec([self._computation.codec, *(job.codec for job in self._jobs.values())])
+        codecs = [self._computation.codec, *(job.codec for job in self._jobs.values())]
+        return EnvelopeCodec(codecs, self._rounds)
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - what the computation has
         """Other attributes of the computation."""
@@ -141,7 +150,8 @@ class Bundle:
         beside = tuple(job.say(able) for job in self._jobs.values())
         for number, one in enumerate(beside):
             self._sent[number] += int(one.sizes[senses.alive].sum())
-        sizes = said.sizes + sum(one.sizes for one in beside)
+        own = np.where(said.ends > said.starts(), said.sizes, 0)  # an envelope has no empty parts
+        sizes = own + sum(one.sizes for one in beside)
         envelope = HEADER.size + LENGTH.size * (1 + len(beside))
         return replace(said, sizes=np.where(sizes > 0, sizes + envelope, 0).astype(np.int32), beside=beside)
 

@@ -49,7 +49,7 @@ def bundled(
     check_memory(processors, scenario, context, needs)
     if clock is not None and (strict or not registry.is_ours(computation)):
         computation = held("computation", computation, context, clock, not registry.is_ours(computation))
-    bundle = Bundle(computation, jobs, processors)
+    bundle = Bundle(computation, jobs, processors, context.rounds)
     return bundle, bundle
 
 

@@ -131,10 +131,11 @@ def _check_rows(scenario: str, when: str, swarm: Followed, ids: NDArray[np.int64
         for row in np.flatnonzero(speaks.alive & followed).tolist():
             robot, now = int(ids[row]), speaks.iteration
             where = f"{scenario}, iteration {now}, robot {robot}"
-            for here, there in zip(said, [heard.said, *(one for _, one, _ in heard.more)], strict=True):
+            exchanges = [heard.said, *(one for _, one, _ in heard.more)]
+            for exchange, (here, there) in enumerate(zip(said, exchanges, strict=True), now * len(said)):
                 _check_said(here, row, there, robot, f"{where}: {{}} {when}")
-                if there.sizes[robot] > 0 and codec.pack(robot, now, whole(here, row)) != swarm.codec.pack(
-                    robot, now, whole(there, robot)
+                if there.sizes[robot] > 0 and codec.pack(robot, exchange, whole(here, row)) != swarm.codec.pack(
+                    robot, exchange, whole(there, robot)
                 ):
                     raise BrokenError(f"{where}: sends other bytes {when}", "computation")
             if decides[0].alive[row] and _done(intents, row) != _done(heard.intents, robot):

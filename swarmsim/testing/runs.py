@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from swarmsim.core.errors import PartError
 from swarmsim.core.messages import Broadcast, MessageBatch
-from swarmsim.core.parts import AnyComputation, Parts
+from swarmsim.core.parts import Parts
 from swarmsim.core.scenario import registry
 from swarmsim.core.scenario.file import load
 from swarmsim.core.scenario.toml import read_toml
@@ -22,6 +22,7 @@ from swarmsim.recording.digests import DIGESTED, Digests
 from swarmsim.robots.kinematics import drives_of
 from swarmsim.testing.broken import BrokenError
 
+Say = Callable[[Senses], Broadcast[MessageBatch]]
 ITERATIONS: Final = 25  # of a checked run, by default
 SLACK: Final = 1e-9  # m/s: rounding allowed over the wheels' limit
 
@@ -67,7 +68,7 @@ def check_strictly(
             for wrong, seam in problems:
                 raise BrokenError(f"{scenario}, iteration {moment.state.iteration}: {wrong}", seam)
 
-    with _weighed(parts.computation, problems):
+    with _weighed(parts, run.context.rounds, problems):
         try:
             run.simulation.run([Check()])
         except PartError as problem:
@@ -75,22 +76,29 @@ def check_strictly(
 
 
 @contextmanager
-def _weighed(computation: AnyComputation, problems: list[tuple[str, str]]) -> Iterator[None]:
-    """Within this context, every message is packed and unpacked."""
-    say = computation.say
+def _weighed(parts: Parts, rounds: int, problems: list[tuple[str, str]]) -> Iterator[None]:
+    """Within this context, every message of each of the `rounds` exchanges in an iteration is packed and unpacked."""
+    exchange = 0
 
-    def weighed(senses: Senses) -> Broadcast[MessageBatch]:
-        said = say(senses)
-        wrong = contracts.message_sizes(said, computation.codec, senses.iteration)
-        if wrong is not None:
-            problems.append((wrong, "computation"))
+    def weighed(say: Say, first: bool) -> Say:
+        def said(senses: Senses) -> Broadcast[MessageBatch]:
+            nonlocal exchange
+            exchange = senses.iteration * rounds if first else exchange + 1
+            found = say(senses)
+            wrong = contracts.message_sizes(found, parts.computation.codec, exchange)
+            if wrong is not None:
+                problems.append((wrong, "computation" if first else "job"))
+            return found
+
         return said
 
-    computation.say = weighed  # type: ignore[method-assign]
-    try:
+    with ExitStack() as patches:
+        for holder, name, first in ((parts.computation, "say", True), (parts.jobs, "say_more", False)):
+            if holder is not None:
+                say = getattr(holder, name)
+                setattr(holder, name, weighed(say, first))
+                patches.callback(setattr, holder, name, say)
         yield
-    finally:
-        computation.say = say  # type: ignore[method-assign]
 
 
 def check_determinism(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
 from random import Random
@@ -14,6 +13,7 @@ import numpy as np
 import shapely
 from conftest import worded
 from generated.buildings import solid_of
+from generated.letters import Ledger, Taps
 from generated.scenarios import Scenario
 
 from swarmsim.core.state import Moment
@@ -26,7 +26,6 @@ CLIPPED = 0.2  # cells: a beam with a shorter way through a cell says nothing ab
 FASTEST = 3.0  # times a wheel's top speed: who is faster, without a push, was given energy by a collision
 OUT = {"removed", "crashed", "late", "battery empty"}  # events after which a robot is dead ...
 BACK = {"returned", "repaired", "joined"}  # ... and after which it is alive
-AT_ONCE = {"perfect", "bernoulli", "gilbert-elliott", "path-loss", "range"}  # channels on which nothing waits
 ERRORS = ("blind", "cone", "error", "error_share", "error_square", "drop_out", "outliers", "step")
 #: Why a robot may know a cell that nobody has sensed, by what a scenario has.
 BELIEVED = {
@@ -39,20 +38,20 @@ class Witness:
 
     def __init__(self, scenario: Scenario, run: BuiltRun) -> None:
         parts = run.simulation.parts
-        self._senses, self._says = _Senses(parts), _Says(parts.computation)
-        run.simulation.parts = replace(parts, sensor=self._senses, computation=self._says)
+        self._senses, taps = _Senses(parts), Taps()
+        run.simulation.parts = replace(taps.on(parts), sensor=self._senses)
         self._run, self._robots = run, run.scenario.robots.count
         solid = scenario.solid if scenario.solid is not None else solid_of(run.world)
         self._matter = _Matter(solid)
         self._radii = np.array([one.radius for one in _each(run)])
         self._dice = Random(scenario.number)
+        self.ledger = Ledger(run, taps)
         self.checks: list[Callable[[Moment], None]] = [
-            self._numbers, self._bodies, _Lives(run).check, _Ledger(run, self._says).check,
+            self._numbers, self._bodies, _Lives(run).check, self.ledger.check,
             _Truth(run, self._matter).check, _Beams(run, self._matter, self._senses, self._dice).check,
         ]  # fmt: skip
         if "coverage" in run.scenario.task.table["use"]:
             self.checks.append(_Count(run).check)
-        self.ledger = next(check.__self__ for check in self.checks if isinstance(check.__self__, _Ledger))
         self._kinds = {fault.use for fault in run.scenario.faults}
 
     def sample(self, moment: Moment) -> None:
@@ -104,21 +103,6 @@ class _Senses:
         self.people = self._building.walkers().copy()
         self.readings = self._inner.sense(state)
         return self.readings
-
-
-class _Says:
-    """Keeps what robots say."""
-
-    def __init__(self, inner: Any) -> None:
-        self._inner, self.hear, self.said = inner, inner.hear, {}
-
-    @property
-    def codec(self) -> Any:
-        return self._inner.codec
-
-    def say(self, senses: Any) -> Any:
-        self.said[senses.iteration] = self._inner.say(senses)
-        return self.said[senses.iteration]
 
 
 class _Matter:
@@ -348,67 +332,6 @@ class _Lives:
         assert set(dead) == self._out, f"robots {dead} are dead, and by events {sorted(self._out)}"
 
 
-class _Ledger:
-    """Every message said is heard or lost once, as it was said and where there was a link, or is still under way."""
-
-    def __init__(self, run: BuiltRun, says: _Says) -> None:
-        self._says, self._under_way = says, set[tuple[int, int, int, int]]()
-        self._alone = not run.scenario.jobs  # what stands beside them in letters, minds are not shown
-        self._layers = list(_stack(run.scenario.network.channel.table))
-        late = any(fault.declares("failure", "") == "delay" for fault in run.scenario.faults)
-        self._at_once = {layer["use"] for layer in self._layers} <= AT_ONCE and not late
-        fixed = all(layer["use"] in AT_ONCE or layer.get("law") == "fixed" for layer in self._layers)
-        self._delay = sum(int(layer.get("delay", 0)) for layer in self._layers) if fixed and not late else None
-        #: Messages, and bytes of those heard.
-        self.total: Counter[str] = Counter()
-
-    def check(self, moment: Moment) -> None:
-        now, state, delivery = moment.state.iteration, moment.state, moment.delivery
-        said = self._says.said[now]
-        new = [(*link, now, int(said.sizes[link[1]])) for link in moment.links.tolist()]
-        assert len(set(new)) == len(new), "a link twice"
-        assert all(receiver != sender for receiver, sender, *_ in new), "a robot that hears itself"
-        assert state.alive[moment.links].all(), "a link of the dead"
-        self._under_way |= set(new)
-        self.total["said"] += len(new)
-        for fate, letters in (("heard", delivery.heard), *(("lost", lost) for _, lost in delivery.lost)):
-            for letter in map(tuple, letters.tolist()):
-                assert letter in self._under_way, f"letter {letter} was never sent, or ended before, and is {fate}"
-                self._under_way.remove(letter)
-                self.total[fate] += 1
-                self.total["bytes"] += letter[3] if fate == "heard" else 0
-        assert self.total["said"] == self.total["heard"] + self.total["lost"] + len(self._under_way)
-        assert not (self._at_once and self._under_way), "a message waits, and nothing delays it"
-        assert min((sent for _, _, sent, _ in self._under_way), default=now) >= delivery.oldest, "forgotten too early"
-        assert state.alive[delivery.heard[:, 0]].all(), "the dead hear"
-        if self._delay is not None:
-            assert (now - delivery.heard[:, 2] == self._delay).all(), "a message is not as late as it has to be"
-        if self._alone:
-            self._contents(moment)
-
-    def _contents(self, moment: Moment) -> None:
-        """What is heard is what was said, and as long on the air as its letter says."""
-        inbox, at, codec = moment.inbox, 0, self._says.codec
-        for receiver, sender, sent, size in moment.delivery.heard.tolist():
-            items = self._says.said[sent].of(sender)
-            rows = inbox.take(np.arange(at, at + len(items)))
-            at += len(items)
-            for column, wanted in ((rows.receivers, receiver), (rows.senders, sender), (rows.sent, sent)):
-                assert (column == wanted).all(), "an item that its letter does not hold"
-            for one, other in zip(rows.content.arrays(), items.arrays(), strict=True):
-                assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), "a message changed on its way"
-            if receiver == inbox.receivers.max(initial=-1):  # which is often enough, for it takes a while
-                assert len(codec.pack(sender, sent, items)) == size, "a letter of another length than its message"
-        assert at == len(inbox), "more was heard than letters hold"
-
-
-def _stack(channel: Any) -> Any:
-    """A channel's table and those of the channels below."""
-    while channel:
-        yield channel
-        channel = channel.get("over")
-
-
 class _Count:
     """No more of the domain is covered than robots that lived have sensed, and all of it where nothing is forgotten.
 
@@ -417,7 +340,8 @@ class _Count:
 
     def __init__(self, run: BuiltRun) -> None:
         scenario, shape = run.scenario, run.arena.lattice.shape
-        self._sensed = np.zeros(shape, bool)
+        self._sensed, self._put = np.zeros((2, *shape), bool)
+        self._exact = True
         self._senses = run.simulation.parts.sensor
         kinds = {fault.use for fault in scenario.faults} | {scenario.mind.computation.table["sharing"]["use"]}
         self._excused = [BELIEVED[kind] for kind in BELIEVED if kind in kinds]
@@ -430,24 +354,29 @@ class _Count:
 
     def check(self, moment: Moment) -> None:
         # What was sensed counts where it is and where its robot puts it, which is the same for those that know.
-        for tiles in (moment.readings.tiles, self._senses.readings.tiles):
-            for robot in np.flatnonzero(moment.state.alive).tolist():
-                shown = tiles.values[robot] != UNKNOWN
-                row, column = (np.argwhere(shown) + tiles.origins[robot]).T
-                fits = (row >= 0) & (row < self._sensed.shape[0]) & (column >= 0) & (column < self._sensed.shape[1])
-                self._sensed[row[fits], column[fits]] = True
+        alive = np.flatnonzero(moment.state.alive).tolist()
+        self._mark((self._sensed, self._put), moment.readings.tiles, alive)
+        self._mark((self._sensed,), self._senses.readings.tiles, alive)
         domain, covered = moment.building.explorable, moment.measured.values["coverage"]
-        sensed = np.count_nonzero(self._sensed & domain) / np.count_nonzero(domain)
+        sensed, put = (np.count_nonzero(one & domain) / np.count_nonzero(domain) for one in (self._sensed, self._put))
         if not self._excused:
             assert covered <= sensed + 1e-12, f"{covered:.4%} are covered, and {sensed:.4%} sensed"
-        exact = moment.readings.tiles.origins is self._senses.readings.tiles.origins
+        self._exact &= moment.readings.tiles.origins is self._senses.readings.tiles.origins
         frames = moment.knowledge.frames
-        together = frames is None or frames.known.all(axis=1).any()
-        if exact and together and self._keeps and not self._excused:
-            assert abs(covered - sensed) < 1e-12, f"{covered:.4%} are covered, and {sensed:.4%} sensed"
+        together = frames is None or (self._exact and frames.known.all(axis=1).any())
+        if together and self._keeps and not self._excused:
+            assert abs(covered - put) < 1e-12, f"{covered:.4%} are covered, and {put:.4%} sensed"
         waits = frames is not None and any(
             frames.places[hearer, teller] > 0 and not frames.known[hearer, teller]
             for hearer, teller in moment.links.tolist()
         )
         done = covered >= self._share and not waits
         assert moment.measured.finished == done, "finished, or not, against what is covered and frames known"
+
+    def _mark(self, masks: Iterable[np.ndarray], tiles: Any, robots: list[int]) -> None:
+        """Mark the cells that these robots' tiles show."""
+        for robot in robots:
+            places = np.argwhere(tiles.values[robot] != UNKNOWN) + tiles.origins[robot]
+            row, column = places[((places >= 0) & (places < self._sensed.shape)).all(axis=1)].T
+            for mask in masks:
+                mask[row, column] = True

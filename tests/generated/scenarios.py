@@ -156,7 +156,7 @@ class _Draw:
         elif not isinstance(robots, list) and self._count > 1 and dice.random() < 0.1:
             table |= self._pursuit(robots)
         self._wheels(table)
-        if dice.random() < 0.1:
+        if dice.random() < 0.2:
             job = self._any("job")
             table["jobs"] = [job]
             if job["use"] == "gather" and "field" not in table:
@@ -168,6 +168,13 @@ class _Draw:
                 table["field"] = self._smell()
             if dice.random() < 0.5:
                 self._processors(table)
+            if dice.random() < 0.5:
+                table["network"]["rounds"] = dice.randint(2, 4)
+            if dice.random() < 0.3:
+                others = {"solve", "stigmergy", "storage", "percolation"} - {job["use"]}
+                table["jobs"].append(self._part("job", dice.choice(sorted(others))))
+        if dice.random() < 0.2:
+            table["network"]["charged"] = "sent"
         return Scenario(self._number, table, self._place.files, self._place.solid)
 
     def _smell(self) -> Table:

@@ -12,8 +12,12 @@ import pytest
 from generated.test_generated_scenarios import SCENARIOS
 from generated.trials import tried_all
 
-from swarmsim.core.messages import Delivery
+from swarmsim.core.bundle import Bundle, EnvelopeCodec
+from swarmsim.core.messages import Broadcast, Delivery, Inbox, MessageBuffer
 from swarmsim.core.state import FREE, UNKNOWN
+from swarmsim.engine.exchange import Exchange
+from swarmsim.jobs.items import ItemCodec
+from swarmsim.jobs.router import SATED
 from swarmsim.network.channel import PerfectChannel
 from swarmsim.network.delays import LatentChannel
 from swarmsim.network.losses import LossyChannel
@@ -88,6 +92,39 @@ def blind_beam(sense: Any, *given: Any) -> Any:
     return readings
 
 
+def a_byte_more(say: Any, *given: Any) -> Broadcast:
+    said = say(*given)
+    return replace(said, sizes=said.sizes + (said.sizes > 0))
+
+
+def dated_by_exchanges(made: Any, codec: Any, codecs: Any, rounds: int) -> None:
+    """A computation's part of messages has the number of the exchange for that of the iteration."""
+    made(codec, codecs, 1)
+
+
+def minds_hear_nothing_late(rest: Any, exchange: Any, *given: Any) -> None:
+    """What comes for minds in further exchanges is dropped."""
+    rest(exchange, *given)
+    exchange._late = []
+
+
+def the_first_jobs_part(opened: Any, buffer: Any, iteration: int, delivery: Any, job: int | None = None) -> Inbox:
+    """All jobs get the letters of the first one."""
+    return opened(buffer, iteration, delivery, None if job is None else 0)
+
+
+def counted_per_hearer(said: Any, bundle: Any, *given: Any) -> Broadcast:
+    """A job's bytes are counted for every robot there is."""
+    found = said(bundle, *given)
+    bundle._sent = [len(found.ends) * sent for sent in bundle._sent]
+    return found
+
+
+def without_an_aim(pack: Any, codec: Any, item: Any) -> bytes:
+    """Values go to the first of their readers alone."""
+    return pack(codec, item._replace(aims=np.where(np.arange(len(item.aims)) > 0, SATED, item.aims).astype(np.uint8)))
+
+
 #: By name: the scenario to begin with, the fault, and what is told of it.
 PLANTED: dict[str, tuple[int, Plant, str]] = {
     "a wall that beams do not see": (13, wrapped(IrRingSensor, "_prepare", without_a_wall), r"beam|cells at"),
@@ -108,6 +145,33 @@ PLANTED: dict[str, tuple[int, Plant, str]] = {
         0,
         wrapped(PerfectChannel, "deliver", swallowed),
         r"nothing delays it|too early",
+    ),
+    "a byte that is charged for and not sent": (3, wrapped(Bundle, "say", a_byte_more), r"another length"),
+    "a byte of a further exchange that is not sent": (3, wrapped(Bundle, "say_more", a_byte_more), r"another length"),
+    "an envelope that dates a map by exchanges": (
+        3,
+        wrapped(EnvelopeCodec, "__init__", dated_by_exchanges),
+        r"unpacks to something else",
+    ),
+    "a letter for minds that is lost in a further exchange": (
+        13,
+        wrapped(Exchange, "rest", minds_hear_nothing_late),
+        r"more or less was heard",
+    ),
+    "a job that hears another one": (
+        3,
+        wrapped(MessageBuffer, "_opened", the_first_jobs_part),
+        r"more or less was heard|changed on its way",
+    ),
+    "a job's bytes counted for each hearer": (
+        3,
+        wrapped(Bundle, "_with_jobs", counted_per_hearer),
+        r"other bytes of a job than its letters have",
+    ),
+    "a value of a job that is sent to one of its readers": (
+        16,
+        wrapped(ItemCodec, "_packed", without_an_aim),
+        r"unpacks to something else",
     ),
     "a cell on a map that nobody saw": (
         0,

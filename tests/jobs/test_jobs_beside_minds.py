@@ -154,6 +154,12 @@ def test_jobs_keep_their_contracts_in_several_exchanges_under_loss_and_delay(map
     check(mapping, (heat(), "network.rounds=3", channel), 6, True)
 
 
+@pytest.mark.parametrize("sharing", ["map", "relay", "merge"])
+def test_envelopes_of_all_exchanges_keep_the_dates_of_what_minds_say(mapping: Path, sharing: str) -> None:
+    """Also the bytes of a mind that has nothing to say yet, as one that tells its map by parts."""
+    check_strictly(mapping, (heat(), "network.rounds=3", f'mind.computation.sharing.use="{sharing}"'), 6, True)
+
+
 def test_messages_of_minds_are_late_by_exchanges(mapping: Path) -> None:
     late = 'network.channel={use="latency", delay=3}'
     moments = moments_of(built(mapping, heat(), "network.rounds=3", late))

@@ -18,6 +18,7 @@ from swarmsim.operations.sources.inversion import FoundSource, Inversion, Sample
 
 #: A sample beside its robot, its number and its iteration: row and column of the cell, and the value.
 SAMPLE: Final = struct.Struct(">HHf")
+MOST: Final = float(np.finfo(np.float32).max)  # of a value
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,8 +60,8 @@ class Searcher:
         self.tried: frozenset[int] = frozenset()
 
     def sample(self, now: int, place: NDArray[np.float64], value: float) -> None:
-        """Take a sample (unit of the field) at a place (2,), once every so many iterations; none that is not finite."""
-        if now == self._sampled or now % self._plan.every or not np.isfinite([*place, value]).all():
+        """Take a sample (unit of the field) at a place (2,), once every so many iterations; none beyond 4 bytes."""
+        if now == self._sampled or now % self._plan.every or not (np.isfinite(place).all() and abs(value) <= MOST):
             return
         self._sampled = now
         lattice = self._plan.lattice
