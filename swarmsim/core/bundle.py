@@ -51,31 +51,34 @@ class EnvelopeCodec:
 
     def pack(self, sender: int, iteration: int, items: Envelope) -> bytes:
         """One message, of an exchange that is given as `iteration`."""
-        dates = [iteration // self._rounds, *[iteration] * (len(self._codecs) - 1)]
         packed = [
             codec.pack(sender, date, one) if len(one) else b""
-            for codec, date, one in zip(self._codecs, dates, items.parts, strict=True)
+            for codec, date, one in zip(self._codecs, self._dates(iteration), items.parts, strict=True)
         ]
         return HEADER.pack(sender, iteration) + b"".join(LENGTH.pack(len(one)) + one for one in packed)
 
     def unpack(self, data: bytes) -> tuple[int, int, Envelope]:
         """Its sender, exchange and parts; an empty one has no columns. Raises FrameError, also for a part's bytes."""
-        head = header_of(data)
+        sender, exchange = header_of(data)
         at, parts = HEADER.size, list[MessageBatch]()
-        for codec in self._codecs:
+        for codec, date in zip(self._codecs, self._dates(exchange), strict=True):
             if at + LENGTH.size > len(data):
                 raise FrameError(f"an envelope of {len(data)} bytes, without the length of part {len(parts)}")
             (length,) = LENGTH.unpack_from(data, at)
             at += LENGTH.size + length
             if at > len(data):
                 raise FrameError(f"an envelope of {len(data)} bytes with parts up to {at}")
-            *its, part = codec.unpack(data[at - length : at]) if length else (*head, Nothing())
-            if tuple(its) != head or (length and not len(part)):
+            *its, part = codec.unpack(data[at - length : at]) if length else (sender, date, Nothing())
+            if its != [sender, date] or (length and not len(part)):
                 raise FrameError(f"part {len(parts)} of an envelope has another header, or is empty")
             parts.append(part)
         if at < len(data):
             raise FrameError(f"an envelope of {len(data)} bytes with parts up to {at}")
-        return *head, Envelope(tuple(parts))
+        return sender, exchange, Envelope(tuple(parts))
+
+    def _dates(self, exchange: int) -> list[int]:
+        """How each part is dated."""
+        return [exchange // self._rounds, *[exchange] * (len(self._codecs) - 1)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,13 +6,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from swarmsim_weather.forecast import Coldest, Heun, Night
 
 import swarmsim as sw
+from swarmsim.core.jobs import Domain
+from swarmsim.core.lattice import Lattice
 from swarmsim.core.scenario.part import Part
-from swarmsim.testing import check_transport, parametrize_with_checks
+from swarmsim.jobs.alone import alone
+from swarmsim.operations.methods.problem import Problem
+from swarmsim.operations.models.emitters import Emission
+from swarmsim.operations.models.faces import Faces
+from swarmsim.operations.models.job import ModelJob
+from swarmsim.testing import check_job, check_transport, parametrize_with_checks
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
-WARMEST, STORM = SCENARIOS / "warmest.toml", SCENARIOS / "storm.toml"
+WARMEST, STORM, FORECAST = (SCENARIOS / f"{name}.toml" for name in ("warmest", "storm", "forecast"))
 
 
 @parametrize_with_checks(WARMEST)
@@ -22,6 +30,11 @@ def test_warmest(check: Callable[[], None]) -> None:
 
 @parametrize_with_checks(STORM)
 def test_storm(check: Callable[[], None]) -> None:
+    check()
+
+
+@parametrize_with_checks(FORECAST)
+def test_forecast(check: Callable[[], None]) -> None:
     check()
 
 
@@ -75,3 +88,30 @@ def test_drizzle_loses_some_frames_and_changes_none() -> None:
     assert 650 < len(other.heard()) < 750
     one.close()
     other.close()
+
+
+def cooled(dt: float, pieces: int = 3) -> float:
+    """The temperature after 8 s of a greenhouse that was at 20 degrees everywhere, by steps of `dt`."""
+    domain = Domain(Lattice(0.0, 0.0, 0.15, 6, 6), np.ones((6, 6), np.bool_))
+    problem = Problem(Night(loss=0.1).on(domain), Emission((), Faces.of(domain)), dt)
+    job = ModelJob.of(problem, Heun(), domain, pieces, 2 * round(8.0 / dt))
+    cut = job.pieces(domain)
+    check_job(job, domain.free)
+    states = alone(job, cut, [np.full(len(piece.cells), 20.0) for piece in cut])
+    found = np.concatenate([job.answer(piece, state) for piece, state in zip(cut, states, strict=True)])
+    assert np.ptp(found) < 1e-12
+    return float(found[0])
+
+
+def test_a_night_cools_to_the_temperature_outside_with_an_error_of_second_order() -> None:
+    exact = 5.0 + 15.0 * np.exp(-0.8)
+    coarse, fine = (abs(cooled(dt) - exact) for dt in (0.5, 0.25))
+    assert fine < 1e-3
+    assert 3.7 < coarse / fine < 4.3
+
+
+def test_robots_compute_how_a_greenhouse_cools_and_where_it_is_coldest() -> None:
+    check_job(Coldest())
+    run = sw.run(FORECAST)
+    assert run.finished
+    assert run.iterations > 40  # a ring of five, where news travels one robot an exchange
