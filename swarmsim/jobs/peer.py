@@ -168,8 +168,6 @@ class Peer:
             horizon = self._horizon()
             self.worker.log.forget(horizon)
             self._router.forget(horizon)
-        else:
-            self._router.forget(clock - self._plan.keys.patience * self._rounds)
 
     def _make_room(self) -> None:
         """Count the memory that is left beside what its own pieces need."""
@@ -242,12 +240,23 @@ class Peer:
         for piece in self.worker.copies.pieces():
             wait = self._plan.keys.patience + int(self._far(piece, place) * self._plan.cell / self._plan.reach[piece])
             active = [entry.step for who, entry in self._claims.of(piece, now) if who != self._me]
-            if piece not in self.worker.threads and not active and self._claims.silence(piece, now) > wait:
+            if piece not in self.worker.threads and self._orphaned(piece, active, wait, now):
                 self._resume(self.worker.threads, piece, self._plan.steps, self._plan.steps, clock)
             elif self._plan.keys.fence == "data" and piece not in self.worker.again:
                 lacked = self._lack(piece, active, now)
                 if lacked is not None and now - self._lacked.setdefault((piece, lacked), now) > wait:
                     self._resume(self.worker.again, piece, lacked, lacked, clock)
+
+    def _orphaned(self, piece: int, active: list[int], wait: int, now: int) -> bool:
+        """Whether nobody goes on with a piece, and nobody else has a newer copy to do so.
+
+        Who holds it but is more than a level behind this robot's copy may lack values that all others have forgotten.
+        """
+        newest = self.worker.copies.newest(piece)
+        if active:
+            return max(active) < newest - self._plan.job.level
+        newer = any(who != self._me and entry.step > newest for who, entry in self._keeps.of(piece, now))
+        return not newer and self._claims.silence(piece, now) > wait
 
     def _help(self, now: int, clock: int) -> None:
         """Compute a piece beside a robot that has too many, and hold it once this robot is ahead."""

@@ -30,11 +30,16 @@ class Router:
 
     def __init__(self, plan: JobPlan, me: int, rounds: int) -> None:
         self._plan, self._me, self._rounds = plan, me, rounds
+        self._clocked = plan.keys.fence == "clock"
         self._due: dict[Key, tuple[int, int]] = {}  # the exchange, and the pause after it
+
+    def _key(self, piece: int, step: int) -> Key:
+        """With a clock, a newer value takes the place of an older one, and its turn."""
+        return piece, -1 if self._clocked else step
 
     def made(self, piece: int, step: int, clock: int) -> None:
         """Pass on a value of one's own."""
-        self._due[piece, step] = clock, FIRST
+        self._due[self._key(piece, step)] = clock, FIRST
 
     def heard(self, item: Item, claims: Hearsay, now: int, clock: int) -> None:
         """Pass on a new value at once if this robot is nearer to a reader than its teller, else later."""
@@ -42,25 +47,29 @@ class Router:
             hops != SATED and any(entry.hops < hops for entry in self._needing(claims, reader, item.step, now))
             for reader, hops in zip(self._plan.readers[item.piece], item.aims.tolist(), strict=True)
         )
-        self._due[item.piece, item.step] = clock if nearer else clock + DETOUR * self._rounds, FIRST
+        key, later = self._key(item.piece, item.step), clock + DETOUR * self._rounds
+        self._due[key] = clock if nearer else min(later, self._due.get(key, (later, FIRST))[0]), FIRST
 
     def _needing(self, claims: Hearsay, reader: int, step: int, now: int) -> Iterator[News]:
-        return (entry for who, entry in claims.of(reader, now) if who != self._me and entry.step <= step)
+        """Who computes a reader and is not past a step; with a clock all who do, since they read what is newest."""
+        everyone = claims.of(reader, now)
+        return (entry for who, entry in everyone if who != self._me and (self._clocked or entry.step <= step))
 
     def items(self, log: Log, claims: Hearsay, now: int, clock: int) -> list[Item]:
         """The values that are due, those of the earliest steps first."""
         found = []
         for (piece, step), aims in sorted(self._needed(log, claims, now).items(), key=lambda one: one[0][::-1]):
             values = log.get(piece, step)
-            if values is not None and self._due.get((piece, step), (0, 0))[0] <= clock:
+            if values is not None and self._due.get(self._key(piece, step), (0, 0))[0] <= clock:
                 found.append(Item(SHOW, piece, step, values=values, aims=aims))
         return found
 
     def said(self, item: Item, clock: int) -> None:
         """Note that a value has been said."""
-        pause = self._due.get((item.piece, item.step), (0, FIRST))[1]
+        key = self._key(item.piece, item.step)
+        pause = self._due.get(key, (0, FIRST))[1]
         longest = self._plan.keys.patience * self._rounds
-        self._due[item.piece, item.step] = clock + pause, min(pause + (pause + 1) // 2, max(longest, FIRST))
+        self._due[key] = clock + pause, min(pause + (pause + 1) // 2, max(longest, FIRST))
 
     def forget(self, before: int) -> None:
         """Forget values older than a step."""
@@ -73,7 +82,7 @@ class Router:
             for joint in self._plan.joints[reader] if who != self._me else ():
                 piece, readers = joint.piece, self._plan.readers[joint.piece]
                 steps = (entry.step, entry.step + 1)
-                if self._plan.keys.fence == "clock":
+                if self._clocked:
                     steps = (log.newest(piece) or 0,) * 2
                 for step in steps:
                     if log.get(piece, step) is not None:

@@ -32,7 +32,7 @@ class Counts:
     """What it took so far."""
 
     steps: int = 0
-    waited: int = 0  # exchanges in which a piece could not go on
+    waited: float = 0.0  # exchanges in which a piece could not go on; with a clock, by which what it read was old
     taken: int = 0  # pieces taken over
     redone: int = 0  # steps that were computed once more, as far as is known
     work: float = 0.0  # floating-point operations
@@ -65,14 +65,18 @@ class Worker:
 
     def advance(self, clock: int) -> None:
         """Go a step on with each piece whose neighbours are known; with `fence = "clock"` up to the present."""
-        for piece, thread in self._in_order(self.threads):
-            if self._plan.keys.fence == "data":
-                self._step(piece, thread, self._read(piece, thread.step), clock)
-            while self._plan.keys.fence == "clock" and thread.step < min(clock + 1, thread.goal):
-                if not self._step(piece, thread, self._read_newest(piece, thread), clock):
+        threads, fenced = self._in_order(self.threads), self._plan.keys.fence == "data"
+        newest = {} if fenced else {piece: self._read_newest(piece, thread) for piece, thread in threads}
+        for piece, thread in threads:
+            if fenced:
+                waited = clock - thread.since - 1 - thread.late
+                self._step(piece, thread, self._read(piece, thread.step), clock, waited)
+            while not fenced and thread.step < min(clock + 1, thread.goal):
+                shown, since = newest[piece]
+                if not self._step(piece, thread, shown, clock, thread.step - since):
                     break
         for piece, thread in self._in_order(self.again):
-            self._step(piece, thread, self._read(piece, thread.step), clock)
+            self._step(piece, thread, self._read(piece, thread.step), clock, clock - thread.since - 1 - thread.late)
             if thread.step >= thread.goal:
                 del self.again[piece]
 
@@ -82,7 +86,7 @@ class Worker:
             return sorted(threads.items())
         return sorted(threads.items(), key=lambda one: (one[1].done == 0.0, one[1].step, one[0]))
 
-    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int) -> bool:
+    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int, waited: float) -> bool:
         """Do a step if it can be done and the processor comes to its end; whether it did."""
         if thread.step >= thread.goal or shown is None:
             return False
@@ -94,7 +98,7 @@ class Worker:
         thread.state = self._plan.stepped(piece, thread.state, self._plan.around(piece, shown), thread.step)
         thread.step += 1
         self.counts.steps += 1
-        self.counts.waited += max(0, clock - thread.since - 1 - thread.late)
+        self.counts.waited += max(0.0, waited)
         self.counts.work += self._plan.work[piece]
         thread.since, thread.done, thread.late = clock, 0.0, 0
         self._reached(piece, thread.step, thread.state, clock)
@@ -130,9 +134,12 @@ class Worker:
             shown.append(values)
         return shown
 
-    def _read_newest(self, piece: int, thread: Thread) -> list[Values]:
-        """What the piece's joints are known to have shown last; the mean of its own rim for what was never heard."""
-        shown = []
+    def _read_newest(self, piece: int, thread: Thread) -> tuple[list[Values], float]:
+        """What the piece's joints are known to have shown last, and to which step on average.
+
+        What was never heard counts as the mean of its own rim, shown to step -1.
+        """
+        shown, steps = [], []
         for joint in self._plan.joints[piece]:
             newest = self.log.newest(joint.piece)
             values = None if newest is None else self.log.get(joint.piece, newest)
@@ -140,4 +147,5 @@ class Worker:
                 own = self._plan.shows(piece, thread.state, thread.step)
                 values = np.broadcast_to(own.mean(axis=0), self._plan.shown[joint.piece])
             shown.append(values)
-        return shown
+            steps.append(-1 if newest is None else newest)
+        return shown, sum(steps) / len(steps) if steps else thread.step

@@ -334,7 +334,7 @@ class _Draw:
                 "start": lambda: self._maybe({"use": "formula", "formula": "exp(-hypot(x, y))"}),
             },
             "solve": {
-                "model": self._equation, "method": self._method, "dt": lambda: 0.5,
+                "fence": self._fence, "model": self._equation, "method": self._method, "dt": lambda: 0.5,
                 "duration": lambda: dice.choice((1.0, 2.0)), "sources": lambda: self._maybe(self._emitters(), 0.2),
                 "budget": lambda: self._maybe(1_000_000),
                 "pieces": lambda: self._maybe(dice.randint(1, 6)), "name": lambda: self._maybe("heat"),
@@ -420,15 +420,18 @@ class _Draw:
             "rate": lambda: round(dice.uniform(0.05, 0.2), 3),
         }  # fmt: skip
 
+    def _fence(self) -> str:
+        self._clocked = self._dice.random() < 0.3
+        return "clock" if self._clocked else "data"
+
     def _method(self) -> Table:
         if self._explicit:
             return {"use": "explicit", "level": self._dice.randint(1, 2)}
         use = self._dice.choice(
             ("block-jacobi", "schwarz") if self._draught else ("block-jacobi", "chebyshev", "schwarz")
         )
-        return self._part(
-            "method", use, sweeps=lambda: self._dice.randint(2, 5), overlap=lambda: self._dice.randint(0, 3)
-        )
+        overlap = 0 if self._clocked else self._dice.randint(0, 3)
+        return self._part("method", use, sweeps=lambda: self._dice.randint(2, 5), overlap=lambda: overlap)
 
     def _emitters(self) -> list[Table]:
         x, y = self._point()

@@ -83,6 +83,7 @@ class Swarm:
     deaths: Mapping[int, list[int]] = field(default_factory=dict)  # robots that die, by iteration
     comes: Mapping[int, list[int]] = field(default_factory=dict)  # robots that come later, by iteration
     strike: Callable[[int, Swarm], list[int]] = lambda now, swarm: []  # robots that die before an iteration
+    until: Callable[[Swarm], bool] = lambda swarm: False  # whether to end after an iteration
     rounds: int = 1
     seed: int = 5
     limit: int = 400
@@ -143,6 +144,7 @@ class Swarm:
             self.lost = np.flatnonzero(step < 0).tolist()
             if (step == self.job.steps).all():
                 self.ended = now + 1
+            if self.ended is not None or self.until(self):
                 break
         return self
 

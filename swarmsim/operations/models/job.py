@@ -52,9 +52,14 @@ class Solve(Shared, frozen=True, forbid_unknown_fields=True, kw_only=True):
     pieces: Annotated[int, Meta(ge=1, le=1_000_000_000)] | None = None  # none: as many as robots
 
     def build(self, context: BuildContext) -> ModelJob:
-        """The job. Raises InputError for a step that is not stable, and for keys that do not fit together."""
+        """The job. Raises InputError for a step that is not stable, and for keys that do not go together."""
         problem = problem_of(self.model, self.sources, self.dt, given(context), context)
         method = self.method.build(context, "method")
+        if self.fence == "clock" and method.exchanges > 1 and method.halo > 1:
+            raise InputError(
+                f"method.overlap: {method.halo - 1} with a clock: cells in an overlap keep the right side of the first "
+                'sweep, for good, though what was heard by then is late; expected 0, or fence = "data"'
+            )
         steps = steps_of(method, self.dt, self.duration)
         return ModelJob.of(problem, method, given(context), self.pieces or context.swarm, steps)
 

@@ -50,6 +50,42 @@ def test_a_solution_is_that_of_an_independent_solver() -> None:
         assert np.abs(found - exact.y[:, -1]).max() < 0.01 * np.ptp(exact.y[:, -1])
 
 
+def test_a_draught_with_a_source_is_that_of_an_independent_solver() -> None:
+    """The draught and what it carries from matrices of all cells by all, and a source in one of them."""
+    matrix, _ = laplacian(FLOOR)
+    beside, gains = matrix.toarray() * AREA, np.zeros(FACES.count)
+    start, end, at = FACES.number[tuple(FLOOR.lattice.cells(np.array([VENTS.inlet, VENTS.outlet, (1.3, 1.3)])).T)]
+    gains[[start, end]] = VENTS.flow, -VENTS.flow
+    potential = np.linalg.lstsq(-beside, gains)[0]
+    ahead = np.maximum(potential[:, None] - potential, 0.0) * (beside > 0.5)  # from row to column, m^2/s
+    carried = (ahead.T - np.diag(ahead.sum(axis=1) - np.minimum(gains, 0.0))) / AREA
+    source = np.eye(FACES.count)[at] * 0.4 / AREA
+    exact = solve_ivp(
+        lambda _, u: 0.05 * (matrix @ u) + carried @ u - 0.03 * u + source, (0.0, 1.0), START, "DOP853", rtol=1e-9
+    )
+    model = AdvectionDiffusion(decay=0.03, vents=VENTS)
+    emission = Emission([Emitter(x=1.3, y=1.3, strength=0.4)], FACES)
+    for method, dt in ((Explicit(), 0.01), (BlockJacobi(sweeps=9), 0.01), (Schwarz(sweeps=6, overlap=2), 0.01)):
+        found = solved(model, method, FLOOR, START, dt, round(1.0 / dt), 4, emission)
+        assert np.abs(found - exact.y[:, -1]).max() < 0.01 * np.ptp(exact.y[:, -1])
+
+
+def test_a_pair_on_a_floor_is_that_of_an_independent_solver() -> None:
+    matrix, _ = laplacian(FLOOR)
+
+    def rates(_, state):
+        v, u = np.split(state, 2)
+        eaten = u * v * v
+        return np.concatenate(
+            [0.00225 * (matrix @ v) + eaten - 0.1 * v, 0.0045 * (matrix @ u) - eaten + 0.04 * (1.0 - u)]
+        )
+
+    exact = solve_ivp(rates, (0.0, 4.0), np.concatenate([START, 1.0 - START]), "DOP853", rtol=1e-9)
+    v = exact.y[: len(START), -1]
+    for method, dt in ((Explicit(), 0.02), (BlockJacobi(sweeps=6), 0.02)):
+        assert np.abs(solved(GrayScott(), method, FLOOR, START, dt, round(4.0 / dt), 4) - v).max() < 0.01 * np.ptp(v)
+
+
 def test_waves_are_those_of_an_independent_solver() -> None:
     matrix, _ = laplacian(FLOOR)
     bell = np.exp(-((places(FLOOR) - (0.9, 1.8)) ** 2).sum(axis=1) / 0.1)
