@@ -66,6 +66,7 @@ class Tellers(Generic[T]):
     def __init__(
         self, context: BuildContext, new: Callable[[int], T], standing: Callable[[Sequence[T], int], JobStanding],
         written_by: type | None = None, look: Callable[[Sequence[T], Senses], None] | None = None,
+        codec: FactCodec | None = None,
     ) -> None:  # fmt: skip
         """`new` makes the part of a robot by number; `standing` tells how all stand after an exchange.
 
@@ -75,7 +76,7 @@ class Tellers(Generic[T]):
         #: The class named in messages about broken contracts.
         self.written_by: type = written_by or type(self)
         #: The form of its messages.
-        self.codec = FactCodec()
+        self.codec = codec or FactCodec()
         self._ids, self._rounds = context.ids.tolist(), context.rounds
         self._new, self._standing, self._look = new, standing, look
         self._parts = [new(robot) for robot in self._ids]
@@ -90,7 +91,7 @@ class Tellers(Generic[T]):
         if self._look is not None:
             self._look(self._parts, senses)
         told = [self._told(row, senses) for row in range(len(self._parts))]
-        sizes = [HEADER.size + sum(fact.size for fact in facts) if facts else 0 for facts in told]
+        sizes = [HEADER.size + sum(map(self.codec.size, facts)) if facts else 0 for facts in told]
         ends = np.cumsum([len(facts) for facts in told], dtype=np.int64)
         return Broadcast(Facts.of([fact for facts in told for fact in facts]), ends, np.array(sizes, np.int32))
 

@@ -109,20 +109,84 @@ class Facts(MessageBatch):
 class FactCodec:
     """The header, then fact after fact."""
 
+    def size(self, fact: Fact) -> int:
+        """The bytes of a fact."""
+        return fact.size
+
     def pack(self, sender: int, iteration: int, items: Facts) -> bytes:
         """One message."""
-        return HEADER.pack(sender, iteration) + b"".join(fact.packed() for fact in items.rows())
+        return HEADER.pack(sender, iteration) + b"".join(map(self._packed, items.rows()))
+
+    def _packed(self, fact: Fact) -> bytes:
+        return fact.packed()
 
     def unpack(self, data: bytes) -> tuple[int, int, Facts]:
         """Its sender, exchange and facts. Raises ValueError for an unknown kind or a wrong length."""
         sender, iteration = HEADER.unpack_from(data)
         at, facts = HEADER.size, list[Fact]()
         while at < len(data):
-            if len(data) - at < FORM.size:
-                raise ValueError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
-            *numbers, length = FORM.unpack_from(data, at)
-            at += FORM.size + length
+            (*numbers, length), at = self._numbers(data, at)
+            at += length
             if numbers[0] > ITEM or at > len(data):
                 raise ValueError(f"a fact of the kind {numbers[0]} up to byte {at} of {len(data)}")
             facts.append(Fact._make((*numbers, data[at - length : at])))
         return sender, iteration, Facts.of(facts)
+
+    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        """The numbers of the fact that begins at a byte, and where they end."""
+        if len(data) - at < FORM.size:
+            raise ValueError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
+        return FORM.unpack_from(data, at), at + FORM.size
+
+
+class ShortCodec(FactCodec):
+    """The same with short numbers: the key with the kind in its last two bits, version, robot, and the length."""
+
+    def size(self, fact: Fact) -> int:
+        """The bytes of a fact."""
+        numbers = fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value)
+        return sum(max(1, -(-number.bit_length() // 7)) for number in numbers) + len(fact.value)
+
+    def _packed(self, fact: Fact) -> bytes:
+        return short((fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value))) + fact.value
+
+    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        found = list[int]()
+        while len(found) < 4:
+            number, at = short_at(data, at)
+            found.append(number)
+        return (found[0] & 3, found[0] >> 2, *found[1:]), at
+
+
+def short(numbers: Iterable[int]) -> bytes:
+    """Numbers of 0 and more, seven bits in a byte, the lowest first; all bytes but a number's last are over 127."""
+    found = bytearray()
+    for number in numbers:
+        left = number
+        while left > 127:
+            found.append(left & 127 | 128)
+            left >>= 7
+        found.append(left)
+    return bytes(found)
+
+
+def long(data: bytes) -> list[int]:
+    """The numbers that `short` made shorter."""
+    at, found = 0, list[int]()
+    while at < len(data):
+        number, at = short_at(data, at)
+        found.append(number)
+    return found
+
+
+def short_at(data: bytes, at: int) -> tuple[int, int]:
+    """The short number that begins at a byte, and where it ends. Raises ValueError for one that does not end."""
+    number = 0
+    for shift in range(0, 70, 7):
+        if at >= len(data):
+            break
+        byte, at = data[at], at + 1
+        number |= (byte & 127) << shift
+        if byte < 128:
+            return number, at
+    raise ValueError(f"a number that does not end by byte {at} of {len(data)}; expected a fact")

@@ -1,0 +1,132 @@
+"""What a job in pieces says: how many bytes, in which form, and states of any shape; and what it keeps meanwhile."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from networks import Heat, Swarm
+
+from swarmsim.core.messages import HEADER
+from swarmsim.jobs.alone import alone
+from swarmsim.jobs.facts.wire import Fact, Facts, ShortCodec, long, short
+from swarmsim.jobs.pieces import given
+from swarmsim.jobs.reports import REPORT, SHOW, STATE, Claim, Report
+from swarmsim.operations.methods.explicit import Explicit
+from swarmsim.operations.methods.problem import Problem
+from swarmsim.operations.models.diffusion import Diffusion
+from swarmsim.operations.models.job import ModelJob
+from swarmsim.testing import check_job
+
+LOSSY = {"use": "bernoulli", "loss": 0.3}
+
+
+@pytest.mark.parametrize("channel", [{"use": "perfect"}, LOSSY])
+def test_messages_are_as_long_as_they_say_and_survive_packing(channel: dict) -> None:
+    swarm, kinds = Swarm(topology="ring", channel=channel, limit=40), set()
+    say = swarm.runtime.say
+
+    def checked(senses):
+        said = say(senses)
+        for robot, size in enumerate(said.sizes.tolist()):
+            facts = said.of(robot)
+            data = swarm.runtime.codec.pack(robot, 5, facts) if len(facts) else b""
+            assert len(data) == size
+            assert not size or swarm.runtime.codec.unpack(data)[2].rows() == facts.rows()
+            kinds.update(fact.kind for fact in facts.rows())
+        return said
+
+    swarm.runtime.say = checked
+    swarm.run()
+    assert kinds == {REPORT, SHOW, STATE}
+
+
+def test_short_numbers_have_seven_bits_a_byte_and_torn_messages_are_refused() -> None:
+    numbers = [0, 1, 127, 128, 16383, 16384, 1 << 40]
+    assert [len(short([one])) for one in numbers] == [1, 1, 1, 2, 2, 3, 6]
+    assert long(short(numbers)) == numbers
+    facts = [
+        Fact(STATE, 70_000, 1 << 20, 300, b"\0a\0"),
+        Fact(SHOW, 0),
+        Report(9, {3: Claim(7, 2, 5)}, {4: 5}).fact(2, 1),
+    ]
+    codec, data = ShortCodec(), ShortCodec().pack(3, 9, Facts.of(facts))
+    assert codec.unpack(data)[2].rows() == facts
+    assert len(data) == HEADER.size + sum(map(codec.size, facts))
+    assert Report.of(facts[2]) == Report(9, {3: Claim(7, 2, 5)}, {4: 5})
+    for torn in (data[:-1], data[:-9], data + b"\x80"):
+        with pytest.raises(ValueError, match=r"does not end|up to byte"):
+            codec.unpack(torn)
+
+
+@pytest.mark.parametrize(("loss", "most"), [(0.0, 6.0), (0.3, 14.0)])
+def test_values_are_said_a_few_times_and_not_by_everybody(loss: float, most: float) -> None:
+    """On a ring of seven, what a piece shows has to be said at least once, and passed on by those on its way alone."""
+    swarm = Swarm(Heat(steps=40, level=20), topology="ring", channel={"use": "bernoulli", "loss": loss})
+    said, plan = [0], swarm.runtime._plan
+    say = swarm.runtime.say
+
+    def counted(senses):
+        found = say(senses)
+        said[0] += sum(8 * plan.rows(one.key, one.robot)[0] for one in found.content.rows() if _full(plan, one))
+        return found
+
+    swarm.runtime.say = counted
+    assert swarm.run().exact
+    least = sum(8 * len(one.rim) for one in plan.pieces) * plan.steps
+    assert least <= said[0] < most * least
+
+
+def _full(plan, fact: Fact) -> bool:
+    return fact.kind == SHOW and len(fact.value) > len(plan.named(fact.key, fact.robot))
+
+
+class Growing(Heat):
+    """The same, with each state after the first of a level twice, one below the other, and longer in odd pieces."""
+
+    def shows(self, piece, state, step):
+        return super().shows(piece, state[: len(piece.cells)], step)
+
+    def step(self, piece, state, around, step):
+        found = super().step(piece, state[: len(piece.cells)], around, step)
+        return found if (step + 1) % self.level == 0 else np.tile(found, 2 + piece.number % 2)
+
+    def answer(self, piece, state):
+        return state[: len(piece.cells)]
+
+
+def test_states_may_have_another_shape_in_each_piece_and_step() -> None:
+    check_job(Growing(rate=0.1), whole=None)
+    dead = {13: [1], 40: [4]}
+    swarm = Swarm(Growing(level=5, steps=60), topology="ring", channel=LOSSY, deaths=dead, limit=600).run()
+    assert swarm.exact
+    assert swarm.parcel.counts[:, 2].sum() > 0
+
+
+def test_mass_is_kept_in_each_level_while_pieces_are_taken_over() -> None:
+    swarm = Swarm(limit=900)
+    domain = given(swarm.context)
+    problem = Problem(Diffusion(diffusivity=0.05).on(domain), lambda cells, begin, end: np.zeros(len(cells)), 0.8)
+    job = ModelJob.of(problem, Explicit(level=6), domain, 7, 60)
+    sensed = [Bump().value(0.0, domain.lattice.centres(one.cells)) for one in job.cut]
+    masses = {(piece, 0): float(values.sum()) for piece, values in enumerate(sensed)}
+
+    def strike(now: int, same: Swarm) -> list[int]:
+        for states in same.parcel.states if now else ():
+            for piece, (step, state) in states.items():
+                assert masses.setdefault((piece, step), float(state.sum())) == float(state.sum())
+        return {15: [2], 60: [5], 110: [0, 3]}.get(now, [])
+
+    swarm = Swarm(job, topology="ring", channel=LOSSY, strike=strike, field_=Bump(), keys={"value": 8}, limit=900).run()
+    for piece, state in enumerate(alone(job, job.cut, sensed)):
+        assert swarm.parcel.answers(swarm.alive)[piece].tobytes() == job.answer(job.cut[piece], state).tobytes()
+    assert swarm.parcel.counts[:, 2].sum() >= 4
+    masses |= {(piece, 60): float(state.sum()) for piece, state in swarm.parcel.answers(swarm.alive).items()}
+    levels = np.array([[masses[piece, step] for piece in range(7)] for step in range(0, 61, 6)])
+    total = levels.sum(axis=1)
+    assert np.abs(total / total[0] - 1.0).max() < 1e-12
+    assert np.abs(levels[-1] - levels[0]).max() > 1e-2 * total[0]  # and it moves from piece to piece
+
+
+class Bump:
+    def value(self, time, points):
+        return np.exp(-((points - (2.0, 2.5)) ** 2).sum(axis=1))
