@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 
 from swarmsim.core.processors import OwnProcessor
-from swarmsim.jobs.claims import Hearsay
 from swarmsim.jobs.plan import JobPlan
+from swarmsim.jobs.reports import Hearsay
 from swarmsim.jobs.worker import Worker
 
 
@@ -27,9 +27,9 @@ class Helper:
             return None
         mine = sum(thread.step < thread.goal for thread in worker.threads.values())
         loads: defaultdict[int, list[int]] = defaultdict(list)
-        for piece, who, entry in claims.fresh(now):
-            if entry.step < self._plan.steps and who != self._me:
-                loads[who].append(piece)
+        for who, news in claims.fresh(now):
+            if who != self._me:
+                loads[who] += [piece for piece, claim in news.report.claims.items() if claim.step < self._plan.steps]
         heavy = {
             who: len(its) for who, its in loads.items()
             if len(its) >= mine + 2 and sum(self._plan.work[one] for one in its) > self._processor.exchange
@@ -44,7 +44,7 @@ class Helper:
 
     def _alone(self, piece: int, worker: Worker, claims: Hearsay, now: int) -> list[int]:
         """The robot that computes a piece, if it is one alone and this one's copy is of its present level."""
-        doing = [(who, entry.step) for who, entry in claims.of(piece, now) if who != self._me]
+        doing = [(who, claim.step) for who, claim, _ in claims.of(piece, now) if who != self._me]
         newest = worker.copies.newest(piece)
         return [who for who, step in doing if len(doing) == 1 and newest >= self._plan.level_of(step)]
 
@@ -53,6 +53,6 @@ class Helper:
         thread = None if self._piece is None else worker.again.get(self._piece)
         if self._piece is None or thread is None:
             return
-        if all(thread.step > entry.step for who, entry in claims.of(self._piece, now) if who != self._me):
+        if all(thread.step > claim.step for who, claim, _ in claims.of(self._piece, now) if who != self._me):
             worker.threads[self._piece] = worker.again.pop(self._piece)
             thread.goal, self._piece = self._plan.steps, None

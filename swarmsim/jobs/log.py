@@ -8,49 +8,58 @@ KEPT = 2  #: levels of which a robot that has a copy keeps the states
 
 
 class Log:
-    """What one robot knows of what pieces show."""
+    """What one robot knows of what pieces show: of each piece and step the values that each reader reads."""
 
     def __init__(self) -> None:
-        self._shown: dict[int, dict[int, Values]] = {}
+        self._shown: dict[int, dict[int, dict[int, Values]]] = {}  # by piece, step and reader
 
-    def put(self, piece: int, step: int, values: Values) -> bool:
+    def put(self, piece: int, step: int, reader: int, values: Values) -> bool:
         """Keep values; whether they are new."""
-        of_piece = self._shown.setdefault(piece, {})
-        if step in of_piece:
+        its = self._shown.setdefault(piece, {}).setdefault(step, {})
+        if reader in its:
             return False
-        of_piece[step] = values
+        its[reader] = values
         return True
 
     def sizes(self) -> dict[int, int]:
         """Bytes, by piece."""
-        return {piece: sum(one.nbytes for one in of_piece.values()) for piece, of_piece in self._shown.items()}
+        return {
+            piece: sum(values.nbytes for its in steps.values() for values in its.values())
+            for piece, steps in self._shown.items()
+        }
 
     def merged(self, other: Log) -> Log:
         """All that either of two logs has."""
         found = Log()
-        pieces = self._shown.keys() | other._shown.keys()
-        found._shown = {piece: {**self._shown.get(piece, {}), **other._shown.get(piece, {})} for piece in pieces}
+        for one in (other, self):
+            for piece, steps in one._shown.items():
+                mine = found._shown.setdefault(piece, {})
+                for step, its in steps.items():
+                    mine[step] = {**mine.get(step, {}), **its}
         return found
 
-    def get(self, piece: int, step: int) -> Values | None:
-        """What a piece shows to a step, if it is known."""
-        return self._shown.get(piece, {}).get(step)
+    def get(self, piece: int, step: int, reader: int) -> Values | None:
+        """What a reader reads of a piece in a step, if it is known."""
+        return self._shown.get(piece, {}).get(step, {}).get(reader)
 
-    def newest(self, piece: int) -> int | None:
-        """The last step to which it is known what a piece shows."""
-        return max(self._shown.get(piece, {}), default=None)
+    def newest(self, piece: int, reader: int) -> int | None:
+        """The last step to which it is known what a reader reads of a piece."""
+        return max((step for step, its in self._shown.get(piece, {}).items() if reader in its), default=None)
 
     def forget(self, before: int) -> None:
         """Drop all that is older than a step."""
-        for piece, of_piece in self._shown.items():
-            if of_piece and min(of_piece) < before:
-                self._shown[piece] = {step: values for step, values in of_piece.items() if step >= before}
+        for piece, steps in self._shown.items():
+            if steps and min(steps) < before:
+                self._shown[piece] = {step: its for step, its in steps.items() if step >= before}
 
-    def only_newest(self, piece: int) -> None:
-        """Drop all but the newest of a piece."""
-        newest = self.newest(piece)
-        if newest is not None:
-            self._shown[piece] = {newest: self._shown[piece][newest]}
+    def only_newest(self) -> None:
+        """Drop all but the newest values of each piece and reader."""
+        for piece, steps in self._shown.items():
+            newest = {reader: step for step, its in sorted(steps.items()) for reader in its}
+            found: dict[int, dict[int, Values]] = {}
+            for reader, step in newest.items():
+                found.setdefault(step, {})[reader] = steps[step][reader]
+            self._shown[piece] = found
 
 
 class Copies:

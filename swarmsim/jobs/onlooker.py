@@ -16,7 +16,8 @@ from swarmsim.core.jobs import PieceJob, Shared
 from swarmsim.core.messages import Broadcast, Inbox
 from swarmsim.core.probes import GONE, NOBODY
 from swarmsim.core.state import Senses
-from swarmsim.jobs.items import SHOW, Items
+from swarmsim.jobs.facts.wire import Facts
+from swarmsim.jobs.reports import SHOW
 from swarmsim.jobs.runtime import UNKNOWN, Lockstep, Parcel
 from swarmsim.jobs.sighted import HEARD, Sighted, tables_of
 
@@ -41,13 +42,14 @@ class ObservedJob:
         #: What it shows.
         self.tables = tables_of(self._plan, context.lattice, context.swarm)
         rows, pieces = len(context.ids), len(self._plan.pieces)
-        self._step, self._heard = np.full((2, rows, pieces), UNKNOWN, np.int32)  # heard: of what others show
+        self._step = np.full((rows, pieces), UNKNOWN, np.int32)
+        self._heard: list[dict[tuple[int, int], int]] = [{} for _ in range(rows)]  # newest, by piece and reader
         self._made: list[dict[int, int]] = [{} for _ in range(pieces)]  # exchange in which a step was first reached
         self._holder, self._age = np.full(pieces, NOBODY, np.int32), np.full(pieces, np.nan)
         self._from: list[dict[int, None]] = [{} for _ in range(rows)]
         self._ages, self._aged, self._iteration, self._clock = 0.0, 0, -1, -1
 
-    def say(self, senses: Senses) -> Broadcast[Items]:
+    def say(self, senses: Senses) -> Broadcast[Facts]:
         """Every robot's part in one exchange."""
         if senses.iteration != self._iteration:
             self._iteration, self._clock = senses.iteration, senses.iteration * self._rounds - 1
@@ -55,13 +57,15 @@ class ObservedJob:
         self._clock += 1
         return self.inner.say(senses)
 
-    def hear(self, senses: Senses, inbox: Inbox[Items]) -> Parcel:
+    def hear(self, senses: Senses, inbox: Inbox[Facts]) -> Parcel:
         """Every robot's part of the answer after an exchange."""
         told = zip(inbox.receivers.tolist(), inbox.senders.tolist(), inbox.content.rows(), strict=True)
-        for row, sender, item in told:
-            if item.kind == SHOW and item.step > self._heard[row, item.piece]:
-                self._heard[row, item.piece] = item.step
-                self._from[row][sender] = None
+        for row, sender, fact in told:
+            readers = self._plan.named(fact.key, fact.robot) if fact.kind == SHOW else ()
+            for reader in readers if len(fact.value) > len(readers) else ():  # else it is an answer without numbers
+                if fact.version > self._heard[row].get((fact.key, reader), UNKNOWN):
+                    self._heard[row][fact.key, reader] = fact.version
+                    self._from[row][sender] = None
         found = self.inner.hear(senses, inbox)
         self._see(found.step)
         self._hold(np.where(senses.alive[:, None], found.step, NOBODY), found.kept[senses.alive])
@@ -69,7 +73,8 @@ class ObservedJob:
 
     def reset(self, robots: NDArray[np.int64]) -> None:
         """Erase all that these rows (r,) have of the job."""
-        self._heard[robots] = UNKNOWN
+        for row in robots.tolist():
+            self._heard[row].clear()
         self.inner.reset(robots)
 
     def copy_from(self, robots: NDArray[np.int64], source: int) -> None:
@@ -95,8 +100,9 @@ class ObservedJob:
         """Note the age of what a step has read: with `fence = "clock"` the newest that the robot knew."""
         found = []
         for joint in self._plan.joints[piece]:
-            newest = max(self._heard[row, joint.piece], self._step[row, joint.piece])
-            made = self._made[joint.piece].get(step if self._plan.keys.fence == "data" else int(newest))
+            heard = self._heard[row].get((joint.piece, piece), UNKNOWN)
+            newest = max(heard, int(self._step[row, joint.piece]))
+            made = self._made[joint.piece].get(step if self._plan.keys.fence == "data" else newest)
             if made is not None:
                 found.append(max(self._clock - made - 1, 0))
         if found:

@@ -159,8 +159,12 @@ def joints(pieces: Sequence[Piece]) -> list[tuple[Joint, ...]]:
 
 def joined(piece: Piece, its: Sequence[Joint], shown: Sequence[Values]) -> Values:
     """The values (h, ...) of a piece's halo, from what the pieces of its joints show."""
-    tail = shown[0].shape[1:] if shown else ()
-    around = np.empty((len(piece.halo), *tail))
-    for joint, values in zip(its, shown, strict=True):
-        around[joint.halo] = values[joint.shown]
+    return assembled(piece, its, [values[joint.shown] for joint, values in zip(its, shown, strict=True)])
+
+
+def assembled(piece: Piece, its: Sequence[Joint], parts: Sequence[Values]) -> Values:
+    """The same from the values that it reads of each."""
+    around = np.empty((len(piece.halo), *(parts[0].shape[1:] if parts else ())))
+    for joint, values in zip(its, parts, strict=True):
+        around[joint.halo] = values
     return around

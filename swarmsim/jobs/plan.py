@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,40 @@ from numpy.typing import NDArray
 from swarmsim.core.context import BuildContext
 from swarmsim.core.errors import InputError
 from swarmsim.core.jobs import Piece, PieceJob, Shared, Values
+from swarmsim.core.messages import LATEST, FrameError
 from swarmsim.jobs.alone import on_air
+from swarmsim.jobs.facts.wire import short, short_at
 from swarmsim.jobs.log import KEPT
-from swarmsim.jobs.pieces import Joint, given, joined, joints
+from swarmsim.jobs.pieces import Joint, assembled, given, joints
 
 Shape = tuple[int, ...]
+Rows = NDArray[np.int64]
+STATE_NUMBER = np.dtype(">f8")
+MOST_AXES: Final = 32
+
+
+def packed(values: Values, number: np.dtype[np.float64]) -> bytes:
+    """Values of any shape on the wire: their axes, the lengths of these, and numbers of a type."""
+    return short([values.ndim, *values.shape]) + values.astype(number).tobytes()
+
+
+def unpacked(data: bytes, number: np.dtype[np.float64]) -> Values:
+    """Values that were packed. Raises FrameError for bytes that `packed` cannot have made."""
+    shape, at = shape_of(data, number)
+    return np.frombuffer(data, number, offset=at).astype(np.float64).reshape(shape)
+
+
+def shape_of(data: bytes, number: np.dtype[np.float64]) -> tuple[Shape, int]:
+    """The shape of values that were packed, and where their numbers begin. Raises FrameError for another length."""
+    axes, at = short_at(data, 0)
+    shape = list[int]()
+    for _ in range(axes if axes <= MOST_AXES else 0):
+        length, at = short_at(data, at)
+        shape.append(length)
+    size = math.prod(shape) * number.itemsize
+    if axes > MOST_AXES or len(data) - at != size or math.prod(max(1, one) for one in shape) > LATEST:
+        raise FrameError(f"{axes} axes of {shape}, and {len(data) - at} bytes; expected {size}")
+    return tuple(shape), at
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,12 +58,13 @@ class JobPlan:
     pieces: tuple[Piece, ...]
     joints: tuple[tuple[Joint, ...], ...]  # of each piece
     readers: tuple[tuple[int, ...], ...]  # of each piece: the pieces that read what it shows
-    shown: tuple[Shape, ...]  # of what each piece shows
-    state: tuple[Shape, ...]  # of each piece's state
+    shown: tuple[Shape, ...]  # of what each piece shows at the start
+    state: tuple[Shape, ...]  # of each piece's state at the start
     centres: NDArray[np.float64]  # (p, 2): x, y in m
     reach: NDArray[np.float64]  # (p,): m, about the side of each piece
     cell: float  # m
     work: tuple[float, ...]  # of each piece: floating-point operations of a step
+    _rows: dict[tuple[int, int], tuple[int, list[Rows]]] = field(default_factory=dict)  # see `rows`
 
     @classmethod
     def of(cls, job: PieceJob, keys: Shared, context: BuildContext) -> Self:
@@ -87,30 +117,49 @@ class JobPlan:
         """The robot that has a piece at the start."""
         return piece % self.robots
 
-    def shows(self, piece: int, state: Values, step: int) -> Values:
-        """What a piece shows, as it is on the air. Raises ValueError for another shape than at the start."""
-        found = on_air(self.job.shows(self.pieces[piece], state, step), self.keys.value)
-        return self._held(found, self.shown[piece], f"shows: piece {piece} at step {step}")
+    @property
+    def number(self) -> np.dtype[np.float64]:
+        """The type of numbers that pieces show, on the wire."""
+        return np.dtype(f">f{self.keys.value}")
 
-    def stepped(self, piece: int, state: Values, around: Values, step: int) -> Values:
-        """The state after a step. Raises ValueError for another shape, InputError for what is not finite."""
+    def named(self, piece: int, mask: int) -> tuple[int, ...]:
+        """Those readers of a piece whose bits are in a mask."""
+        return tuple(reader for bit, reader in enumerate(self.readers[piece]) if mask >> bit & 1)
+
+    def rows(self, piece: int, mask: int) -> tuple[int, list[Rows]]:
+        """How many of the values that a piece shows some readers read together, and which of these each one reads."""
+        if (piece, mask) not in self._rows:
+            parts = [self.read(piece, reader) for reader in self.named(piece, mask)]
+            every = np.unique(np.concatenate([np.empty(0, np.int64), *parts]))
+            self._rows[piece, mask] = len(every), [np.searchsorted(every, part) for part in parts]
+        return self._rows[piece, mask]
+
+    def bit(self, reader: int, piece: int) -> int:
+        """Which of a reader's joints is with a piece."""
+        return next(number for number, joint in enumerate(self.joints[reader]) if joint.piece == piece)
+
+    def read(self, piece: int, reader: int) -> Rows:
+        """Which of the values that a piece shows a reader reads."""
+        return self.joints[reader][self.bit(reader, piece)].shown
+
+    def shows(self, piece: int, state: Values, step: int) -> Values:
+        """What a piece shows, as it is on the air. Raises ValueError for another number of rows than its rim has."""
+        found, rim = on_air(self.job.shows(self.pieces[piece], state, step), self.keys.value), self.pieces[piece].rim
+        if found.shape[:1] != rim.shape:
+            raise ValueError(
+                f"shows: piece {piece} at step {step} gives shape {found.shape}; expected a row for each of {len(rim)}"
+            )
+        return found
+
+    def stepped(self, piece: int, state: Values, parts: list[Values], step: int) -> Values:
+        """The state after a step, from what is read of each joint. Raises InputError for what is not finite."""
+        around = assembled(self.pieces[piece], self.joints[piece], parts)
         with np.errstate(over="ignore", invalid="ignore"):  # told below
             found = self.job.step(self.pieces[piece], state, around, step)
-        found = self._held(found, self.state[piece], f"step: piece {piece} at step {step}")
         if not np.isfinite(found).all():
             raise InputError(
                 f"jobs: {self.keys.name!r} is not finite in piece {piece} after step {step}; expected a stable step"
             )
-        return found
-
-    def around(self, piece: int, shown: list[Values]) -> Values:
-        """What a piece reads, from what the pieces of its joints show."""
-        return joined(self.pieces[piece], self.joints[piece], shown)
-
-    @staticmethod
-    def _held(found: Values, shape: Shape, where: str) -> Values:
-        if found.shape != shape:
-            raise ValueError(f"{where} gives shape {found.shape}; expected {shape}, as at the start")
         found.setflags(write=False)
         return found
 

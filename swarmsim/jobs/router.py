@@ -1,91 +1,180 @@
-"""Which values a robot passes on, and when: towards the pieces that read them, more seldom each time."""
+"""Which values a robot says, for which readers, and when."""
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swarmsim.jobs.claims import AFAR, Hearsay, News
-from swarmsim.jobs.items import SHOW, Item
+from swarmsim.core.jobs import Values
+from swarmsim.jobs.facts.wire import Fact
 from swarmsim.jobs.log import Log
-from swarmsim.jobs.plan import JobPlan
+from swarmsim.jobs.plan import JobPlan, packed, unpacked
+from swarmsim.jobs.reports import AFAR, SHOW, Hearsay
+from swarmsim.jobs.worker import Worker
 
-SATED: Final = 255  #: of a reader that has no need of the value, as far as is known
-FIRST: Final = 2  # exchanges until a value is said again: until a claim can have told that it arrived
-DETOUR: Final = 4  # iterations after which values are passed on that seem to have gone the right way already
+AHEAD: Final = 4  # steps beyond the one that a reader does, to which values are said already
+FIRST: Final = 2  # exchanges until a value is said again: until it can have been heard that somebody passed it on
+HOP: Final = 4  # exchanges that a value takes for a hop at most, with the news of it, where messages get lost
 
-Key = tuple[int, int]  # piece, step
+Key = tuple[int, int, int]  # piece, step, reader
+
+
+@dataclass(slots=True)
+class Errand:
+    """A value that a reader lacks, as far as is known."""
+
+    step: int  # to which it is
+    due: int  # the exchange in which it is to be said
+    times: int = 0  # that it was said
+    aim: int = AFAR  # with which it was said last
+    passed: bool = False  # on, to another robot
+
+    def said(self, aim: int, clock: int, longest: int) -> None:
+        """Note that it was said; pauses grow by half."""
+        self.due, self.aim = clock + min(int(FIRST * 1.5 ** max(0, self.times - 1)), longest), aim
+        self.times, self.passed = self.times + 1, False
 
 
 class Router:
-    """One robot's part in bringing values to whoever needs them.
+    """One robot's part in bringing values to who reads them.
 
-    Each value says how many hops its teller is from each piece that needs it. Who hears it passes it on if it is nearer
-    to one of them, and otherwise only if the need lasts. A value is said until all readers' claims are past it, after
-    pauses that grow by half.
+    A value says for which readers it is, and how many hops its teller is from each. Who hears it and is nearer to one
+    passes it on, for that one alone. The teller hears that, and is silent; else it says the value again, after pauses
+    that grow by half, as if it were a hop farther each time, so that others find a way. A reader, or who has passed a
+    value on already, answers without the numbers.
+
+    Who knows a value that is on its way over so many hops says it again if the reader still lacks it after HOP
+    exchanges for each.
+
+    With a clock readers lack whatever is newest. A newer value takes the place of an older one, and its turn.
     """
 
     def __init__(self, plan: JobPlan, me: int, rounds: int) -> None:
-        self._plan, self._me, self._rounds = plan, me, rounds
-        self._clocked = plan.keys.fence == "clock"
-        self._due: dict[Key, tuple[int, int]] = {}  # the exchange, and the pause after it
+        self._plan, self._me, self._clocked = plan, me, plan.keys.fence == "clock"
+        self._longest = max(plan.keys.patience * rounds, FIRST)
+        self._errands: dict[Key, Errand] = {}  # see `_at`
+        self._answers: defaultdict[tuple[int, int], dict[int, int]] = defaultdict(dict)  # hops, by reader
 
-    def _key(self, piece: int, step: int) -> Key:
-        """With a clock, a newer value takes the place of an older one, and its turn."""
-        return piece, -1 if self._clocked else step
+    def _at(self, key: Key) -> Key:
+        """Where the errand for a value is kept: with a clock the same for all steps."""
+        return (key[0], 0, key[2]) if self._clocked else key
 
-    def made(self, piece: int, step: int, clock: int) -> None:
-        """Pass on a value of one's own."""
-        self._due[self._key(piece, step)] = clock, FIRST
+    def heard(self, fact: Fact, worker: Worker, claims: Hearsay, now: int, clock: int) -> Iterator[tuple[int, Values]]:
+        """Take in where a value has got to; what it holds for each reader."""
+        readers = self._plan.named(fact.key, fact.robot)
+        aims = dict(zip(readers, fact.value, strict=False))
+        parts = dict(self._parts(fact, readers))
+        for reader, aim in aims.items():
+            key = fact.key, fact.version, reader
+            if reader in worker.own:
+                if parts and not self._clocked:
+                    self._answers[key[:2]][reader] = 0
+                continue
+            hops = self._hops(claims, reader, fact.version, now)
+            newest = worker.log.newest(fact.key, reader) if self._clocked else None
+            if hops is not None and (newest is None or fact.version >= newest):
+                self._judge(key, aim, hops, bool(parts), worker.log.get(*key) is None, clock)
+        yield from parts.items()
 
-    def heard(self, item: Item, claims: Hearsay, now: int, clock: int) -> None:
-        """Pass on a new value at once if this robot is nearer to a reader than its teller, else later."""
-        nearer = any(
-            hops != SATED and any(entry.hops < hops for entry in self._needing(claims, reader, item.step, now))
-            for reader, hops in zip(self._plan.readers[item.piece], item.aims.tolist(), strict=True)
+    def _judge(self, key: Key, aim: int, hops: int, full: bool, new: bool, clock: int) -> None:
+        """What is to be done about a value that somebody else said, or answered, with an aim at a reader."""
+        errand = self._errands.get(self._at(key))
+        if full and new:
+            due = clock if aim > hops else min(clock + self._wait(hops), math.inf if errand is None else errand.due)
+            self._errands[self._at(key)] = Errand(key[1], int(due), passed=aim < hops)
+        elif errand is not None and aim < (errand.aim if errand.times else hops):
+            errand.due, errand.passed = clock + self._wait(hops), True
+        elif errand is not None and errand.passed and full and aim > hops:  # who has it now does not get on
+            errand.due = min(errand.due, clock + FIRST + 1)
+        elif errand is not None and not errand.times and full and aim > hops:
+            errand.due = clock
+        elif full and aim > hops:
+            self._answers[key[:2]][key[2]] = 0 if errand is None else hops
+
+    def _parts(self, fact: Fact, readers: tuple[int, ...]) -> Iterator[tuple[int, Values]]:
+        """The numbers for each reader; nothing in an answer."""
+        if len(fact.value) > len(readers):
+            values = unpacked(fact.value[len(readers) :], self._plan.number)
+            for reader, rows in zip(readers, self._plan.rows(fact.key, fact.robot)[1], strict=True):
+                yield reader, values[rows]
+
+    def _wait(self, hops: int) -> int:
+        """The exchanges in which a value that is on its way over so many hops should be there."""
+        return min(HOP * (hops + 1), self._longest)
+
+    def _hops(self, claims: Hearsay, reader: int, step: int, now: int) -> int | None:
+        """Hops to the nearest other robot that needs what a piece shows to a step; none if nobody does."""
+        return min(
+            (
+                hops
+                for who, claim, hops in claims.of(reader, now)
+                if who != self._me and (self._clocked or claim.step <= step)
+            ),
+            default=None,
         )
-        key, later = self._key(item.piece, item.step), clock + DETOUR * self._rounds
-        self._due[key] = clock if nearer else min(later, self._due.get(key, (later, FIRST))[0]), FIRST
 
-    def _needing(self, claims: Hearsay, reader: int, step: int, now: int) -> Iterator[News]:
-        """Who computes a reader and is not past a step; with a clock all who do, since they read what is newest."""
-        everyone = claims.of(reader, now)
-        return (entry for who, entry in everyone if who != self._me and (self._clocked or entry.step <= step))
+    def wanted(self, worker: Worker, claims: Hearsay, now: int, clock: int) -> list[Fact]:
+        """Answers, and the values that are due, those of the earliest steps first."""
+        lacked, every = self._lacked(worker.log, claims, now), dict[tuple[int, int], dict[int, int]]()
+        own = worker.own
+        self._errands = {self._at(key): self._errand(key, hops, key[0] in own, clock) for key, hops in lacked.items()}
+        for (piece, step, reader), hops in lacked.items():
+            errand = self._errands[self._at((piece, step, reader))]
+            if errand.due <= clock:
+                every.setdefault((piece, step), {})[reader] = min(hops + errand.times, AFAR)
+        found = [self._fact(*key, aims) for key, aims in self._answers.items()]
+        self._answers.clear()
+        order = sorted(every.items(), key=lambda one: one[0][::-1])
+        return found + [self._fact(*key, aims, worker.log) for key, aims in order]
 
-    def items(self, log: Log, claims: Hearsay, now: int, clock: int) -> list[Item]:
-        """The values that are due, those of the earliest steps first."""
-        found = []
-        for (piece, step), aims in sorted(self._needed(log, claims, now).items(), key=lambda one: one[0][::-1]):
-            values = log.get(piece, step)
-            if values is not None and self._due.get(self._key(piece, step), (0, 0))[0] <= clock:
-                found.append(Item(SHOW, piece, step, values=values, aims=aims))
+    def _errand(self, key: Key, hops: int, own: bool, clock: int) -> Errand:
+        """What is to be done about a value that a reader lacks; a new one of one's own is said at once."""
+        known = self._errands.get(self._at(key))
+        if known is None or (own and known.step != key[1]):
+            return Errand(key[1], clock if own else clock + self._wait(hops))
+        return known
+
+    def _fact(self, piece: int, step: int, aims: dict[int, int], log: Log | None = None) -> Fact:
+        """A value for some readers, or an answer."""
+        readers = self._plan.readers[piece]
+        mask = sum(1 << readers.index(reader) for reader in aims)
+        mine = self._plan.named(piece, mask)
+        value = bytes(aims[reader] for reader in mine)
+        if log is not None:
+            count, rows = self._plan.rows(piece, mask)
+            parts = [log.get(piece, step, reader) for reader in mine]
+            values = np.empty((count, *next(part.shape[1:] for part in parts if part is not None)))
+            for part, at in zip(parts, rows, strict=True):
+                values[at] = part
+            value += packed(values, self._plan.number)
+        return Fact(SHOW, piece, step, mask, value)
+
+    def said(self, fact: Fact, clock: int) -> None:
+        """Note that something has been said."""
+        readers = self._plan.named(fact.key, fact.robot)
+        for reader, aim in zip(readers, fact.value, strict=False) if len(fact.value) > len(readers) else ():
+            self._errands[self._at((fact.key, fact.version, reader))].said(aim, clock, self._longest)
+
+    def _lacked(self, log: Log, claims: Hearsay, now: int) -> dict[Key, int]:
+        """The known values that other robots' pieces lack for their next steps, with the hops to the nearest robot."""
+        found: dict[Key, int] = {}
+        for who, news in claims.fresh(now):
+            for reader, claim in news.report.claims.items() if who != self._me else ():
+                for number, joint in enumerate(self._plan.joints[reader]):
+                    for step in self._steps(log, joint.piece, reader, claim.step, claim.has >> number & 1):
+                        key = joint.piece, step, reader
+                        if log.get(*key) is not None:
+                            found[key] = min(news.hops, found.get(key, AFAR))
         return found
 
-    def said(self, item: Item, clock: int) -> None:
-        """Note that a value has been said."""
-        key = self._key(item.piece, item.step)
-        pause = self._due.get(key, (0, FIRST))[1]
-        longest = self._plan.keys.patience * self._rounds
-        self._due[key] = clock + pause, min(pause + (pause + 1) // 2, max(longest, FIRST))
-
-    def forget(self, before: int) -> None:
-        """Forget values older than a step."""
-        self._due = {key: due for key, due in self._due.items() if key[1] >= before}
-
-    def _needed(self, log: Log, claims: Hearsay, now: int) -> dict[Key, NDArray[np.uint8]]:
-        """The known values that other robots' pieces need now or next, with the hops to each reader."""
-        found: dict[Key, NDArray[np.uint8]] = {}
-        for reader, who, entry in claims.fresh(now):
-            for joint in self._plan.joints[reader] if who != self._me else ():
-                piece, readers = joint.piece, self._plan.readers[joint.piece]
-                steps = (entry.step, entry.step + 1)
-                if self._clocked:
-                    steps = (log.newest(piece) or 0,) * 2
-                for step in steps:
-                    if log.get(piece, step) is not None:
-                        aims = found.setdefault((piece, step), np.full(len(readers), SATED, np.uint8))
-                        aims[readers.index(reader)] = min(int(aims[readers.index(reader)]), entry.hops, AFAR)
-        return found
+    def _steps(self, log: Log, piece: int, reader: int, step: int, has: int) -> range:
+        """The steps to which a reader that is at a step lacks what a piece shows."""
+        if not self._clocked:
+            return range(step + has, step + AHEAD + 1)
+        newest = log.newest(piece, reader)
+        return range(0) if newest is None else range(newest, newest + 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,6 @@ from swarmsim.core.jobs import Values
 from swarmsim.core.processors import OwnProcessor
 from swarmsim.jobs.log import Copies, Log
 from swarmsim.jobs.plan import JobPlan
-
-Made = Callable[[int, int, int], None]  # what is told of each new value: piece, step, exchange
 
 
 @dataclass(slots=True)
@@ -44,8 +41,8 @@ class Worker:
     With `fence = "data"` a step waits for what it reads. Else it takes the newest values, and goes on to the present.
     """
 
-    def __init__(self, plan: JobPlan, made: Made, processor: OwnProcessor) -> None:
-        self._plan, self._made, self._processor = plan, made, processor
+    def __init__(self, plan: JobPlan, processor: OwnProcessor) -> None:
+        self._plan, self._processor = plan, processor
         self.threads: dict[int, Thread] = {}
         #: Pieces computed once more from an earlier step, for values that others need.
         self.again: dict[int, Thread] = {}
@@ -54,14 +51,16 @@ class Worker:
     def begin(self, where: dict[int, Thread], piece: int, step: int, state: Values, goal: int, clock: int) -> None:
         state.setflags(write=False)
         where[piece] = Thread(step, state, clock, goal)
-        self._reached(piece, step, state, clock)
+        self._reached(piece, step, state)
 
-    def _reached(self, piece: int, step: int, state: Values, clock: int) -> None:
+    def _reached(self, piece: int, step: int, state: Values) -> None:
         """Keep what a state shows, and the state itself at the start of a level."""
         if step % self._plan.job.level == 0:
             self.copies.put(piece, step, state)
-        if step < self._plan.steps and self.log.put(piece, step, self._plan.shows(piece, state, step)):
-            self._made(piece, step, clock)
+        if step < self._plan.steps:
+            shown = self._plan.shows(piece, state, step)
+            for reader in self._plan.readers[piece]:
+                self.log.put(piece, step, reader, shown[self._plan.read(piece, reader)])
 
     def advance(self, clock: int) -> None:
         """Go a step on with each piece whose neighbours are known; with `fence = "clock"` up to the present."""
@@ -72,8 +71,8 @@ class Worker:
                 waited = clock - thread.since - 1 - thread.late
                 self._step(piece, thread, self._read(piece, thread.step), clock, waited)
             while not fenced and thread.step < min(clock + 1, thread.goal):
-                shown, since = newest[piece]
-                if not self._step(piece, thread, shown, clock, thread.step - since):
+                parts, since = newest[piece]
+                if not self._step(piece, thread, parts, clock, thread.step - since):
                     break
         for piece, thread in self._in_order(self.again):
             self._step(piece, thread, self._read(piece, thread.step), clock, clock - thread.since - 1 - thread.late)
@@ -86,24 +85,24 @@ class Worker:
             return sorted(threads.items())
         return sorted(threads.items(), key=lambda one: (one[1].done == 0.0, one[1].step, one[0]))
 
-    def _step(self, piece: int, thread: Thread, shown: list[Values] | None, clock: int, waited: float) -> bool:
+    def _step(self, piece: int, thread: Thread, parts: list[Values] | None, clock: int, waited: float) -> bool:
         """Do a step if it can be done and the processor comes to its end; whether it did."""
-        if thread.step >= thread.goal or shown is None:
+        if thread.step >= thread.goal or parts is None:
             return False
         wanted = self._plan.work[piece] - thread.done
         done = self._processor.take(wanted)
         if done < wanted:
             thread.done, thread.late = thread.done + done, thread.late + 1
             return False
-        thread.state = self._plan.stepped(piece, thread.state, self._plan.around(piece, shown), thread.step)
+        thread.state = self._plan.stepped(piece, thread.state, parts, thread.step)
         thread.step += 1
         self.counts.steps += 1
         self.counts.waited += max(0.0, waited)
         self.counts.work += self._plan.work[piece]
         thread.since, thread.done, thread.late = clock, 0.0, 0
-        self._reached(piece, thread.step, thread.state, clock)
+        self._reached(piece, thread.step, thread.state)
         if self._plan.keys.fence == "clock":
-            self.log.only_newest(piece)
+            self.log.only_newest()
         return True
 
     def held(self) -> tuple[int, int]:
@@ -124,28 +123,33 @@ class Worker:
         own = self.own
         return own | {joint.piece for piece in own for joint in self._plan.joints[piece]}
 
+    def has(self, piece: int, step: int) -> int:
+        """Bit i: what the piece's joint i shows to a step is known."""
+        joints = enumerate(self._plan.joints[piece])
+        return sum((self.log.get(one.piece, step, piece) is not None) << bit for bit, one in joints)
+
     def _read(self, piece: int, step: int) -> list[Values] | None:
-        """What the piece's joints show to a step, if it is all known."""
-        shown = []
+        """What the piece reads of its joints in a step, if it is all known."""
+        parts = []
         for joint in self._plan.joints[piece]:
-            values = self.log.get(joint.piece, step)
+            values = self.log.get(joint.piece, step, piece)
             if values is None:
                 return None
-            shown.append(values)
-        return shown
+            parts.append(values)
+        return parts
 
     def _read_newest(self, piece: int, thread: Thread) -> tuple[list[Values], float]:
         """What the piece's joints are known to have shown last, and to which step on average.
 
         What was never heard counts as the mean of its own rim, shown to step -1.
         """
-        shown, steps = [], []
+        parts, steps = [], []
         for joint in self._plan.joints[piece]:
-            newest = self.log.newest(joint.piece)
-            values = None if newest is None else self.log.get(joint.piece, newest)
+            newest = self.log.newest(joint.piece, piece)
+            values = None if newest is None else self.log.get(joint.piece, newest, piece)
             if values is None:
                 own = self._plan.shows(piece, thread.state, thread.step)
-                values = np.broadcast_to(own.mean(axis=0), self._plan.shown[joint.piece])
-            shown.append(values)
+                values = np.broadcast_to(own.mean(axis=0), (len(joint.shown), *own.shape[1:]))
+            parts.append(values)
             steps.append(-1 if newest is None else newest)
-        return shown, sum(steps) / len(steps) if steps else thread.step
+        return parts, sum(steps) / len(steps) if steps else thread.step

@@ -82,8 +82,6 @@ def _check_pure(job: PieceJob, piece: Piece, sensed: Values) -> None:
         )
     around = np.ones((len(piece.halo), *shown.shape[1:]))
     after = _twice("step", job.step, piece, state, around, 0)
-    if after.shape != state.shape:
-        raise BrokenError(f"step: shape {after.shape} after {state.shape}; expected the same in all steps", "job")
     for values in (state, after):
         packed = np.frombuffer(values.astype(">f8").tobytes(), ">f8").astype(np.float64).reshape(values.shape)
         if (

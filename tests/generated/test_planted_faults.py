@@ -16,8 +16,8 @@ from swarmsim.core.bundle import Bundle, EnvelopeCodec
 from swarmsim.core.messages import Broadcast, Delivery, Inbox, MessageBuffer
 from swarmsim.core.state import FREE, UNKNOWN
 from swarmsim.engine.exchange import Exchange
-from swarmsim.jobs.items import ItemCodec
-from swarmsim.jobs.router import SATED
+from swarmsim.jobs.facts.wire import ShortCodec
+from swarmsim.jobs.reports import AFAR, SHOW
 from swarmsim.network.channel import PerfectChannel
 from swarmsim.network.delays import LatentChannel
 from swarmsim.network.losses import LossyChannel
@@ -120,9 +120,10 @@ def counted_per_hearer(said: Any, bundle: Any, *given: Any) -> Broadcast:
     return found
 
 
-def without_an_aim(pack: Any, codec: Any, item: Any) -> bytes:
+def without_an_aim(pack: Any, codec: Any, fact: Any) -> bytes:
     """Values go to the first of their readers alone."""
-    return pack(codec, item._replace(aims=np.where(np.arange(len(item.aims)) > 0, SATED, item.aims).astype(np.uint8)))
+    rest = max(fact.robot.bit_count() - 1, 0) if fact.kind == SHOW else 0
+    return pack(codec, fact._replace(value=fact.value[:1] + bytes([AFAR] * rest) + fact.value[1 + rest :]))
 
 
 #: By name: the scenario to begin with, the fault, and what is told of it.
@@ -170,7 +171,7 @@ PLANTED: dict[str, tuple[int, Plant, str]] = {
     ),
     "a value of a job that is sent to one of its readers": (
         16,
-        wrapped(ItemCodec, "_packed", without_an_aim),
+        wrapped(ShortCodec, "_packed", without_an_aim),
         r"unpacks to something else",
     ),
     "a cell on a map that nobody saw": (

@@ -64,8 +64,8 @@ class Broken(Heat):
 
 
 class Shorter(Heat):
-    def step(self, piece, state, around, step):
-        return state[1:]
+    def shows(self, piece, state, step):
+        return state[piece.rim][step > 0 :]
 
 
 class Idle:
@@ -205,7 +205,7 @@ def test_jobs_that_cannot_be_done_are_refused_before_the_run(mapping: Path, over
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("Shorter", r"job heat\.py:Shorter, iteration 0: .*step: piece \d at step 0 gives shape"),
+        ("Shorter", r"job heat\.py:Shorter, iteration 0: .*shows: piece \d at step 1 gives shape"),
         ("Broken", r"job heat\.py:Broken, iteration \d: "),
     ],
 )
@@ -215,7 +215,7 @@ def test_a_job_that_breaks_its_contract_ends_the_run_by_name(mapping: Path, name
 
 
 def test_a_broadcast_is_charged_once(mapping: Path) -> None:
-    narrow = 'network.channel={use="bandwidth", bytes_per_second=2000.0}'
+    narrow = 'network.channel={use="bandwidth", bytes_per_second=900.0}'
     heard = [
         moments_of(built(mapping, heat(), narrow, f"network.charged={charged}"))[-1]
         .jobs[0]

@@ -14,7 +14,7 @@ from swarmsim.core.messages import Broadcast, Delivery, MessageBuffer
 from swarmsim.core.readings import Readings
 from swarmsim.core.state import Senses
 from swarmsim.jobs.alone import alone
-from swarmsim.jobs.items import SHOW, Items
+from swarmsim.jobs.facts.wire import Facts
 from swarmsim.jobs.runtime import Lockstep
 from swarmsim.network.channel import letters
 
@@ -33,7 +33,7 @@ NETWORKS = {
     "late in another order": {"comes": {4: [0], 11: [6, 1]}},
     "alone": {"robots": 1},
     "two": {"robots": 2, "channel": LOSSY},
-    "budget": {"keys": {"budget": 600}, "channel": LOSSY},
+    "budget": {"keys": {"budget": 400}, "channel": LOSSY},
     "short numbers": {"keys": {"value": 4}},
 }
 
@@ -229,7 +229,7 @@ def test_robots_apart_agree_though_each_is_told_its_own_cells_alone_and_hears_by
     pieces = whole.runtime._plan.pieces
     want = alone(Heat(), pieces, [Poison().value(0.0, whole.context.lattice.centres(one.cells)) for one in pieces])
     for robot, mind in enumerate(apart(Lockstep, pieces)):
-        assert mind._peers[0].worker.threads[robot].state.tobytes() == want[robot].tobytes()
+        assert mind._parts[0].worker.threads[robot].state.tobytes() == want[robot].tobytes()
     with pytest.raises(InputError, match="jobs: 'heat' is not finite in piece 0 after step 0"):
         apart(Peeking, pieces)
 
@@ -250,7 +250,7 @@ def apart(runtime, pieces) -> list[Lockstep]:
             heard = [mind.codec.unpack(one)[2] for sender, one in enumerate(told) if sender != robot]
             post = MessageBuffer()
             ends = np.cumsum([0, *(len(one) for one in heard)])[1:]
-            post.post(now, Broadcast(Items.joined(heard), ends, np.ones(count - 1, np.int32)))
+            post.post(now, Broadcast(Facts.joined(heard), ends, np.ones(count - 1, np.int32)))
             links = np.stack([np.zeros(count - 1), np.arange(count - 1)], axis=1).astype(np.int32)
             mine = Delivery(letters(now, links, np.ones(count - 1, np.int32)), (), now)
             found = mind.hear(senses, post.open(now, mine))
@@ -262,8 +262,8 @@ def test_no_fewer_bytes_are_said_than_pieces_show() -> None:
     swarm = Swarm().run()
     plan = swarm.runtime._plan
     assert swarm.sent >= sum(8 * len(one.rim) for one in plan.pieces) * plan.steps
-    item = next(one for one in swarm.runtime.say(_still(7, swarm.ended)).content.rows() if one.kind != SHOW)
-    assert swarm.runtime.codec.size(item) in (13, 16)
+    said = swarm.runtime.say(_still(7, swarm.ended))
+    assert [len(swarm.runtime.codec.pack(one, swarm.ended, said.of(one))) for one in range(7)] == said.sizes.tolist()
 
 
 def _still(count: int, now: int) -> Senses:
@@ -279,10 +279,10 @@ def test_every_message_keeps_to_its_budget_and_a_budget_too_small_is_refused() -
             sizes.append(int(said.sizes.max()))
             return said
 
-    swarm = Swarm(keys={"budget": 600})
+    swarm = Swarm(keys={"budget": 400})
     swarm.runtime = Watched(swarm.job, swarm.runtime._plan.keys, swarm.context)
     assert swarm.run().exact
-    assert 500 < max(sizes) <= 600
+    assert 350 < max(sizes) <= 400
     with pytest.raises(
         InputError, match=r"budget: 100 bytes a message; .*what piece \d says \d+; expected \d+ or more"
     ):

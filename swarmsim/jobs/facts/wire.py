@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple, Self
 
@@ -106,23 +107,123 @@ class Facts(MessageBatch):
         return len(self.facts)
 
 
-class FactCodec:
+class FactForm(ABC):
     """The header, then fact after fact."""
+
+    @abstractmethod
+    def size(self, fact: Fact) -> int:
+        """The bytes of a fact."""
+
+    @abstractmethod
+    def _packed(self, fact: Fact) -> bytes:
+        """A fact on the wire."""
+
+    @abstractmethod
+    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        """The numbers of the fact that begins at a byte, and where they end."""
+
+    @abstractmethod
+    def _check(self, fact: Fact) -> None:
+        """Raise FrameError for a fact that cannot have been packed."""
 
     def pack(self, sender: int, iteration: int, items: Facts) -> bytes:
         """One message."""
-        return HEADER.pack(sender, iteration) + b"".join(fact.packed() for fact in items.rows())
+        return HEADER.pack(sender, iteration) + b"".join(map(self._packed, items.rows()))
 
     def unpack(self, data: bytes) -> tuple[int, int, Facts]:
         """Its sender, exchange and facts. Raises FrameError for an unknown kind or a wrong length."""
         sender, iteration = header_of(data)
         at, facts = HEADER.size, list[Fact]()
         while at < len(data):
-            if len(data) - at < FORM.size:
-                raise FrameError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
-            *numbers, length = FORM.unpack_from(data, at)
-            at += FORM.size + length
+            (*numbers, length), at = self._numbers(data, at)
+            at += length
             if numbers[0] > ITEM or at > len(data):
                 raise FrameError(f"a fact of the kind {numbers[0]} up to byte {at} of {len(data)}")
             facts.append(Fact._make((*numbers, data[at - length : at])))
+            self._check(facts[-1])
         return sender, iteration, Facts.of(facts)
+
+
+class FactCodec(FactForm):
+    """Numbers as in FORM."""
+
+    def size(self, fact: Fact) -> int:
+        """The bytes of a fact."""
+        return fact.size
+
+    def _packed(self, fact: Fact) -> bytes:
+        return fact.packed()
+
+    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        if len(data) - at < FORM.size:
+            raise FrameError(f"{len(data) - at} bytes at the end; expected a fact of {FORM.size} or more")
+        return FORM.unpack_from(data, at), at + FORM.size
+
+    def _check(self, fact: Fact) -> None:
+        """All numbers that find a place in FORM can have been packed."""
+
+
+class ShortCodec(FactForm):
+    """Short numbers: the key with the kind in its last two bits, version, robot, and the length."""
+
+    def __init__(self, check: Callable[[Fact], None] | None = None) -> None:
+        """`check` raises FrameError for a fact that none of its tellers says."""
+        self._law = check
+
+    def size(self, fact: Fact) -> int:
+        """The bytes of a fact."""
+        numbers = fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value)
+        return sum(max(1, -(-number.bit_length() // 7)) for number in numbers) + len(fact.value)
+
+    def _packed(self, fact: Fact) -> bytes:
+        return short((fact.key << 2 | fact.kind, fact.version, fact.robot, len(fact.value))) + fact.value
+
+    def _numbers(self, data: bytes, at: int) -> tuple[Sequence[int], int]:
+        found = list[int]()
+        while len(found) < 4:
+            number, at = short_at(data, at)
+            found.append(number)
+        return (found[0] & 3, found[0] >> 2, *found[1:]), at
+
+    def _check(self, fact: Fact) -> None:
+        if self._law is not None:
+            self._law(fact)
+
+
+def short(numbers: Iterable[int]) -> bytes:
+    """Numbers of 0 and more, seven bits in a byte, the lowest first; all bytes but a number's last are over 127."""
+    found = bytearray()
+    for number in numbers:
+        left = number
+        while left > 127:
+            found.append(left & 127 | 128)
+            left >>= 7
+        found.append(left)
+    return bytes(found)
+
+
+def long(data: bytes) -> list[int]:
+    """The numbers that `short` made shorter. Raises FrameError for bytes that it cannot have made."""
+    at, found = 0, list[int]()
+    while at < len(data):
+        number, at = short_at(data, at)
+        found.append(number)
+    return found
+
+
+def short_at(data: bytes, at: int) -> tuple[int, int]:
+    """The short number that begins at a byte, and where it ends.
+
+    Raises FrameError for one that does not end within 63 bits, or is longer than it has to be.
+    """
+    number = 0
+    for shift in range(0, 63, 7):
+        if at >= len(data):
+            break
+        byte, at = data[at], at + 1
+        number |= (byte & 127) << shift
+        if byte < 128 and (byte or not shift):
+            return number, at
+        if byte < 128:
+            raise FrameError(f"a number that ends in 0 at byte {at} of {len(data)}; expected a shorter one")
+    raise FrameError(f"a number that does not end by byte {at} of {len(data)}; expected a fact")
